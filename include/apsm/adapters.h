@@ -1,0 +1,40 @@
+/* adapters.h -- the C faces of the field's C++ libraries.  Every exception is caught behind them
+ * and comes back as a status with a line that names the file. */
+#ifndef APSM_ADAPTERS_H
+#define APSM_ADAPTERS_H
+
+#include "apsm/mesh.h"
+#include "apsm/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ITK: NRRD, NIfTI, MetaImage; LPS whatever the file says.  Values must be integers. */
+apsm_status apsm_itk_read_volume(apsm_context *ctx, const char *path,
+                                 apsm_volume *volume) APSM_NODISCARD;
+/* As above from a folder holding one DICOM series.  Comes from a plug-in loaded on first use;
+ * APSM_ERR_UNSUPPORTED if it is not installed. */
+apsm_status apsm_dicom_read_volume(apsm_context *ctx, const char *folder,
+                                   apsm_volume *volume) APSM_NODISCARD;
+/* Writes .nrrd, .nii, .nii.gz, .mha (by extension), for tests and tools. */
+apsm_status apsm_itk_write_volume(apsm_context *ctx, const char *path,
+                                  const apsm_volume *volume) APSM_NODISCARD;
+
+/* VTK: PLY, STL, OBJ, legacy VTK, VTP by extension.  Polygons are triangulated, coinciding
+ * points (STL) merged; nothing else is changed. */
+apsm_status apsm_vtk_read_mesh(apsm_context *ctx, const char *path, apsm_mesh *mesh) APSM_NODISCARD;
+/* Writes binary PLY, binary STL, OBJ, legacy VTK or VTP by extension, atomically.  PLY and STL
+ * hold float32 coordinates. */
+apsm_status apsm_vtk_write_mesh(apsm_context *ctx, const char *path,
+                                const apsm_mesh *mesh) APSM_NODISCARD;
+
+/* Iso-surface of values (n[0] x n[1] x n[2], x fastest, negative inside) at `level`, in index
+ * coordinates, triangles facing outward (towards larger values). */
+apsm_status apsm_vtk_isosurface(apsm_context *ctx, const size_t n[3], const float *values,
+                                double level, apsm_mesh *mesh) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,218 @@
+#include "apsm/context.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { ERROR_LENGTH = 1024 };
+
+/* A line logged inside a parallel task, kept until the tasks have ended. */
+typedef struct log_line {
+    struct log_line *next;
+    apsm_log_level level;
+    char text[];
+} log_line;
+
+struct apsm_context {
+    int threads;
+    uint64_t seed;
+    apsm_log_fn log;
+    void *log_user;
+    apsm_progress_fn progress;
+    void *progress_user;
+    const volatile int *interrupt;
+    bool is_task;            /* logs go to lines instead of to the sink */
+    log_line *first, **last; /* of a task */
+    char error[ERROR_LENGTH];
+};
+
+apsm_context *apsm_context_new(void)
+{
+    apsm_context *ctx = calloc(1, sizeof *ctx);
+    if (ctx) ctx->threads = 1;
+    return ctx;
+}
+
+void apsm_context_free(apsm_context *ctx)
+{
+    free(ctx);
+}
+
+void apsm_context_set_threads(apsm_context *ctx, int threads)
+{
+    ctx->threads = threads > 0 ? threads : 1;
+}
+int apsm_context_threads(const apsm_context *ctx)
+{
+    return ctx->threads;
+}
+void apsm_context_set_seed(apsm_context *ctx, uint64_t seed)
+{
+    ctx->seed = seed;
+}
+uint64_t apsm_context_seed(const apsm_context *ctx)
+{
+    return ctx->seed;
+}
+
+void apsm_context_set_log(apsm_context *ctx, apsm_log_fn fn, void *user)
+{
+    ctx->log = fn;
+    ctx->log_user = user;
+}
+
+void apsm_context_set_progress(apsm_context *ctx, apsm_progress_fn fn, void *user)
+{
+    ctx->progress = fn;
+    ctx->progress_user = user;
+}
+
+void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag)
+{
+    ctx->interrupt = flag;
+}
+
+bool apsm_interrupted(const apsm_context *ctx)
+{
+    return ctx->interrupt && *ctx->interrupt;
+}
+
+static void keep_line(apsm_context *task, apsm_log_level level, const char *text)
+{
+    const size_t length = strlen(text) + 1;
+    log_line *line = malloc(sizeof *line + length);
+    if (!line) return; /* a message lost for want of memory: the work itself goes on */
+    line->next = NULL;
+    line->level = level;
+    memcpy(line->text, text, length);
+    *task->last = line;
+    task->last = &line->next;
+}
+
+void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...)
+{
+    if (!ctx || (!ctx->is_task && !ctx->log)) return;
+    char text[ERROR_LENGTH];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    if (ctx->is_task)
+        keep_line(ctx, level, text);
+    else
+        ctx->log(ctx->log_user, level, text);
+}
+
+void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress)
+{
+    if (ctx && ctx->progress) ctx->progress(ctx->progress_user, progress);
+}
+
+apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format, ...)
+{
+    if (ctx) {
+        /* The arguments may quote the previous line, so it is replaced last. */
+        char text[ERROR_LENGTH];
+        va_list args;
+        va_start(args, format);
+        vsnprintf(text, sizeof text, format, args);
+        va_end(args);
+        memcpy(ctx->error, text, sizeof text);
+    }
+    return status;
+}
+
+const char *apsm_error_text(const apsm_context *ctx)
+{
+    return ctx->error;
+}
+
+/* What the tasks of one loop share.  The arrays have one entry a task. */
+typedef struct loop {
+    apsm_context *parent;
+    size_t n, done;
+    apsm_task_fn fn;
+    void *user;
+    const char *stage;
+    apsm_context *task;
+    apsm_status *status;
+} loop;
+
+static void begin_task(loop *l, size_t i)
+{
+    apsm_context *task = &l->task[i];
+    task->threads = 1;
+    task->seed = l->parent->seed;
+    task->interrupt = l->parent->interrupt;
+    task->is_task = true;
+    task->last = &task->first;
+}
+
+/* Only the calling thread talks to the sinks; the others' progress shows at its next task. */
+static void show_progress(loop *l)
+{
+    size_t done;
+#pragma omp atomic capture
+    done = ++l->done;
+    if (!l->stage || omp_get_thread_num() != 0) return;
+    const apsm_progress p = {
+        .stage = l->stage, .done = done, .total = l->n, .loss = { NAN, NAN, NAN }, .mismatched = NAN
+    };
+    apsm_report_progress(l->parent, &p);
+}
+
+static void run_task(loop *l, size_t i)
+{
+    begin_task(l, i);
+    if (apsm_interrupted(l->parent)) {
+        l->status[i] = APSM_ERR_INTERRUPTED;
+        return;
+    }
+    l->status[i] = l->fn(&l->task[i], i, omp_get_thread_num(), l->user);
+    show_progress(l);
+}
+
+/* Tells the parent, in the order of the tasks, what they logged. */
+static void end_task(loop *l, size_t i)
+{
+    log_line *line = l->task[i].first;
+    while (line) {
+        log_line *next = line->next;
+        apsm_log(l->parent, line->level, "%s", line->text);
+        free(line);
+        line = next;
+    }
+}
+
+static apsm_status first_failure(loop *l)
+{
+    for (size_t i = 0; i < l->n; i++)
+        if (l->status[i] != APSM_OK && l->status[i] != APSM_ERR_INTERRUPTED)
+            return apsm_fail(l->parent, l->status[i], "%s", l->task[i].error);
+    for (size_t i = 0; i < l->n; i++)
+        if (l->status[i] != APSM_OK) return l->status[i];
+    return APSM_OK;
+}
+
+apsm_status apsm_parallel_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *user,
+                              const char *stage)
+{
+    loop l = { .parent = ctx, .n = n, .fn = fn, .user = user, .stage = stage };
+    if (n == 0) return APSM_OK;
+    l.task = calloc(n, sizeof *l.task);
+    l.status = calloc(n, sizeof *l.status);
+    apsm_status result = APSM_ERR_MEMORY;
+    if (l.task && l.status) {
+        const int threads = (size_t)ctx->threads < n ? ctx->threads : (int)n;
+#pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
+        for (size_t i = 0; i < n; i++) run_task(&l, i);
+        for (size_t i = 0; i < n; i++) end_task(&l, i);
+        result = first_failure(&l);
+    }
+    free(l.task);
+    free(l.status);
+    return result;
+}
