@@ -1,0 +1,170 @@
+/* options.h -- every option of the method in one table: the struct, the defaults, `--set`, the
+ * configuration file and the documentation are all made from it. */
+#ifndef APSM_OPTIONS_H
+#define APSM_OPTIONS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* INT(name, default, least, most, doc)       long
+ * REAL(name, default, least, most, doc)      double
+ * BOOL(name, default, doc)                   bool
+ * ENUM(name, "first|second|...", doc)        int, index of the word; the first is the default
+ *
+ * h is the template's mean neighbour distance (METHOD section 0): lengths given in h make the
+ * result independent of the unit.  Numbers in brackets are equations of docs/method.md. */
+#define APSM_OPTIONS(INT, REAL, BOOL, ENUM)                                                        \
+    /* model */                                                                                    \
+    INT(particles, 128, 4, 100000, "J: particles on every shape")                                  \
+    REAL(adaptivity, 0.5, 0, 1,                                                                    \
+         "c in (5): 0 spreads particles evenly, 1 follows the surface error")                      \
+    REAL(alpha, 10, 0, 1e6, "weight of the sampling loss in stage 1")                              \
+    REAL(stage2_alpha_factor, 0.5, 0, 1e6, "alpha of stage 2 relative to alpha")                   \
+    REAL(beta, 0.02, 0, 1e6, "weight of the eigenshape loss")                                      \
+    REAL(gamma, 1, 0, 1e6, "weight of the correspondence loss")                                    \
+    INT(stage1_epochs, 50, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")              \
+    INT(stage2_epochs, 50, 0, 1000000, "epochs of stage 2 (adaptive)")                             \
+    /* groom */                                                                                    \
+    INT(faces, 10000, 100, 10000000, "faces of a groomed mesh, about; more where needed")          \
+    BOOL(remesh, true, "make groomed meshes near-isotropic with about `faces` faces")              \
+    BOOL(fill_holes, true, "fill cavities of segmentations and holes of meshes")                   \
+    BOOL(largest_component, true, "keep only the largest component of every shape")                \
+    ENUM(align, "rigid|similarity|none", "pose (and size) removed before the model is made")       \
+    ENUM(mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")                \
+    REAL(field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")                 \
+    /* initialize */                                                                               \
+    ENUM(initialize, "projection|fps",                                                             \
+         "project the template's particles, or sample every shape by farthest points and match "   \
+         "them (paper)")                                                                           \
+    /* sampling loss */                                                                            \
+    ENUM(kernel, "biharmonic|triharmonic", "phi of the RBF-shape (1)")                             \
+    REAL(dipole, 0.25, 0.001, 10,                                                                  \
+         "s: distance of the dipoles, in h; at most half the local half-thickness")                \
+    REAL(band, 1, 0.001, 1, "half width of the band of near-surface points, in s")                 \
+    REAL(points, 16, 1, 1000, "R/J: near-surface points per particle")                             \
+    BOOL(resample, true, "draw the near-surface points anew every epoch")                          \
+    REAL(tau, 0.125, 1e-6, 1e6, "softmin temperature (3), in h")                                   \
+    REAL(tau_absolute, 0, 0, 1e300,                                                                \
+         "softmin temperature in the input's unit; 0: use tau (paper: 1 mm)")                      \
+    ENUM(sampling_scale, "voronoi|mean|sum",                                                       \
+         "normalisation of (7): J^2 times the mean, the mean (paper), or sum over particles")      \
+    ENUM(error, "relative|raw", "E in (5): divided by its mean on the shape, or as it is (paper)") \
+    ENUM(error_gradient, "constant|through-w",                                                     \
+         "E in (7): a constant weight, or differentiated too")                                     \
+    /* correspondence and eigenshape losses */                                                     \
+    ENUM(correspondence, "neighbourhood|frobenius|frobenius-squared",                              \
+         "the correspondence loss: (8), or the earlier papers' distance to the mean")              \
+    ENUM(rotation, "transport|axis|none|procrustes", "R_ij in (8); axis is the paper's")           \
+    ENUM(neighbour_norm, "norm|huber|squared", "the distance in (8)")                              \
+    ENUM(neighbour_scale, "template|none", "factor of (8): h_tj / 6, or 1 (paper)")                \
+    BOOL(template_gradient, false,                                                                 \
+         "let the template follow the gradient of its own targets (paper)")                        \
+    REAL(eigen_reg, 0.02, 0, 1e6, "reg in (9), relative to trace(G)/K")                            \
+    REAL(eigen_reg_absolute, 0, 0, 1e300, "reg in (9) in squared input units; 0: use eigen_reg")   \
+    ENUM(eigen_scale, "full|none", "factor of (10): 3JK, or 1 (paper)")                            \
+    /* step and schedule */                                                                        \
+    ENUM(step, "scaled|literal",                                                                   \
+         "(11) in units of h, or plain descent with learning_rate (paper)")                        \
+    REAL(learning_rate, 1, 0, 1e6, "of the literal step")                                          \
+    REAL(step_clip, 0.25, 0, 1e6, "longest step of an epoch, in h; 0: no limit")                   \
+    REAL(decay1_at, 0.6, 0, 1, "share of a stage after which alpha and gamma fall first")          \
+    REAL(decay2_at, 0.85, 0, 1, "share of a stage after which they fall again")                    \
+    REAL(alpha_decay, 0.5, 0, 1, "what alpha is multiplied with at each decay")                    \
+    REAL(gamma_decay1, 0.3, 0, 1, "what gamma is multiplied with at the first decay")              \
+    REAL(gamma_decay2, 0.5, 0, 1, "what gamma is multiplied with at the second decay")             \
+    INT(burn_in, 1, 0, 1000, "epochs of the run without correspondence and eigenshape losses")     \
+    ENUM(snap, "closest|field|none",                                                               \
+         "return to the surface after a step: closest point, p - D n (paper), not at all")         \
+    INT(snaps, 1, 1, 10, "how often p - D n is applied when snap is field")                        \
+    INT(batch, 0, 0, 1000000, "K: shapes a minibatch; 0: all up to 256 shapes, else 64")           \
+    /* Algorithm 1 */                                                                              \
+    BOOL(geodesic_correspondence, true, "run Algorithm 1 in stage 1")                              \
+    INT(geodesic_interval, 25, 1, 1000000,                                                         \
+        "epochs between its passes (at most a quarter of the stage)")                              \
+    REAL(geodesic_factor, 2, 1, 10,                                                                \
+         "F: a neighbour farther than F times the closest is mismatched (paper: 1.5)")             \
+    ENUM(geodesic_target, "mean|farthest",                                                         \
+         "where a particle walks: mean of the targets, or the farthest missing neighbour (paper)") \
+    REAL(geodesic_walk, 1, 0.01, 1, "share of the walk that is made")                              \
+    BOOL(geodesic_guard, true, "keep a move only if it does not make matters worse")               \
+    REAL(stop_mismatched, 0.02, 0, 1,                                                              \
+         "stage 1 ends early when no shape has a larger share of mismatched particles")            \
+    /* evaluate */                                                                                 \
+    ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \
+    INT(specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")            \
+    BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")
+
+#define APSM_FIELD_INT(name, dflt, lo, hi, doc)  long name;
+#define APSM_FIELD_REAL(name, dflt, lo, hi, doc) double name;
+#define APSM_FIELD_BOOL(name, dflt, doc)         bool name;
+#define APSM_FIELD_ENUM(name, words, doc)        int name;
+typedef struct apsm_options {
+    APSM_OPTIONS(APSM_FIELD_INT, APSM_FIELD_REAL, APSM_FIELD_BOOL, APSM_FIELD_ENUM)
+} apsm_options;
+#undef APSM_FIELD_INT
+#undef APSM_FIELD_REAL
+#undef APSM_FIELD_BOOL
+#undef APSM_FIELD_ENUM
+
+/* Indices of the words above, in their order. */
+enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
+enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
+enum { APSM_INIT_PROJECTION, APSM_INIT_FPS };
+enum { APSM_SAMPLING_VORONOI, APSM_SAMPLING_MEAN, APSM_SAMPLING_SUM };
+enum { APSM_ERROR_RELATIVE, APSM_ERROR_RAW };
+enum { APSM_ERROR_CONSTANT, APSM_ERROR_THROUGH_W };
+enum { APSM_CORRES_NEIGHBOURHOOD, APSM_CORRES_FROBENIUS, APSM_CORRES_FROBENIUS_SQUARED };
+enum { APSM_STEP_SCALED, APSM_STEP_LITERAL };
+enum { APSM_SNAP_CLOSEST, APSM_SNAP_FIELD, APSM_SNAP_NONE };
+enum { APSM_TARGET_MEAN, APSM_TARGET_FARTHEST };
+
+/* How an option looks from outside. */
+typedef enum apsm_option_kind {
+    APSM_OPTION_INT,
+    APSM_OPTION_REAL,
+    APSM_OPTION_BOOL,
+    APSM_OPTION_ENUM
+} apsm_option_kind;
+typedef struct apsm_option_info {
+    const char *name;
+    apsm_option_kind kind;
+    const char *dflt;   /* as text; of an ENUM the first word */
+    double least, most; /* INT and REAL */
+    const char *words;  /* ENUM: "first|second" */
+    const char *doc;
+} apsm_option_info;
+
+apsm_options apsm_options_defaults(void);
+
+/* The table; *n is its length. */
+const apsm_option_info *apsm_options_table(size_t *n);
+
+/* Sets one option from text, as `--set key=value` does.  Unknown key (the nearest one is
+ * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line. */
+apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
+                             const char *value) APSM_NODISCARD;
+/* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */
+apsm_status apsm_options_get(const apsm_options *options, const char *key,
+                             char text[64]) APSM_NODISCARD;
+
+/* Presets: "default", "paper-literal-femur", "paper-literal-liver", "paper-literal-hip": every
+ * paper reading at once with that cohort's weights. */
+apsm_status apsm_options_preset(apsm_context *ctx, apsm_options *options,
+                                const char *name) APSM_NODISCARD;
+
+/* Refuses contradictions between options. */
+apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *options) APSM_NODISCARD;
+
+/* Number of edits between two words, for "did you mean". */
+size_t apsm_edit_distance(const char *a, const char *b);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

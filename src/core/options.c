@@ -1,0 +1,254 @@
+#include "apsm/options.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define STR(x)                            #x
+#define ROW_INT(name, dflt, lo, hi, doc)  { #name, APSM_OPTION_INT, STR(dflt), lo, hi, NULL, doc },
+#define ROW_REAL(name, dflt, lo, hi, doc) { #name, APSM_OPTION_REAL, STR(dflt), lo, hi, NULL, doc },
+#define ROW_BOOL(name, dflt, doc)         { #name, APSM_OPTION_BOOL, STR(dflt), 0, 1, NULL, doc },
+#define ROW_ENUM(name, words, doc)        { #name, APSM_OPTION_ENUM, words, 0, 0, words, doc },
+static const apsm_option_info table[] = { APSM_OPTIONS(ROW_INT, ROW_REAL, ROW_BOOL, ROW_ENUM) };
+enum { TABLE_LENGTH = sizeof table / sizeof table[0] };
+
+#define OFFSET_INT(name, dflt, lo, hi, doc) offsetof(apsm_options, name),
+#define OFFSET_BOOL(name, dflt, doc)        offsetof(apsm_options, name),
+#define OFFSET_ENUM(name, words, doc)       offsetof(apsm_options, name),
+static const size_t offset[] = { APSM_OPTIONS(OFFSET_INT, OFFSET_INT, OFFSET_BOOL, OFFSET_ENUM) };
+
+#define SET_INT(name, dflt, lo, hi, doc) .name = dflt,
+#define SET_BOOL(name, dflt, doc)        .name = dflt,
+#define SET_ENUM(name, words, doc)       .name = 0,
+apsm_options apsm_options_defaults(void)
+{
+    return (apsm_options){ APSM_OPTIONS(SET_INT, SET_INT, SET_BOOL, SET_ENUM) };
+}
+
+const apsm_option_info *apsm_options_table(size_t *n)
+{
+    *n = TABLE_LENGTH;
+    return table;
+}
+
+static size_t min3(size_t a, size_t b, size_t c)
+{
+    const size_t m = a < b ? a : b;
+    return m < c ? m : c;
+}
+
+size_t apsm_edit_distance(const char *a, const char *b)
+{
+    enum { LONGEST = 63 };
+    size_t row[LONGEST + 1];
+    const size_t na = strlen(a), nb = strlen(b);
+    if (nb > LONGEST) return na > nb ? na : nb;
+    for (size_t j = 0; j <= nb; j++) row[j] = j;
+    for (size_t i = 1; i <= na; i++) {
+        size_t diagonal = row[0];
+        row[0] = i;
+        for (size_t j = 1; j <= nb; j++) {
+            const size_t above = row[j];
+            row[j] = min3(above + 1, row[j - 1] + 1, diagonal + (a[i - 1] != b[j - 1]));
+            diagonal = above;
+        }
+    }
+    return row[nb];
+}
+
+static int find(const char *key)
+{
+    for (int k = 0; k < TABLE_LENGTH; k++)
+        if (strcmp(table[k].name, key) == 0) return k;
+    return -1;
+}
+
+static apsm_status unknown_key(apsm_context *ctx, const char *key)
+{
+    size_t best = 0, best_distance = SIZE_MAX;
+    for (size_t k = 0; k < TABLE_LENGTH; k++) {
+        const size_t d = apsm_edit_distance(key, table[k].name);
+        if (d < best_distance) best = k, best_distance = d;
+    }
+    return apsm_fail(ctx, APSM_ERR_ARG, "unknown option '%s'; the nearest is '%s'", key,
+                     table[best].name);
+}
+
+static apsm_status out_of_range(apsm_context *ctx, const apsm_option_info *o, const char *value)
+{
+    return apsm_fail(ctx, APSM_ERR_ARG, "option %s = %s: give %s from %.10g to %.10g", o->name,
+                     value, o->kind == APSM_OPTION_INT ? "a whole number" : "a number", o->least,
+                     o->most);
+}
+
+/* strtod and strtol follow the process's locale; option texts never hold group separators, and a
+ * program that sets LC_NUMERIC gets a parse error rather than a wrong value. */
+static apsm_status set_number(apsm_context *ctx, const apsm_option_info *o, const char *value,
+                              void *at)
+{
+    char *end = NULL;
+    errno = 0;
+    if (o->kind == APSM_OPTION_INT) {
+        const long x = strtol(value, &end, 10);
+        if (end == value || *end || errno || (double)x < o->least || (double)x > o->most)
+            return out_of_range(ctx, o, value);
+        *(long *)at = x;
+        return APSM_OK;
+    }
+    const double x = strtod(value, &end);
+    if (end == value || *end || !isfinite(x) || x < o->least || x > o->most)
+        return out_of_range(ctx, o, value);
+    *(double *)at = x;
+    return APSM_OK;
+}
+
+static apsm_status set_bool(apsm_context *ctx, const apsm_option_info *o, const char *value,
+                            bool *at)
+{
+    static const char *const yes[] = { "true", "1", "yes", "on" };
+    static const char *const no[] = { "false", "0", "no", "off" };
+    for (size_t k = 0; k < sizeof yes / sizeof yes[0]; k++) {
+        if (strcmp(value, yes[k]) == 0) return *at = true, APSM_OK;
+        if (strcmp(value, no[k]) == 0) return *at = false, APSM_OK;
+    }
+    return apsm_fail(ctx, APSM_ERR_ARG, "option %s = %s: give true or false", o->name, value);
+}
+
+static apsm_status set_enum(apsm_context *ctx, const apsm_option_info *o, const char *value,
+                            int *at)
+{
+    const size_t length = strlen(value);
+    const char *word = o->words;
+    for (int k = 0; word; k++) {
+        const char *bar = strchr(word, '|');
+        const size_t n = bar ? (size_t)(bar - word) : strlen(word);
+        if (n == length && strncmp(word, value, n) == 0) return *at = k, APSM_OK;
+        word = bar ? bar + 1 : NULL;
+    }
+    return apsm_fail(ctx, APSM_ERR_ARG, "option %s = %s: give one of %s", o->name, value, o->words);
+}
+
+apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
+                             const char *value)
+{
+    const int k = find(key);
+    if (k < 0) return unknown_key(ctx, key);
+    void *at = (char *)options + offset[k];
+    switch (table[k].kind) {
+    case APSM_OPTION_BOOL:
+        return set_bool(ctx, &table[k], value, at);
+    case APSM_OPTION_ENUM:
+        return set_enum(ctx, &table[k], value, at);
+    default:
+        return set_number(ctx, &table[k], value, at);
+    }
+}
+
+static void word_at(const char *words, int k, char text[64])
+{
+    while (k-- > 0) words = strchr(words, '|') + 1;
+    const char *bar = strchr(words, '|');
+    snprintf(text, 64, "%.*s", bar ? (int)(bar - words) : (int)strlen(words), words);
+}
+
+apsm_status apsm_options_get(const apsm_options *options, const char *key, char text[64])
+{
+    const int k = find(key);
+    if (k < 0) return APSM_ERR_ARG;
+    const void *at = (const char *)options + offset[k];
+    switch (table[k].kind) {
+    case APSM_OPTION_INT:
+        snprintf(text, 64, "%ld", *(const long *)at);
+        break;
+    case APSM_OPTION_REAL:
+        snprintf(text, 64, "%.17g", *(const double *)at);
+        break;
+    case APSM_OPTION_BOOL:
+        snprintf(text, 64, "%s", *(const bool *)at ? "true" : "false");
+        break;
+    case APSM_OPTION_ENUM:
+        word_at(table[k].words, *(const int *)at, text);
+        break;
+    }
+    return APSM_OK;
+}
+
+/* The paper's readings, all at once.  Its losses are means in input units (mm) and its step is
+ * plain descent, which hardly moves the particles: docs/method.md has the measurement. */
+static const char *const paper_literal[][2] = {
+    { "alpha", "10" },
+    { "stage2_alpha_factor", "0.5" },
+    { "stage1_epochs", "200" },
+    { "stage2_epochs", "200" },
+    { "tau_absolute", "1" },
+    { "sampling_scale", "mean" },
+    { "error", "raw" },
+    { "error_gradient", "through-w" },
+    { "rotation", "axis" },
+    { "neighbour_scale", "none" },
+    { "template_gradient", "true" },
+    { "eigen_reg_absolute", "0.1" },
+    { "eigen_scale", "none" },
+    { "step", "literal" },
+    { "learning_rate", "1" },
+    { "step_clip", "0" },
+    { "decay1_at", "1" },
+    { "decay2_at", "1" },
+    { "burn_in", "1" },
+    { "snap", "field" },
+    { "initialize", "fps" },
+    { "geodesic_interval", "25" },
+    { "geodesic_factor", "1.5" },
+    { "geodesic_target", "farthest" },
+    { "geodesic_walk", "1" },
+    { "geodesic_guard", "false" },
+    { "definition", "paper" },
+};
+
+static apsm_status set_all(apsm_context *ctx, apsm_options *options, const char *const pairs[][2],
+                           size_t n)
+{
+    for (size_t k = 0; k < n; k++)
+        APSM_TRY(apsm_options_set(ctx, options, pairs[k][0], pairs[k][1]));
+    return APSM_OK;
+}
+
+apsm_status apsm_options_preset(apsm_context *ctx, apsm_options *options, const char *name)
+{
+    static const struct {
+        const char *name, *beta, *gamma;
+    } cohorts[] = { { "paper-literal-femur", "0.01", "0.5" },
+                    { "paper-literal-liver", "0.05", "5" },
+                    { "paper-literal-hip", "0.01", "0.1" } };
+    if (strcmp(name, "default") == 0) return *options = apsm_options_defaults(), APSM_OK;
+    for (size_t k = 0; k < sizeof cohorts / sizeof cohorts[0]; k++) {
+        if (strcmp(name, cohorts[k].name) != 0) continue;
+        const char *const weights[][2] = { { "beta", cohorts[k].beta },
+                                           { "gamma", cohorts[k].gamma } };
+        APSM_TRY(
+            set_all(ctx, options, paper_literal, sizeof paper_literal / sizeof paper_literal[0]));
+        return set_all(ctx, options, weights, 2);
+    }
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "unknown preset '%s': give default, paper-literal-femur, "
+                     "paper-literal-liver or paper-literal-hip",
+                     name);
+}
+
+apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *o)
+{
+    if (o->decay2_at < o->decay1_at)
+        return apsm_fail(ctx, APSM_ERR_ARG, "decay2_at = %g comes before decay1_at = %g",
+                         o->decay2_at, o->decay1_at);
+    if (o->stage1_epochs + o->stage2_epochs == 0)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "stage1_epochs and stage2_epochs are both 0: nothing to optimize");
+    if (o->step == APSM_STEP_LITERAL && o->error_gradient == APSM_ERROR_THROUGH_W &&
+        o->sampling_scale == APSM_SAMPLING_VORONOI && o->step_clip == 0)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "error_gradient = through-w with sampling_scale = voronoi diverges "
+                         "without a step limit: set step_clip");
+    return APSM_OK;
+}
