@@ -1,0 +1,53 @@
+/* cohort.h -- the groomed, aligned shapes with everything the optimisation asks of them. */
+#ifndef APSM_COHORT_H
+#define APSM_COHORT_H
+
+#include "apsm/bvh.h"
+#include "apsm/distance_field.h"
+#include "apsm/geodesic.h"
+#include "apsm/mesh.h"
+#include "apsm/topology.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* One shape in the common (world) frame.  Owns all it points to but name. */
+typedef struct apsm_shape {
+    const char *name; /* borrowed, for messages */
+    apsm_mesh mesh;
+    apsm_topology topology;
+    double *VN; /* nv x 3: vertex normals */
+    apsm_bvh *bvh;
+    apsm_field *field;
+    apsm_geodesic *geodesic;
+} apsm_shape;
+
+typedef struct apsm_cohort {
+    size_t I;
+    apsm_shape *shape;     /* I */
+    size_t template_index; /* t */
+} apsm_cohort;
+
+/* Spacing that J particles have on a surface of this area if every one has six neighbours at the
+ * same distance: sqrt(2 area / (sqrt(3) J)).  Close to h, known before there are particles. */
+double apsm_expected_spacing(double area, size_t J);
+
+/* Moves the meshes (I, borrowed, in their own frames) to the world frame by transforms (I x 16)
+ * and prepares each, in parallel.  voxel and band of the distance fields are in the world's
+ * unit.  names (I) are borrowed.  O(surface) memory a shape. */
+apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
+                              const apsm_mesh *meshes, const double *transforms,
+                              size_t template_index, double voxel, double band,
+                              apsm_cohort *cohort) APSM_NODISCARD;
+void apsm_cohort_free(apsm_cohort *cohort);
+
+/* The closest surface points S (n) of P (n x 3) on a shape, with their positions X (n x 3) and
+ * unit normals N (n x 3) interpolated from the vertices'; X and N may be NULL. */
+void apsm_shape_look_up(const apsm_shape *shape, size_t n, const double *P, apsm_surface_point *S,
+                        double *X, double *N);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

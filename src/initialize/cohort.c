@@ -1,0 +1,78 @@
+#include "apsm/cohort.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+double apsm_expected_spacing(double area, size_t J)
+{
+    return sqrt(2.0 * area / (sqrt(3.0) * (double)J));
+}
+
+typedef struct build {
+    const char *const *names;
+    const apsm_mesh *meshes;
+    const double *transforms;
+    double voxel, band;
+    apsm_shape *shape;
+} build;
+
+static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const build *b = user;
+    apsm_shape *s = &b->shape[i];
+    s->name = b->names[i];
+    APSM_TRY(apsm_mesh_copy(&b->meshes[i], &s->mesh));
+    apsm_mesh_transform(&s->mesh, b->transforms + 16 * i);
+    s->VN = malloc(3 * s->mesh.nv * sizeof *s->VN);
+    if (!s->VN) return APSM_ERR_MEMORY;
+    apsm_mesh_vertex_normals(&s->mesh, s->VN);
+    APSM_TRY(apsm_topology_build(&s->mesh, &s->topology));
+    APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
+    APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
+    return apsm_field_build(ctx, s->bvh, b->voxel, b->band, &s->field);
+}
+
+apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
+                              const apsm_mesh *meshes, const double *transforms,
+                              size_t template_index, double voxel, double band, apsm_cohort *cohort)
+{
+    *cohort = (apsm_cohort){ .I = I, .template_index = template_index };
+    cohort->shape = calloc(I, sizeof *cohort->shape);
+    if (!cohort->shape) return APSM_ERR_MEMORY;
+    build b = { names, meshes, transforms, voxel, band, cohort->shape };
+    const apsm_status status = apsm_parallel_for(ctx, I, build_shape, &b, "distance fields");
+    if (status != APSM_OK) apsm_cohort_free(cohort);
+    return status;
+}
+
+static void free_shape(apsm_shape *s)
+{
+    apsm_field_free(s->field);
+    apsm_geodesic_free(s->geodesic);
+    apsm_bvh_free(s->bvh);
+    apsm_topology_free(&s->topology);
+    apsm_mesh_free(&s->mesh);
+    free(s->VN);
+}
+
+void apsm_cohort_free(apsm_cohort *cohort)
+{
+    if (cohort->shape)
+        for (size_t i = 0; i < cohort->I; i++) free_shape(&cohort->shape[i]);
+    free(cohort->shape);
+    *cohort = (apsm_cohort){ 0 };
+}
+
+void apsm_shape_look_up(const apsm_shape *shape, size_t n, const double *P, apsm_surface_point *S,
+                        double *X, double *N)
+{
+    for (size_t j = 0; j < n; j++) {
+        apsm_closest c;
+        apsm_bvh_closest(shape->bvh, P + 3 * j, INFINITY, &c);
+        S[j] = c.on;
+        if (X) memcpy(X + 3 * j, c.x, sizeof c.x);
+        if (N) apsm_surface_normal(&shape->mesh, shape->VN, &c.on, N + 3 * j);
+    }
+}
