@@ -1,0 +1,70 @@
+/* rbf_shape.h -- the surface that the particles of one shape describe: the zero level of an
+ * interpolant through dipoles.  METHOD 1.
+ *   centres q = [P, P + s N, P - s N], values [0, +s, -s]: f is about the signed distance.
+ * Lengths in the unit of P. */
+#ifndef APSM_RBF_SHAPE_H
+#define APSM_RBF_SHAPE_H
+
+#include "apsm/polyharmonic.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* A fitted RBF-shape with n = 3J centres.  Arrays are the caller's (apsm_rbf_bind). */
+typedef struct apsm_rbf_shape {
+    apsm_phi phi;
+    size_t J;
+    double s;
+    double *Q;   /* 3J x 3 centres, ordered P, P + s N, P - s N */
+    double *w;   /* 3J weights */
+    double c[4]; /* c0, cx, cy, cz */
+} apsm_rbf_shape;
+
+/* Doubles that a shape holds beside the struct; apsm_rbf_bind lays its arrays into store. */
+size_t apsm_rbf_store_size(size_t J);
+void apsm_rbf_bind(apsm_rbf_shape *shape, size_t J, double *store);
+
+/* Centres Q (9J) and values (3J) of the dipoles. */
+void apsm_rbf_dipoles(size_t J, const double *P, const double *N, double s, double *Q,
+                      double *values);
+
+/* Fits shape (bound, its J set) to particles P and unit normals N (J x 3), dipole distance s > 0.
+ * factor and its factor_store (apsm_polyharmonic_store_size(3J, single)) are out, for adjoints
+ * and later refits; factor->ridge > 0 reports that particles (nearly) coincide.
+ * single: factor in single precision, error of f about 1e-5 of the shape's size.
+ * work: apsm_rbf_work_size(J).  Errors as apsm_polyharmonic_factor_robust.  O(9 J^3). */
+size_t apsm_rbf_work_size(size_t J);
+apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double s, bool single,
+                         double *factor_store, apsm_polyharmonic *factor, apsm_rbf_shape *shape,
+                         double *work) APSM_NODISCARD;
+
+/* As above, after small moves, with the factor of an earlier fit as preconditioner; pays from
+ * J of about 512 on.  *iterations: conjugate gradient steps taken.  Errors as
+ * apsm_polyharmonic_resolve: fit anew then. */
+apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
+                           double s, double tolerance, size_t max_iterations, apsm_rbf_shape *shape,
+                           size_t *iterations, double *work) APSM_NODISCARD;
+
+/* f (R) and grad f (R x 3; NULL: not wanted) at X (R x 3).  O(R J); no scratch.  At a centre
+ * the kernel's share of the gradient is taken as 0. */
+void apsm_rbf_eval(const apsm_rbf_shape *shape, size_t R, const double *X, double *f,
+                   double *grad_f);
+/* f alone with the kernel sum in single precision, about three times faster; phi = r only.
+ * Error about 1e-6 of the shape's size times sum |w| (1e-3 of s at J = 128).
+ * work: apsm_rbf_eval_f32_work_size(J) doubles. */
+size_t apsm_rbf_eval_f32_work_size(size_t J);
+void apsm_rbf_eval_f32(const apsm_rbf_shape *shape, size_t R, const double *X, double *f,
+                       double *work);
+
+/* Gradient of a scalar L(f(x_1), .., f(x_R)) in the particles when the fit is differentiated too
+ * (centres, kernel matrix, weights; N and s constant): adds to grad (J x 3), given
+ * dL_df (R) = dL / df(x_r).  factor: of this very fit.  work: apsm_rbf_work_size(J).
+ * O(R J + J^2). */
+void apsm_rbf_adjoint(const apsm_rbf_shape *shape, const apsm_polyharmonic *factor, size_t R,
+                      const double *X, const double *dL_df, double *grad, double *work);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,58 @@
+/* sampling_loss.h -- spreads the particles of one shape: each near-surface point pulls the
+ * particles that are softly nearest to it, the harder the worse the RBF-shape fits there.
+ * METHOD (3)-(7).  Lengths in any one unit. */
+#ifndef APSM_SAMPLING_LOSS_H
+#define APSM_SAMPLING_LOSS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What (6) and (7) are multiplied by. */
+typedef enum apsm_sampling_norm {
+    APSM_SAMPLING_MEAN,   /* 1: mean over points and particles, the paper read literally */
+    APSM_SAMPLING_SUM,    /* J: sum over particles, mean over points */
+    APSM_SAMPLING_VORONOI /* J^2: the gradient is a mean unit vector, independent of J and R */
+} apsm_sampling_norm;
+
+typedef struct apsm_sampling_options {
+    apsm_sampling_norm norm;
+    double tau; /* softness of (3), a length > 0; h/8 */
+    double cut; /* a particle farther than cut tau beyond a point's nearest is left out */
+} apsm_sampling_options;
+
+apsm_sampling_options apsm_sampling_defaults(void); /* Voronoi, cut 25; tau 0 must be set */
+double apsm_sampling_factor(apsm_sampling_norm norm, size_t J); /* 1, J or J^2 */
+
+/* (4), (5): E_r = (f_r - D_r)^2 (R, out), g_r = c E_r / mean(E) + 1 - c (R, out; may be E), or
+ * c E_r + 1 - c if not relative (lengths then count in the paper's mm).  Returns the factor by
+ * which E was multiplied in g: c / mean(E) or c.  If all E are 0, g = 1. */
+double apsm_sampling_weights(size_t R, const double *f, const double *D, double c, bool relative,
+                             double *E, double *g);
+
+/* Loss (6) and gradient (7), E constant, of particles P (J x 3, J >= 1) for points B (R x 3) with
+ * weights g (R; NULL: all 1).  Out: loss; grad (J x 3), overwritten; kbar (R) soft distance of each
+ * point; mass (J) sum_r w_rj g_r.  Each may be NULL.  work: apsm_sampling_work_size(J, R) doubles.
+ * Points are taken in the order of a grid's cells, each with the particles within reach of the
+ * cell: O(R + pairs within cut tau).  Deterministic.  APSM_ERR_ARG leaves outputs untouched;
+ * APSM_ERR_NONFINITE if anything is not finite. */
+size_t apsm_sampling_work_size(size_t J, size_t R);
+apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double *B,
+                               const double *g, const apsm_sampling_options *opt, double *loss,
+                               double *grad, double *kbar, double *mass,
+                               double *work) APSM_NODISCARD;
+
+/* dL/df (R, out) of the loss through E, for apsm_rbf_adjoint: E's mean is a constant.
+ * e_factor is what apsm_sampling_weights returned, kbar comes from apsm_sampling_loss. */
+void apsm_sampling_dL_df(size_t J, size_t R, const double *f, const double *D, const double *kbar,
+                         double e_factor, apsm_sampling_norm norm, double *dL_df);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
