@@ -1,0 +1,186 @@
+/* Segmentations through ITK's image readers.
+ *
+ * The reader is chosen by the file's extension and made here, so ITK's factories, which load
+ * every format and look into the environment, are not used.  ITK gives LPS for all three
+ * formats: it turns NIfTI's RAS and a NRRD's `space` over.
+ *
+ * NrrdIO keeps its error messages in global lists, niftiio its options, and MetaIO prints to
+ * std::cerr: one lock around their calls makes them usable from all threads.  Conversion to
+ * labels is outside of it. */
+#include <algorithm>
+#include <filesystem>
+#include <iostream>
+#include <mutex>
+#include <vector>
+
+#include <itkMetaImageIO.h>
+#include <itkNiftiImageIO.h>
+#include <itkNrrdImageIO.h>
+
+#include "../replace_file.h"
+#include "apsm/adapters.h"
+#include "labels.h"
+
+using namespace apsm;
+
+namespace
+{
+
+std::mutex itk_lock;
+
+/* Drops what a reader prints while it lives.  Held under itk_lock. */
+class quiet
+{
+  public:
+    quiet() : saved_(std::cerr.rdbuf(nullptr)) { itk::Object::SetGlobalWarningDisplay(false); }
+    ~quiet()
+    {
+        std::cerr.rdbuf(saved_);
+        std::cerr.clear();
+    }
+    quiet(const quiet &) = delete;
+    quiet &operator=(const quiet &) = delete;
+
+  private:
+    std::streambuf *saved_;
+};
+
+struct format {
+    const char *extension;
+    itk::ImageIOBase::Pointer (*make)();
+    bool detached; /* the voxels are in another file */
+};
+
+template <class IO> itk::ImageIOBase::Pointer make_io()
+{
+    return IO::New().GetPointer();
+}
+
+const format formats[] = {
+    { ".nrrd", make_io<itk::NrrdImageIO>, false },    { ".nhdr", make_io<itk::NrrdImageIO>, true },
+    { ".nii.gz", make_io<itk::NiftiImageIO>, false }, { ".nii", make_io<itk::NiftiImageIO>, false },
+    { ".mha", make_io<itk::MetaImageIO>, false },     { ".mhd", make_io<itk::MetaImageIO>, true },
+};
+
+const format &format_of(const std::string &path)
+{
+    std::string lower = path;
+    for (char &c : lower)
+        if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+    for (const format &f : formats) {
+        const std::string end = f.extension;
+        if (lower.size() > end.size() &&
+            lower.compare(lower.size() - end.size(), end.size(), end) == 0)
+            return f;
+    }
+    throw failure{ APSM_ERR_UNSUPPORTED,
+                   "not an image format known here; use .nrrd, .nii, .nii.gz or .mha" };
+}
+
+/* Deflate shrinks at most 1032 times, so a header that promises more voxels than that lies, and
+ * memory for it must not be asked for. */
+void check_size(const apsm_volume &volume, const itk::ImageIOBase &io, const std::string &path,
+                bool detached)
+{
+    std::error_code error;
+    double bytes = static_cast<double>(io.GetComponentSize());
+    for (size_t c = 0; c < 3; c++) {
+        if (volume.n[c] == 0) damaged("has no voxels; export it again");
+        bytes *= static_cast<double>(volume.n[c]);
+    }
+    const double held =
+        detached ? 1e8 : static_cast<double>(std::filesystem::file_size(path, error));
+    if (bytes > 1040.0 * held + 65536.0)
+        damaged("its header promises more voxels than the file can hold; export it again");
+}
+
+void read_volume(const std::string &path, apsm_volume *volume)
+{
+    const format &f = format_of(path);
+    apsm_volume v{};
+    std::vector<char> raw;
+    itk::ImageIOBase::IOComponentEnum type;
+    {
+        const std::lock_guard<std::mutex> lock(itk_lock);
+        const quiet silence;
+        const itk::ImageIOBase::Pointer io = f.make();
+        if (!io->CanReadFile(path.c_str()))
+            damaged(std::string("is not a ") + f.extension +
+                    " file, whatever its name says; export it again");
+        io->SetFileName(path);
+        io->ReadImageInformation();
+        grid_of(*io, &v);
+        check_size(v, *io, path, f.detached);
+        itk::ImageIORegion region(io->GetNumberOfDimensions());
+        for (unsigned d = 0; d < io->GetNumberOfDimensions(); d++)
+            region.SetSize(d, io->GetDimensions(d));
+        io->SetIORegion(region);
+        raw.resize(v.n[0] * v.n[1] * v.n[2] * io->GetComponentSize());
+        type = io->GetComponentType();
+        io->Read(raw.data());
+    }
+    label_array labels = allocate_labels(v.n[0] * v.n[1] * v.n[2]);
+    labels_of(type, raw.data(), v.n, labels.get());
+    v.label = labels.release();
+    *volume = v;
+}
+
+template <class T> std::vector<char> components(const apsm_volume &v, size_t n)
+{
+    std::vector<char> raw(n * sizeof(T));
+    T *value = reinterpret_cast<T *>(raw.data());
+    for (size_t i = 0; i < n; i++) value[i] = static_cast<T>(v.label[i]);
+    return raw;
+}
+
+void write_volume(const std::string &path, const apsm_volume &v)
+{
+    using kind = itk::ImageIOBase::IOComponentEnum;
+    const format &f = format_of(path);
+    if (f.detached)
+        throw failure{ APSM_ERR_UNSUPPORTED,
+                       "headers of their own are only read; use .mha or .nrrd" };
+    const size_t n = v.n[0] * v.n[1] * v.n[2];
+    const auto range = std::minmax_element(v.label, v.label + n);
+    const bool small = n == 0 || (*range.first >= 0 && *range.second <= 255);
+    const std::vector<char> raw = small ? components<unsigned char>(v, n) : components<int>(v, n);
+    replacement file(path, f.extension);
+    {
+        const std::lock_guard<std::mutex> lock(itk_lock);
+        const quiet silence;
+        const itk::ImageIOBase::Pointer io = f.make();
+        io->SetFileName(file.temporary());
+        io->SetNumberOfDimensions(3);
+        itk::ImageIORegion region(3);
+        for (unsigned c = 0; c < 3; c++) {
+            io->SetDimensions(c, v.n[c]);
+            io->SetSpacing(c, v.spacing[c]);
+            io->SetOrigin(c, v.origin[c]);
+            io->SetDirection(
+                c, std::vector<double>{ v.direction[c], v.direction[3 + c], v.direction[6 + c] });
+            region.SetSize(c, v.n[c]);
+        }
+        io->SetIORegion(region);
+        io->SetPixelType(itk::CommonEnums::IOPixel::SCALAR);
+        io->SetNumberOfComponents(1);
+        io->SetComponentType(small ? kind::UCHAR : kind::INT);
+        io->SetUseCompression(std::string(f.extension) != ".nii");
+        io->WriteImageInformation();
+        io->Write(raw.data());
+    }
+    file.commit();
+}
+
+} // namespace
+
+extern "C" apsm_status apsm_itk_read_volume(apsm_context *ctx, const char *path,
+                                            apsm_volume *volume)
+{
+    return guarded(ctx, path, [&] { read_volume(path, volume); });
+}
+
+extern "C" apsm_status apsm_itk_write_volume(apsm_context *ctx, const char *path,
+                                             const apsm_volume *volume)
+{
+    return guarded(ctx, path, [&] { write_volume(path, *volume); });
+}
