@@ -1,0 +1,51 @@
+/* vec3.h -- arithmetic on double[3], for this room and later ones. */
+#ifndef APSM_GEOMETRY_VEC3_H
+#define APSM_GEOMETRY_VEC3_H
+
+#include <math.h>
+
+static inline double vec3_dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static inline double vec3_norm(const double a[3])
+{
+    return sqrt(vec3_dot(a, a));
+}
+
+static inline void vec3_sub(const double a[3], const double b[3], double out[3])
+{
+    for (int c = 0; c < 3; c++) out[c] = a[c] - b[c];
+}
+
+static inline double vec3_distance2(const double a[3], const double b[3])
+{
+    const double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+    return x * x + y * y + z * z;
+}
+
+/* out may not alias a or b. */
+static inline void vec3_cross(const double a[3], const double b[3], double out[3])
+{
+    out[0] = a[1] * b[2] - a[2] * b[1];
+    out[1] = a[2] * b[0] - a[0] * b[2];
+    out[2] = a[0] * b[1] - a[1] * b[0];
+}
+
+/* out += s a */
+static inline void vec3_add_scaled(double out[3], double s, const double a[3])
+{
+    for (int c = 0; c < 3; c++) out[c] += s * a[c];
+}
+
+/* To unit length; returns the old length.  Zero stays zero. */
+static inline double vec3_normalise(double a[3])
+{
+    const double r = vec3_norm(a);
+    if (r > 0.0)
+        for (int c = 0; c < 3; c++) a[c] /= r;
+    return r;
+}
+
+#endif
