@@ -1,0 +1,696 @@
+/* Closest points and rays on a triangle mesh, by a tree of boxes with four children a node.
+ *
+ * Build: binary tree by the surface-area heuristic in 16 bins (Wald, "On fast construction of
+ * SAH-based bounding volume hierarchies", 2007) down to LEAF triangles, then every node takes in
+ * its largest children until it has four.  The boxes of siblings lie side by side in float32, so
+ * that one node is four box distances at once in SSE registers.
+ *
+ * Float boxes prune, doubles decide.  Boxes are kept in the frame q = (x - centre) * 2^-k, in
+ * which the mesh fills about [-1, 1]^3, and are PAD larger than the triangles: PAD covers the
+ * rounding of boxes and of queries near the mesh, SLACK (relative) that of the squared distance
+ * and of queries far away.  So no box is farther than its triangles, and the result is that of
+ * trying all triangles in double.  A power of two leaves every float as it is under scaling.
+ *
+ * Closest point of a triangle: Ericson, "Real-Time Collision Detection", 2005, 5.1.5, with the
+ * dot products of the edges kept.  Signs: Baerentzen & Aanaes, "Signed distance computation
+ * using the angle weighted pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald,
+ * "Watertight ray/triangle intersection", JCGT 2, 2013: no ray slips through an edge. */
+#include "apsm/bvh.h"
+
+#include <float.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/topology.h"
+#include "geometry/vec3.h"
+
+enum { WIDTH = 4, LEAF = 2, BINS = 16, DEEP = 40, STACK = 256 };
+#define PAD   0x1p-21f
+#define SLACK (1.0 + 0x1p-19)
+
+/* A child is a node (count 0) or `count` triangles from first on. */
+typedef struct node {
+    float lo[3][WIDTH], hi[3][WIDTH];
+    uint32_t first[WIDTH];
+    uint8_t count[WIDTH];
+    uint8_t children; /* 1..4 of the above in use */
+} node;
+
+typedef struct triangle {
+    double a[3], b[3], c[3];
+    double ab2, ac2, abac; /* |b-a|^2, |c-a|^2, (b-a).(c-a) */
+    uint32_t face;
+    uint32_t flat; /* no area to speak of: its edges are all of it */
+} triangle;
+
+struct apsm_bvh {
+    const apsm_mesh *mesh;
+    double centre[3], scale; /* q = (x - centre) * scale */
+    node *nodes;             /* nodes[0]: the root */
+    size_t node_count;
+    triangle *triangles; /* nf, in the order of the leaves */
+    double *face_normal; /* nf x 3 unit, by face number; zero for a degenerate face */
+    double *vertex_normal;
+    uint32_t *twin; /* 3 nf, as in apsm_topology */
+};
+
+/* ---- build ---------------------------------------------------------------------------------- */
+
+typedef struct box {
+    float lo[3], hi[3];
+} box;
+
+static const box empty_box = { { INFINITY, INFINITY, INFINITY },
+                               { -INFINITY, -INFINITY, -INFINITY } };
+
+static void box_grow(box *a, const box *b)
+{
+    for (int c = 0; c < 3; c++) {
+        a->lo[c] = b->lo[c] < a->lo[c] ? b->lo[c] : a->lo[c];
+        a->hi[c] = b->hi[c] > a->hi[c] ? b->hi[c] : a->hi[c];
+    }
+}
+
+static float box_area(const box *b)
+{
+    const float x = b->hi[0] - b->lo[0], y = b->hi[1] - b->lo[1], z = b->hi[2] - b->lo[2];
+    return x >= 0.0f ? x * y + y * z + z * x : 0.0f;
+}
+
+static float box_middle2(const box *b, int axis)
+{
+    return b->lo[axis] + b->hi[axis]; /* twice the middle */
+}
+
+/* A node of the binary tree: leaf if count > 0. */
+typedef struct binary {
+    box bounds;
+    uint32_t first, count, left, right;
+} binary;
+
+typedef struct builder {
+    const box *boxes; /* nf, by face */
+    uint32_t *order;  /* nf: faces in the order of the leaves */
+    uint32_t *spare;  /* nf */
+    binary *tree;     /* 2 nf */
+    uint32_t used;
+} builder;
+
+typedef struct split {
+    int axis; /* -1: none */
+    float from, per_bin, cost;
+    int bin; /* bins 0..bin go left */
+} split;
+
+static int bin_of(const split *s, const box *b)
+{
+    const int k = (int)((box_middle2(b, s->axis) - s->from) * s->per_bin);
+    return k < 0 ? 0 : k >= BINS ? BINS - 1 : k;
+}
+
+/* Best of the BINS - 1 cuts across one axis, if cheaper than *best. */
+static void try_axis(const builder *t, uint32_t first, uint32_t count, int axis, float from,
+                     float to, split *best)
+{
+    box bounds[BINS], left = empty_box, right = empty_box;
+    uint32_t n[BINS] = { 0 }, seen = 0;
+    float right_cost[BINS];
+    split s = { .axis = axis, .from = from, .per_bin = (float)BINS / (to - from) };
+    if (!(to > from) || !isfinite(s.per_bin)) return;
+    for (int k = 0; k < BINS; k++) bounds[k] = empty_box;
+    for (uint32_t i = first; i < first + count; i++) {
+        const box *b = &t->boxes[t->order[i]];
+        const int k = bin_of(&s, b);
+        n[k]++;
+        box_grow(&bounds[k], b);
+    }
+    for (int k = BINS - 1; k > 0; k--) {
+        box_grow(&right, &bounds[k]);
+        seen += n[k];
+        right_cost[k - 1] = box_area(&right) * (float)seen;
+    }
+    seen = 0;
+    for (s.bin = 0; s.bin < BINS - 1; s.bin++) {
+        box_grow(&left, &bounds[s.bin]);
+        seen += n[s.bin];
+        s.cost = box_area(&left) * (float)seen + right_cost[s.bin];
+        if (seen > 0 && seen < count && s.cost < best->cost) *best = s;
+    }
+}
+
+static split find_split(const builder *t, uint32_t first, uint32_t count)
+{
+    split best = { .axis = -1, .cost = INFINITY };
+    for (int axis = 0; axis < 3; axis++) {
+        float from = INFINITY, to = -INFINITY;
+        for (uint32_t i = first; i < first + count; i++) {
+            const float m = box_middle2(&t->boxes[t->order[i]], axis);
+            from = m < from ? m : from;
+            to = m > to ? m : to;
+        }
+        try_axis(t, first, count, axis, from, to, &best);
+    }
+    return best;
+}
+
+/* Stable; returns how many went left. */
+static uint32_t partition(const builder *t, uint32_t first, uint32_t count, const split *s)
+{
+    uint32_t left = 0, right = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t f = t->order[first + i];
+        if (bin_of(s, &t->boxes[f]) <= s->bin)
+            t->order[first + left++] = f;
+        else
+            t->spare[right++] = f;
+    }
+    memcpy(t->order + first + left, t->spare, right * sizeof *t->spare);
+    return left;
+}
+
+/* Below DEEP levels, or where all middles coincide, halves the list instead: the depth stays
+ * under DEEP + 32. */
+static uint32_t build_binary(builder *t, uint32_t first, uint32_t count, int depth)
+{
+    const uint32_t self = t->used++;
+    binary *b = &t->tree[self];
+    *b = (binary){ .bounds = empty_box, .first = first, .count = count };
+    for (uint32_t i = first; i < first + count; i++) box_grow(&b->bounds, &t->boxes[t->order[i]]);
+    if (count <= LEAF) return self;
+    const split s = depth < DEEP ? find_split(t, first, count) : (split){ .axis = -1 };
+    const uint32_t left = s.axis >= 0 ? partition(t, first, count, &s) : count / 2;
+    b->count = 0;
+    b->left = build_binary(t, first, left, depth + 1);
+    b->right = build_binary(t, first + left, count - left, depth + 1);
+    return self;
+}
+
+/* Up to WIDTH descendants of binary node b: the one with the largest box is opened first. */
+static int gather_children(const binary *tree, uint32_t b, uint32_t child[WIDTH])
+{
+    int n = 1;
+    child[0] = b;
+    while (n < WIDTH) {
+        int open = -1;
+        float largest = -1.0f;
+        for (int k = 0; k < n; k++) {
+            const binary *c = &tree[child[k]];
+            if (c->count > 0 || box_area(&c->bounds) <= largest) continue;
+            largest = box_area(&c->bounds);
+            open = k;
+        }
+        if (open < 0) break;
+        const binary *c = &tree[child[open]];
+        child[open] = c->left;
+        child[n++] = c->right;
+    }
+    return n;
+}
+
+static void build_wide(apsm_bvh *bvh, const binary *tree, uint32_t b)
+{
+    uint32_t child[WIDTH];
+    const size_t self = bvh->node_count++;
+    node *out = &bvh->nodes[self];
+    memset(out, 0, sizeof *out);
+    out->children = (uint8_t)gather_children(tree, b, child);
+    for (int k = 0; k < WIDTH; k++) {
+        const box *bounds = k < out->children ? &tree[child[k]].bounds : &empty_box;
+        for (int c = 0; c < 3; c++) {
+            out->lo[c][k] = bounds->lo[c];
+            out->hi[c][k] = bounds->hi[c];
+        }
+    }
+    for (int k = 0; k < out->children; k++) {
+        const binary *c = &tree[child[k]];
+        out->count[k] = (uint8_t)c->count;
+        out->first[k] = c->count > 0 ? c->first : (uint32_t)bvh->node_count;
+        if (c->count == 0) build_wide(bvh, tree, child[k]);
+    }
+}
+
+/* Centre of the bounds, and the power of two that brings the half extent to [1/2, 1). */
+static void choose_frame(apsm_bvh *bvh)
+{
+    double lo[3], hi[3], half = 0.0;
+    int e = 0;
+    apsm_mesh_bounds(bvh->mesh, lo, hi);
+    for (int c = 0; c < 3; c++) {
+        bvh->centre[c] = 0.5 * lo[c] + 0.5 * hi[c];
+        half = fmax(half, 0.5 * hi[c] - 0.5 * lo[c]);
+    }
+    if (half > 0.0) frexp(half, &e);
+    bvh->scale = ldexp(1.0, -e);
+}
+
+static box face_box(const apsm_bvh *bvh, size_t f)
+{
+    box b = empty_box;
+    for (size_t k = 0; k < 3; k++)
+        for (int c = 0; c < 3; c++) {
+            const double x = bvh->mesh->V[3 * (size_t)bvh->mesh->F[3 * f + k] + (size_t)c];
+            const float q = (float)((x - bvh->centre[c]) * bvh->scale);
+            b.lo[c] = q - PAD < b.lo[c] ? q - PAD : b.lo[c];
+            b.hi[c] = q + PAD > b.hi[c] ? q + PAD : b.hi[c];
+        }
+    return b;
+}
+
+static void fill_triangle(const apsm_bvh *bvh, uint32_t f, triangle *t)
+{
+    const uint32_t *F = bvh->mesh->F + 3 * (size_t)f;
+    double ab[3], ac[3], n[3];
+    memcpy(t->a, bvh->mesh->V + 3 * (size_t)F[0], sizeof t->a);
+    memcpy(t->b, bvh->mesh->V + 3 * (size_t)F[1], sizeof t->b);
+    memcpy(t->c, bvh->mesh->V + 3 * (size_t)F[2], sizeof t->c);
+    vec3_sub(t->b, t->a, ab);
+    vec3_sub(t->c, t->a, ac);
+    t->ab2 = vec3_dot(ab, ab);
+    t->ac2 = vec3_dot(ac, ac);
+    t->abac = vec3_dot(ab, ac);
+    t->face = f;
+    vec3_cross(ab, ac, n);
+    /* sin^2 of the corner's angle: below this the interior formula is rounding */
+    t->flat = vec3_dot(n, n) > 1e-20 * t->ab2 * t->ac2 ? 0 : 1;
+    vec3_normalise(n);
+    memcpy(bvh->face_normal + 3 * (size_t)f, n, sizeof n);
+}
+
+static apsm_status build_tree(apsm_bvh *bvh)
+{
+    const size_t nf = bvh->mesh->nf;
+    box *boxes = malloc(nf * sizeof *boxes);
+    builder t = { .boxes = boxes,
+                  .order = malloc(nf * sizeof *t.order),
+                  .spare = malloc(nf * sizeof *t.spare),
+                  .tree = malloc(2 * nf * sizeof *t.tree) };
+    apsm_status status = APSM_ERR_MEMORY;
+    if (boxes && t.order && t.spare && t.tree) {
+        for (size_t f = 0; f < nf; f++) {
+            boxes[f] = face_box(bvh, f);
+            t.order[f] = (uint32_t)f;
+        }
+        build_binary(&t, 0, (uint32_t)nf, 0);
+        build_wide(bvh, t.tree, 0);
+        for (size_t i = 0; i < nf; i++) fill_triangle(bvh, t.order[i], &bvh->triangles[i]);
+        status = APSM_OK;
+    }
+    free(boxes);
+    free(t.order);
+    free(t.spare);
+    free(t.tree);
+    return status;
+}
+
+static apsm_status build_normals(apsm_bvh *bvh)
+{
+    apsm_topology topology;
+    APSM_TRY(apsm_topology_build(bvh->mesh, &topology));
+    bvh->twin = topology.twin; /* taken */
+    topology.twin = NULL;
+    apsm_topology_free(&topology);
+    apsm_mesh_vertex_normals(bvh->mesh, bvh->vertex_normal);
+    return APSM_OK;
+}
+
+apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
+{
+    *out = NULL;
+    if (mesh->nf == 0 || mesh->nf > UINT32_MAX / 6) return APSM_ERR_GEOMETRY;
+    for (size_t i = 0; i < 3 * mesh->nv; i++)
+        if (!isfinite(mesh->V[i])) return APSM_ERR_NONFINITE;
+    apsm_bvh *bvh = calloc(1, sizeof *bvh);
+    if (!bvh) return APSM_ERR_MEMORY;
+    bvh->mesh = mesh;
+    bvh->nodes = aligned_alloc(64, mesh->nf * 128);
+    bvh->triangles = malloc(mesh->nf * sizeof *bvh->triangles);
+    bvh->face_normal = malloc(3 * mesh->nf * sizeof *bvh->face_normal);
+    bvh->vertex_normal = malloc((3 * mesh->nv + 1) * sizeof *bvh->vertex_normal);
+    apsm_status status = APSM_ERR_MEMORY;
+    if (bvh->nodes && bvh->triangles && bvh->face_normal && bvh->vertex_normal) {
+        status = build_normals(bvh); /* checks the indices too */
+        choose_frame(bvh);
+        if (status == APSM_OK) status = build_tree(bvh);
+    }
+    if (status == APSM_OK)
+        *out = bvh;
+    else
+        apsm_bvh_free(bvh);
+    return status;
+}
+
+void apsm_bvh_free(apsm_bvh *bvh)
+{
+    if (!bvh) return;
+    free(bvh->nodes);
+    free(bvh->triangles);
+    free(bvh->face_normal);
+    free(bvh->vertex_normal);
+    free(bvh->twin);
+    free(bvh);
+}
+
+const apsm_mesh *apsm_bvh_mesh(const apsm_bvh *bvh)
+{
+    return bvh->mesh;
+}
+
+/* ---- closest point -------------------------------------------------------------------------- */
+
+/* Weights of the closest point of segment pq to x, written to *wp and *wq; its squared
+ * distance. */
+static double closest_on_segment(const double x[3], const double p[3], const double q[3],
+                                 double *wp, double *wq)
+{
+    double pq[3], px[3];
+    vec3_sub(q, p, pq);
+    vec3_sub(x, p, px);
+    const double length2 = vec3_dot(pq, pq), along = vec3_dot(px, pq);
+    const double t = !(along > 0.0) ? 0.0 : along >= length2 ? 1.0 : along / length2;
+    *wp = 1.0 - t;
+    *wq = t;
+    if (t == 0.0) return vec3_dot(px, px);
+    if (t == 1.0) return vec3_distance2(x, q);
+    vec3_add_scaled(px, -t, pq);
+    return vec3_dot(px, px);
+}
+
+/* A triangle without area: the best of its edges. */
+static double closest_on_flat(const triangle *t, const double x[3], double w[3])
+{
+    const double *corner[3] = { t->a, t->b, t->c };
+    double best = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        double wp, wq;
+        const int next = (k + 1) % 3;
+        const double d2 = closest_on_segment(x, corner[k], corner[next], &wp, &wq);
+        if (!(d2 < best)) continue;
+        best = d2;
+        w[k] = wp;
+        w[next] = wq;
+        w[3 - k - next] = 0.0;
+    }
+    return best;
+}
+
+static double vertex_hit(const double x[3], const double p[3], double w[3], int k)
+{
+    w[0] = w[1] = w[2] = 0.0;
+    w[k] = 1.0;
+    return vec3_distance2(x, p);
+}
+
+/* Squared distance of x to t; the weights w of the closest point are exactly 0 for the corners
+ * it does not depend on, which tells vertex, edge and interior apart. */
+static double closest_on_triangle(const triangle *t, const double x[3], double w[3])
+{
+    if (t->flat) return closest_on_flat(t, x, w);
+    double ab[3], ac[3], ax[3];
+    vec3_sub(t->b, t->a, ab);
+    vec3_sub(t->c, t->a, ac);
+    vec3_sub(x, t->a, ax);
+    const double d1 = vec3_dot(ab, ax), d2 = vec3_dot(ac, ax);
+    if (d1 <= 0.0 && d2 <= 0.0) return vertex_hit(x, t->a, w, 0);
+    const double d3 = d1 - t->ab2, d4 = d2 - t->abac; /* as d1, d2, from b */
+    if (d3 >= 0.0 && d4 <= d3) return vertex_hit(x, t->b, w, 1);
+    const double d5 = d1 - t->abac, d6 = d2 - t->ac2; /* from c */
+    if (d6 >= 0.0 && d5 <= d6) return vertex_hit(x, t->c, w, 2);
+    const double vc = d1 * d4 - d3 * d2;
+    if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
+        w[2] = 0.0;
+        return closest_on_segment(x, t->a, t->b, &w[0], &w[1]);
+    }
+    const double vb = d5 * d2 - d1 * d6;
+    if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
+        w[1] = 0.0;
+        return closest_on_segment(x, t->a, t->c, &w[0], &w[2]);
+    }
+    const double va = d3 * d6 - d5 * d4;
+    if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) {
+        w[0] = 0.0;
+        return closest_on_segment(x, t->b, t->c, &w[1], &w[2]);
+    }
+    const double sum = va + vb + vc, v = vb / sum, u = vc / sum;
+    w[0] = 1.0 - v - u;
+    w[1] = v;
+    w[2] = u;
+    vec3_add_scaled(ax, -v, ab);
+    vec3_add_scaled(ax, -u, ac);
+    return vec3_dot(ax, ax);
+}
+
+typedef struct query {
+    double x[3];
+    float q[3];      /* x in the tree's frame */
+    const double *n; /* NULL: faces of any direction */
+    double min_cos;
+    double best;        /* squared distance, exact */
+    float bound;        /* the same in the tree's frame, rounded up */
+    double to_bound;    /* best * to_bound -> bound */
+    const triangle *on; /* NULL: nothing yet */
+    double weight[3];
+} query;
+
+static void tighten(query *s, double best)
+{
+    s->best = best;
+    const double b = best * s->to_bound + (double)FLT_MIN;
+    s->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
+}
+
+static bool faces(const apsm_bvh *bvh, const query *s, uint32_t f)
+{
+    return !s->n || vec3_dot(bvh->face_normal + 3 * (size_t)f, s->n) >= s->min_cos;
+}
+
+static void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t first, uint32_t count)
+{
+    for (const triangle *t = bvh->triangles + first; t < bvh->triangles + first + count; t++) {
+        double w[3];
+        if (!faces(bvh, s, t->face)) continue;
+        const double d2 = closest_on_triangle(t, s->x, w);
+        if (!(d2 < s->best || (d2 == s->best && s->on && t->face < s->on->face))) continue;
+        tighten(s, d2);
+        s->on = t;
+        memcpy(s->weight, w, sizeof w);
+    }
+}
+
+/* Squared distances of the query to a node's four boxes. */
+static void box_distances(const node *restrict n, const float q[3], float d2[restrict WIDTH])
+{
+    for (int k = 0; k < WIDTH; k++) d2[k] = 0.0f;
+    for (int c = 0; c < 3; c++)
+        for (int k = 0; k < WIDTH; k++) {
+            const float below = n->lo[c][k] - q[c], above = q[c] - n->hi[c][k];
+            const float outside = below > above ? below : above;
+            const float d = outside > 0.0f ? outside : 0.0f;
+            d2[k] += d * d;
+        }
+}
+
+/* What is still to visit: count triangles from first on, or node number first. */
+typedef struct entry {
+    float key; /* squared distance, or the ray's way to the box */
+    uint32_t first, count;
+} entry;
+
+/* Pushes the node's children with key <= bound, the nearest on top; equal keys in a fixed
+ * order. */
+static int push_children(const node *n, const float key[WIDTH], float bound, entry *stack, int top)
+{
+    const int bottom = top;
+    for (int k = 0; k < n->children; k++) {
+        if (key[k] > bound) continue;
+        int i = top++;
+        for (; i > bottom && stack[i - 1].key < key[k]; i--) stack[i] = stack[i - 1];
+        stack[i] = (entry){ key[k], n->first[k], n->count[k] };
+    }
+    return top;
+}
+
+static void search(const apsm_bvh *bvh, query *s)
+{
+    entry stack[STACK];
+    int top = 1;
+    stack[0] = (entry){ 0.0f, 0, 0 };
+    while (top > 0) {
+        const entry e = stack[--top];
+        if (e.key > s->bound) continue;
+        if (e.count > 0) {
+            visit_leaf(bvh, s, e.first, e.count);
+            continue;
+        }
+        float d2[WIDTH];
+        box_distances(&bvh->nodes[e.first], s->q, d2);
+        top = push_children(&bvh->nodes[e.first], d2, s->bound, stack, top);
+    }
+}
+
+static void find_closest(const apsm_bvh *bvh, const double x[3], const double *n, double min_cos,
+                         double max_distance2, apsm_closest *out)
+{
+    query s = { .n = n, .min_cos = min_cos, .to_bound = bvh->scale * bvh->scale * SLACK };
+    for (int c = 0; c < 3; c++) {
+        s.x[c] = x[c];
+        s.q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
+    }
+    tighten(&s, max_distance2);
+    search(bvh, &s);
+    *out = (apsm_closest){ .distance2 = INFINITY };
+    if (!s.on) return;
+    out->distance2 = s.best;
+    out->on.face = s.on->face;
+    memcpy(out->on.weight, s.weight, sizeof s.weight);
+    apsm_surface_position(bvh->mesh, &out->on, out->x);
+}
+
+void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distance2,
+                      apsm_closest *out)
+{
+    find_closest(bvh, x, NULL, 0.0, max_distance2, out);
+}
+
+void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const double n[3],
+                             double min_cos, double max_distance2, apsm_closest *out)
+{
+    find_closest(bvh, x, n, min_cos, max_distance2, out);
+}
+
+/* ---- sign ----------------------------------------------------------------------------------- */
+
+/* Pseudo-normal (any length) of the vertex, edge or face interior the point lies on. */
+static void pseudo_normal(const apsm_bvh *bvh, const apsm_surface_point *p, double n[3])
+{
+    const size_t f = p->face;
+    int positive = 0, last = 0, zero = 0;
+    for (int k = 0; k < 3; k++) {
+        positive += p->weight[k] > 0.0;
+        if (p->weight[k] > 0.0)
+            last = k;
+        else
+            zero = k;
+    }
+    if (positive == 1) {
+        const size_t v = bvh->mesh->F[3 * f + (size_t)last];
+        memcpy(n, bvh->vertex_normal + 3 * v, 3 * sizeof *n);
+        return;
+    }
+    memcpy(n, bvh->face_normal + 3 * f, 3 * sizeof *n);
+    if (positive == 3) return;
+    const uint32_t twin = bvh->twin[3 * f + (size_t)((zero + 1) % 3)]; /* the edge facing `zero` */
+    if (twin != APSM_NONE) vec3_add_scaled(n, 1.0, bvh->face_normal + 3 * (size_t)(twin / 3));
+}
+
+double apsm_bvh_signed_distance(const apsm_bvh *bvh, const double x[3], apsm_closest *out)
+{
+    apsm_closest here;
+    double n[3], d[3];
+    if (!out) out = &here;
+    apsm_bvh_closest(bvh, x, INFINITY, out);
+    pseudo_normal(bvh, &out->on, n);
+    vec3_sub(x, out->x, d);
+    const double distance = sqrt(out->distance2);
+    return vec3_dot(d, n) < 0.0 ? -distance : distance;
+}
+
+/* ---- rays ----------------------------------------------------------------------------------- */
+
+/* The ray in Woop's frame: axis z is d's largest component, x and y are sheared so that d
+ * becomes (0, 0, 1). */
+typedef struct ray {
+    double x[3], q[3], dq[3], shear[3]; /* q, dq: x, d in the tree's frame */
+    int axis[3];
+    double t_min, best;
+    uint32_t face;
+} ray;
+
+static ray make_ray(const apsm_bvh *bvh, const double x[3], const double d[3], double t_min,
+                    double t_max)
+{
+    ray r = { .t_min = t_min, .best = t_max, .face = APSM_NONE };
+    int z = 0;
+    for (int c = 0; c < 3; c++) {
+        r.x[c] = x[c];
+        r.q[c] = (x[c] - bvh->centre[c]) * bvh->scale;
+        r.dq[c] = d[c] * bvh->scale;
+        if (fabs(d[c]) > fabs(d[z])) z = c;
+    }
+    const int swap = d[z] < 0.0; /* keeps the frame right-handed; any hit counts, so no matter */
+    r.axis[0] = (z + 1 + swap) % 3;
+    r.axis[1] = (z + 2 - swap) % 3;
+    r.axis[2] = z;
+    r.shear[0] = d[r.axis[0]] / d[z];
+    r.shear[1] = d[r.axis[1]] / d[z];
+    r.shear[2] = 1.0 / d[z];
+    return r;
+}
+
+static void shear_corner(const ray *r, const double p[3], double out[3])
+{
+    double v[3];
+    vec3_sub(p, r->x, v);
+    out[0] = v[r->axis[0]] - r->shear[0] * v[r->axis[2]];
+    out[1] = v[r->axis[1]] - r->shear[1] * v[r->axis[2]];
+    out[2] = r->shear[2] * v[r->axis[2]];
+}
+
+/* Hit if the origin lies on one side of all three edges of the sheared triangle; faces that
+ * share an edge compute the same number for it, with opposite sign. */
+static void hit_triangle(ray *r, const triangle *t)
+{
+    double a[3], b[3], c[3];
+    shear_corner(r, t->a, a);
+    shear_corner(r, t->b, b);
+    shear_corner(r, t->c, c);
+    const double u = c[0] * b[1] - c[1] * b[0], v = a[0] * c[1] - a[1] * c[0],
+                 w = b[0] * a[1] - b[1] * a[0];
+    if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0)) return;
+    const double det = u + v + w;
+    if (det == 0.0) return;
+    const double way = (u * a[2] + v * b[2] + w * c[2]) / det;
+    if (!(way > r->t_min)) return;
+    if (!(way < r->best || (way == r->best && r->face != APSM_NONE && t->face < r->face))) return;
+    r->best = way;
+    r->face = t->face;
+}
+
+/* Where the ray enters box k of the node, a little early; INFINITY if it misses.  Origin and
+ * direction are in the tree's frame, both scaled alike, so t is the same as outside. */
+static float box_entry(const node *n, int k, const ray *r)
+{
+    double enter = r->t_min, leave = r->best;
+    for (int c = 0; c < 3; c++) {
+        const double lo = (double)n->lo[c][k] - r->q[c], hi = (double)n->hi[c][k] - r->q[c];
+        if (r->dq[c] == 0.0) {
+            if (lo > 0.0 || hi < 0.0) return INFINITY;
+            continue;
+        }
+        const double near = (r->dq[c] > 0.0 ? lo : hi) / r->dq[c],
+                     far = (r->dq[c] > 0.0 ? hi : lo) / r->dq[c];
+        enter = near > enter ? near : enter;
+        leave = far < leave ? far : leave;
+    }
+    return enter <= leave ? (float)(enter - fabs(enter) * 0x1p-20) : INFINITY;
+}
+
+double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], double t_min,
+                    double t_max, uint32_t *face)
+{
+    ray r = make_ray(bvh, x, d, t_min, t_max);
+    entry stack[STACK];
+    int top = 1;
+    stack[0] = (entry){ -INFINITY, 0, 0 };
+    while (top > 0) {
+        const entry e = stack[--top];
+        if ((double)e.key > r.best) continue;
+        for (uint32_t i = e.first; i < e.first + e.count; i++) hit_triangle(&r, &bvh->triangles[i]);
+        if (e.count > 0) continue;
+        const node *n = &bvh->nodes[e.first];
+        float key[WIDTH];
+        for (int k = 0; k < n->children; k++) key[k] = box_entry(n, k, &r);
+        top = push_children(n, key, FLT_MAX, stack, top);
+    }
+    if (face) *face = r.face;
+    return r.face == APSM_NONE ? INFINITY : r.best;
+}
