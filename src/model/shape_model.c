@@ -1,0 +1,143 @@
+/* Principal components of corresponding particles by the method of snapshots (Sirovich, Quart.
+ * Appl. Math. 45, 1987): with the deviations Y (I x 3J) from the mean,
+ *   G = Y Y^T = Q diag(s^2) Q^T   (I x I)
+ *   mode_k = s_k^-1 (row k of Q^T) Y,   variance_k = s_k^2 / (I - 1),   score_ik = s_k Q_ik
+ * so the 3J x 3J covariance is never made. */
+#include "apsm/shape_model.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/linalg.h"
+
+static apsm_status check_finite(apsm_context *ctx, size_t I, size_t J, const double *P)
+{
+    for (size_t k = 0; k < 3 * I * J; k++)
+        if (!isfinite(P[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE,
+                             "particle %zu of shape %zu is not finite: repair the particles first",
+                             k / 3 % J, k / (3 * J));
+    return APSM_OK;
+}
+
+/* Sums differences to shape 0, which keeps digits when the cohort lies far from the origin and
+ * makes the deviations of equal shapes exactly zero. */
+static void mean_and_deviations(size_t I, size_t n, const double *P, double *mean, double *Y)
+{
+    memset(mean, 0, n * sizeof *mean);
+    for (size_t i = 0; i < I; i++)
+        for (size_t k = 0; k < n; k++) {
+            Y[i * n + k] = P[i * n + k] - P[k];
+            mean[k] += Y[i * n + k];
+        }
+    for (size_t k = 0; k < n; k++) mean[k] /= (double)I;
+    for (size_t i = 0; i < I; i++)
+        for (size_t k = 0; k < n; k++) Y[i * n + k] -= mean[k];
+    for (size_t k = 0; k < n; k++) mean[k] += P[k];
+}
+
+static size_t count_modes(size_t I, const double *w)
+{
+    size_t r = 0;
+    while (r + 1 < I && w[r] > 0.0 && w[r] > APSM_ZERO_VARIANCE * w[0]) r++;
+    return r;
+}
+
+/* Makes row x (n) a unit vector and gives back -1 if its largest entry is negative, else 1. */
+static double unit_and_sign(size_t n, double *x)
+{
+    double norm2 = 0.0, largest = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        norm2 += x[k] * x[k];
+        if (fabs(x[k]) > fabs(largest)) largest = x[k];
+    }
+    const double sign = largest < 0.0 ? -1.0 : 1.0, factor = sign / sqrt(norm2);
+    for (size_t k = 0; k < n; k++) x[k] *= factor;
+    return sign;
+}
+
+static apsm_status alloc_modes(apsm_shape_model *model, size_t r)
+{
+    model->modes = r;
+    if (r == 0) return APSM_OK;
+    model->mode = malloc(r * 3 * model->J * sizeof *model->mode);
+    model->variance = malloc(r * sizeof *model->variance);
+    model->score = malloc(model->I * r * sizeof *model->score);
+    return model->mode && model->variance && model->score ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* Y: deviations; G: their Gram matrix, destroyed; w (I) and Q (I x I): scratch. */
+static apsm_status fit_modes(apsm_shape_model *model, const double *Y, double *G, double *w,
+                             double *Q)
+{
+    const size_t I = model->I, n = 3 * model->J;
+    APSM_TRY(apsm_symmetric_eigen(I, G, w, Q));
+    const size_t r = count_modes(I, w);
+    APSM_TRY(alloc_modes(model, r));
+    if (r == 0) return APSM_OK;
+    apsm_gemm(0, 0, r, n, I, 1.0, Q, I, Y, n, 0.0, model->mode, n);
+    for (size_t k = 0; k < r; k++) {
+        const double s = unit_and_sign(n, model->mode + k * n) * sqrt(w[k]);
+        model->variance[k] = w[k] / (double)(I - 1);
+        for (size_t i = 0; i < I; i++) model->score[i * r + k] = s * Q[k * I + i];
+    }
+    return APSM_OK;
+}
+
+apsm_status apsm_shape_model_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
+                                 apsm_shape_model *model)
+{
+    *model = (apsm_shape_model){ .I = I, .J = J };
+    if (I == 0 || J == 0 || !P)
+        return apsm_fail(ctx, APSM_ERR_ARG, "a shape model needs at least one shape and particle");
+    APSM_TRY(check_finite(ctx, I, J, P));
+    const size_t n = 3 * J;
+    model->mean = malloc(n * sizeof *model->mean);
+    double *Y = malloc(I * n * sizeof *Y), *G = malloc(I * I * sizeof *G);
+    double *Q = malloc(I * I * sizeof *Q), *w = malloc(I * sizeof *w);
+    apsm_status status = APSM_ERR_MEMORY;
+    if (model->mean && Y && G && Q && w) {
+        mean_and_deviations(I, n, P, model->mean, Y);
+        apsm_gram(I, n, 1.0, Y, G);
+        status = fit_modes(model, Y, G, w, Q);
+    }
+    free(Y);
+    free(G);
+    free(Q);
+    free(w);
+    if (status != APSM_OK) {
+        apsm_shape_model_free(model);
+        return apsm_fail(ctx, status, "shape model of %zu shapes with %zu particles: %s", I, J,
+                         apsm_status_text(status));
+    }
+    return APSM_OK;
+}
+
+void apsm_shape_model_free(apsm_shape_model *model)
+{
+    free(model->mean);
+    free(model->mode);
+    free(model->variance);
+    free(model->score);
+    *model = (apsm_shape_model){ 0 };
+}
+
+void apsm_shape_model_scores(const apsm_shape_model *model, const double *p, double *b)
+{
+    const size_t n = 3 * model->J;
+    for (size_t k = 0; k < model->modes; k++) {
+        const double *mode = model->mode + k * n;
+        b[k] = 0.0;
+        for (size_t c = 0; c < n; c++) b[k] += mode[c] * (p[c] - model->mean[c]);
+    }
+}
+
+void apsm_shape_model_synthesize(const apsm_shape_model *model, size_t m, const double *b,
+                                 double *x)
+{
+    const size_t n = 3 * model->J;
+    memcpy(x, model->mean, n * sizeof *x);
+    for (size_t k = 0; k < m; k++)
+        for (size_t c = 0; c < n; c++) x[c] += b[k] * model->mode[k * n + c];
+}
