@@ -1,0 +1,139 @@
+/* files.h -- reading and writing files so that nobody ever meets half of one.
+ *
+ * Nothing here depends on the process's locale: a number is written with a point and read with
+ * a point, wherever the program runs.  Paths are UTF-8 as the system gives them. */
+#ifndef APSM_FILES_H
+#define APSM_FILES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "apsm/context.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* ---- Writing ---------------------------------------------------------------------------- */
+
+/* A file being written beside its final place.  Until commit the old content of path stays as it
+ * was; after commit the new content is whole and on the disk. */
+typedef struct apsm_writer apsm_writer;
+
+/* Opens path + ".PID.tmp" in the same folder.  *writer (out) is owned by the caller, who ends it
+ * by commit or abort; NULL on failure.  ctx is borrowed until then. */
+apsm_status apsm_writer_open(apsm_context *ctx, const char *path,
+                             apsm_writer **writer) APSM_NODISCARD;
+
+/* Buffered writing.  The first failure sticks and is told by commit, so these need no check. */
+void apsm_writer_write(apsm_writer *writer, const void *data, size_t size);
+void apsm_writer_printf(apsm_writer *writer, const char *format, ...) APSM_PRINTF(2, 3);
+void apsm_writer_number(apsm_writer *writer, double x); /* shortest text that reads back as x */
+/* A CSV field (RFC 4180): quoted if it holds a comma, a quote or a line end. */
+void apsm_writer_csv(apsm_writer *writer, const char *text);
+/* True once a write has failed: a long loop may stop early. */
+bool apsm_writer_failed(const apsm_writer *writer);
+
+/* Flush, fsync, rename onto path, fsync of the folder.  On failure (APSM_ERR_IO) the temporary
+ * file is removed and path is untouched.  Frees writer either way; NULL is an error. */
+apsm_status apsm_writer_commit(apsm_writer *writer) APSM_NODISCARD;
+/* Removes the temporary file and frees writer; NULL is allowed. */
+void apsm_writer_abort(apsm_writer *writer);
+
+/* The last steps of commit for a file that another library has written under the name temp (in
+ * the folder of path): fsync, rename, fsync of the folder; on failure temp is removed. */
+apsm_status apsm_replace_file(apsm_context *ctx, const char *temp, const char *path) APSM_NODISCARD;
+
+/* ---- Reading ---------------------------------------------------------------------------- */
+
+/* The whole file, followed by one NUL byte that is not counted.  *data is malloc'ed.  A file of
+ * more than limit bytes is refused (APSM_ERR_FORMAT). */
+apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, char **data,
+                           size_t *size) APSM_NODISCARD;
+
+/* ---- Numbers as text -------------------------------------------------------------------- */
+
+enum { APSM_NUMBER_LENGTH = 32 };
+/* The shortest of 15, 16 or 17 significant digits that reads back as the same double; not finite:
+ * "nan", "inf", "-inf". */
+void apsm_format_number(double x, char text[APSM_NUMBER_LENGTH]);
+/* Reads one decimal number that fills text[0..length).  False if it is anything else: empty,
+ * hexadecimal, "nan", "inf", with a decimal comma, beyond the range of double. */
+bool apsm_parse_number(const char *text, size_t length, double *x);
+
+/* ---- Folders and paths ------------------------------------------------------------------ */
+
+/* mkdir -p. */
+apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
+bool apsm_file_exists(const char *path); /* anything that is not a folder */
+bool apsm_is_folder(const char *path);
+
+/* All return malloc'ed text, NULL only if out of memory. */
+char *apsm_path_join(const char *folder, const char *name); /* name itself if it is absolute */
+char *apsm_path_folder(const char *path);                   /* "." if path has no slash */
+/* path as seen from folder ("../x/y").  Existing parts are resolved first (symbolic links, "..").
+ */
+char *apsm_path_relative(const char *folder, const char *path);
+/* Last component without its extension; ".nii.gz" and ".gz" of others count as one extension. */
+char *apsm_path_stem(const char *path);
+
+/* ---- One run at a time ------------------------------------------------------------------ */
+
+/* An advisory lock on a folder (flock on FOLDER/.apsm.lock).  It vanishes with the process,
+ * however that ends. */
+typedef struct apsm_lock {
+    int fd; /* -1: not held */
+    char *path;
+} apsm_lock;
+
+/* APSM_ERR_STATE if another process holds it: the line names that process.  On file systems
+ * without locks a warning is logged and the call succeeds. */
+apsm_status apsm_lock_folder(apsm_context *ctx, const char *folder, apsm_lock *lock) APSM_NODISCARD;
+/* Removes the lock file; a lock that is zeroed or not held is allowed. */
+void apsm_unlock_folder(apsm_lock *lock);
+
+/* ---- SHA-256 (FIPS 180-4) --------------------------------------------------------------- */
+
+typedef struct apsm_sha256 {
+    uint32_t h[8];
+    uint64_t length; /* bytes so far */
+    unsigned char block[64];
+} apsm_sha256;
+
+void apsm_sha256_begin(apsm_sha256 *sha);
+void apsm_sha256_add(apsm_sha256 *sha, const void *data, size_t size);
+void apsm_sha256_end(apsm_sha256 *sha, unsigned char digest[32]);
+void apsm_sha256_hex(const unsigned char digest[32], char hex[65]);
+/* Of a file, read in pieces: O(1) memory. */
+apsm_status apsm_sha256_file(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;
+
+/* ---- JSON ------------------------------------------------------------------------------- */
+
+struct json_t; /* of jansson: include <jansson.h> to look inside */
+
+/* Reads a file holding one JSON value.  Syntax errors and repeated keys are refused with
+ * file:line:column.  *root is a new reference. */
+apsm_status apsm_json_read(apsm_context *ctx, const char *path,
+                           struct json_t **root) APSM_NODISCARD;
+/* Writes root (borrowed) atomically: keys in the order of insertion, indent 4, an array of plain
+ * values on one line, 17 significant digits.  root NULL: APSM_ERR_NONFINITE, since jansson makes
+ * no number of NaN. */
+apsm_status apsm_json_write(apsm_context *ctx, const char *path,
+                            const struct json_t *root) APSM_NODISCARD;
+/* Refuses root unless it is an object with "format": format and "version" 1..version. */
+apsm_status apsm_json_check(apsm_context *ctx, const char *path, const struct json_t *root,
+                            const char *format, int version) APSM_NODISCARD;
+
+/* New references; NULL if out of memory, the first two also if a value is not finite. */
+struct json_t *apsm_json_vector(size_t n, const double *x);
+struct json_t *apsm_json_matrix(size_t n, size_t m, const double *x); /* n rows of m */
+struct json_t *apsm_json_number_or_null(double x); /* null stands for "not defined" */
+/* The way back, into x (n x m); false if json (NULL allowed) has another shape or holds
+ * anything but numbers.  m = 0: one array of n numbers. */
+bool apsm_json_get_matrix(const struct json_t *json, size_t n, size_t m, double *x);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,89 @@
+/* From a project to a .swproj file that ShapeWorks reads: every value a string, keys in its order,
+ * and whatever we do not know as it was. */
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "files/io.h"
+#include "files/project_columns.h"
+
+/* Sets key to text; NULL removes it.  json_string refuses what is not UTF-8. */
+static bool set(json_t *row, const char *key, const char *text)
+{
+    if (!text) {
+        json_object_del(row, key);
+        return true;
+    }
+    return json_object_set_new(row, key, json_string(text)) == 0;
+}
+
+static void transform_text(const double M[16], char text[16 * APSM_NUMBER_LENGTH])
+{
+    char *at = text;
+    for (int i = 0; i < 16; i++) {
+        if (i > 0) *at++ = ' ';
+        apsm_format_number(M[i], at);
+        at += strlen(at);
+    }
+}
+
+/* A transform that has not changed keeps its text, digit for digit. */
+static bool set_transform(json_t *row, const char *key, bool has, const double M[16])
+{
+    char text[16 * APSM_NUMBER_LENGTH];
+    double old[16];
+    bool plain;
+    const char *before = json_string_value(json_object_get(row, key));
+    if (!has) return set(row, key, NULL);
+    if (before && apsm_transform_parse(before, old, &plain) && memcmp(old, M, sizeof old) == 0)
+        return true;
+    transform_text(M, text);
+    return set(row, key, text);
+}
+
+static bool set_mirrored(json_t *row, bool mirrored)
+{
+    if (mirrored) return set(row, "mirrored", "yes");
+    return !json_object_get(row, "mirrored") || set(row, "mirrored", "no");
+}
+
+/* The row of a subject as it is now; a new reference, NULL if it cannot be made. */
+static json_t *make_row(const apsm_project *p, const apsm_subject *s)
+{
+    char input[APSM_KEY_LENGTH], groomed[APSM_KEY_LENGTH], local[APSM_KEY_LENGTH],
+        world[APSM_KEY_LENGTH], alignment[APSM_KEY_LENGTH], procrustes[APSM_KEY_LENGTH];
+    json_t *row = json_copy(s->row);
+    if (row && set(row, "name", s->name) &&
+        set(row, apsm_project_input_key(p, row, input), s->shape) &&
+        set(row, apsm_project_key(p, "groomed_", groomed), s->groomed) &&
+        set(row, apsm_project_key(p, "local_particles_", local), s->local_particles) &&
+        set(row, apsm_project_key(p, "world_particles_", world), s->world_particles) &&
+        set_transform(row, apsm_project_key(p, "alignment_", alignment), s->has_alignment,
+                      s->alignment) &&
+        set_transform(row, apsm_project_key(p, "procrustes_", procrustes), s->has_procrustes,
+                      s->procrustes) &&
+        set_mirrored(row, s->mirrored))
+        return row;
+    json_decref(row);
+    return NULL;
+}
+
+apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_project *project)
+{
+    json_t *root = json_copy(project->root), *data = json_array();
+    if (!root || !data || json_object_set_new(root, "data", data) != 0) {
+        json_decref(root);
+        return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
+    }
+    for (size_t i = 0; i < project->n; i++)
+        if (json_array_append_new(data, make_row(project, &project->subjects[i])) != 0) {
+            json_decref(root);
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "%s: not written, a text of shape %zu is not valid UTF-8; rename its "
+                             "files",
+                             path, i + 1);
+        }
+    const apsm_status status = apsm_json_write(ctx, path, root);
+    json_decref(root);
+    return status;
+}

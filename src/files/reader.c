@@ -1,0 +1,69 @@
+/* Whole files into memory. */
+#include "files/io.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* Makes room for at least one more byte than used, up to limit + 1 (so that a file that is too
+ * long shows), and a final NUL.  The size that stat tells is a hint: files grow, pipes have none.
+ */
+static bool grow(char **data, size_t *capacity, size_t used, size_t limit)
+{
+    if (used < *capacity) return true;
+    size_t wanted = *capacity ? 2 * *capacity : 4096;
+    if (wanted > limit) wanted = limit + 1;
+    char *larger = realloc(*data, wanted + 1);
+    if (!larger) return false;
+    *data = larger;
+    *capacity = wanted;
+    return true;
+}
+
+static apsm_status read_all(apsm_context *ctx, const char *path, int fd, size_t limit, char **data,
+                            size_t *size)
+{
+    struct stat info;
+    if (fstat(fd, &info) != 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+    if (S_ISDIR(info.st_mode)) return apsm_fail_errno(ctx, path, "cannot be read", EISDIR);
+    size_t capacity = 0;
+    if (info.st_size > 0 && (size_t)info.st_size < limit) {
+        *data = malloc((size_t)info.st_size + 2);
+        if (!*data) return apsm_fail_errno(ctx, path, "cannot be read", ENOMEM);
+        capacity = (size_t)info.st_size + 1;
+    }
+    for (*size = 0;;) {
+        if (!grow(data, &capacity, *size, limit))
+            return apsm_fail_errno(ctx, path, "cannot be read", ENOMEM);
+        const ssize_t n = read(fd, *data + *size, capacity - *size);
+        if (n == 0) break;
+        if (n < 0 && errno != EINTR) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+        if (n > 0) *size += (size_t)n;
+        if (*size > limit)
+            return apsm_fail(ctx, APSM_ERR_FORMAT,
+                             "%s: larger than the %zu bytes such a file may have; is it the right "
+                             "file?",
+                             path, limit);
+    }
+    (*data)[*size] = '\0';
+    return APSM_OK;
+}
+
+apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, char **data,
+                           size_t *size)
+{
+    *data = NULL;
+    *size = 0;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+    const apsm_status status = read_all(ctx, path, fd, limit, data, size);
+    close(fd);
+    if (status != APSM_OK) {
+        free(*data);
+        *data = NULL;
+        *size = 0;
+    }
+    return status;
+}
