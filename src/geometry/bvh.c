@@ -11,8 +11,7 @@
  * and of queries far away.  So no box is farther than its triangles, and the result is that of
  * trying all triangles in double.  A power of two leaves every float as it is under scaling.
  *
- * Closest point of a triangle: Ericson, "Real-Time Collision Detection", 2005, 5.1.5, with the
- * dot products of the edges kept.  Signs: Baerentzen & Aanaes, "Signed distance computation
+ * Signs: Baerentzen & Aanaes, "Signed distance computation
  * using the angle weighted pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald,
  * "Watertight ray/triangle intersection", JCGT 2, 2013: no ray slips through an edge. */
 #include "apsm/bvh.h"
@@ -36,11 +35,12 @@ typedef struct node {
     uint8_t children; /* 1..4 of the above in use */
 } node;
 
+/* 128 bytes: two cache lines. */
 typedef struct triangle {
-    double a[3], b[3], c[3];
-    double ab2, ac2, abac; /* |b-a|^2, |c-a|^2, (b-a).(c-a) */
-    uint32_t face;
-    uint32_t flat; /* no area to speak of: its edges are all of it */
+    double p[3][3];       /* corners */
+    double n[3];          /* (p1 - p0) x (p2 - p0) */
+    double inverse_n2;    /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
+    double inverse_e2[3]; /* 1 / |p(k+1) - pk|^2; 0 for an edge without length */
 } triangle;
 
 struct apsm_bvh {
@@ -49,6 +49,7 @@ struct apsm_bvh {
     node *nodes;             /* nodes[0]: the root */
     size_t node_count;
     triangle *triangles; /* nf, in the order of the leaves */
+    uint32_t *face;      /* nf: their face numbers */
     double *face_normal; /* nf x 3 unit, by face number; zero for a degenerate face */
     double *vertex_normal;
     uint32_t *twin; /* 3 nf, as in apsm_topology */
@@ -258,22 +259,21 @@ static box face_box(const apsm_bvh *bvh, size_t f)
 
 static void fill_triangle(const apsm_bvh *bvh, uint32_t f, triangle *t)
 {
-    const uint32_t *F = bvh->mesh->F + 3 * (size_t)f;
-    double ab[3], ac[3], n[3];
-    memcpy(t->a, bvh->mesh->V + 3 * (size_t)F[0], sizeof t->a);
-    memcpy(t->b, bvh->mesh->V + 3 * (size_t)F[1], sizeof t->b);
-    memcpy(t->c, bvh->mesh->V + 3 * (size_t)F[2], sizeof t->c);
-    vec3_sub(t->b, t->a, ab);
-    vec3_sub(t->c, t->a, ac);
-    t->ab2 = vec3_dot(ab, ab);
-    t->ac2 = vec3_dot(ac, ac);
-    t->abac = vec3_dot(ab, ac);
-    t->face = f;
-    vec3_cross(ab, ac, n);
-    /* sin^2 of the corner's angle: below this the interior formula is rounding */
-    t->flat = vec3_dot(n, n) > 1e-20 * t->ab2 * t->ac2 ? 0 : 1;
-    vec3_normalise(n);
-    memcpy(bvh->face_normal + 3 * (size_t)f, n, sizeof n);
+    double e[3][3], e2[3];
+    for (size_t k = 0; k < 3; k++)
+        memcpy(t->p[k], bvh->mesh->V + 3 * (size_t)bvh->mesh->F[3 * (size_t)f + k], sizeof t->p[k]);
+    for (int k = 0; k < 3; k++) {
+        vec3_sub(t->p[(k + 1) % 3], t->p[k], e[k]);
+        e2[k] = vec3_dot(e[k], e[k]);
+        t->inverse_e2[k] = e2[k] > 0.0 ? 1.0 / e2[k] : 0.0;
+    }
+    vec3_cross(e[2], e[0], t->n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
+    const double n2 = vec3_dot(t->n, t->n);
+    /* sin^2 of the corner's angle: below this n is rounding */
+    t->inverse_n2 = n2 > 1e-24 * e2[0] * e2[2] ? 1.0 / n2 : 0.0;
+    double *unit = bvh->face_normal + 3 * (size_t)f;
+    memcpy(unit, t->n, sizeof t->n);
+    vec3_normalise(unit);
 }
 
 static apsm_status build_tree(apsm_bvh *bvh)
@@ -293,6 +293,7 @@ static apsm_status build_tree(apsm_bvh *bvh)
         build_binary(&t, 0, (uint32_t)nf, 0);
         build_wide(bvh, t.tree, 0);
         for (size_t i = 0; i < nf; i++) fill_triangle(bvh, t.order[i], &bvh->triangles[i]);
+        memcpy(bvh->face, t.order, nf * sizeof *bvh->face);
         status = APSM_OK;
     }
     free(boxes);
@@ -323,11 +324,12 @@ apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
     if (!bvh) return APSM_ERR_MEMORY;
     bvh->mesh = mesh;
     bvh->nodes = aligned_alloc(64, mesh->nf * 128);
-    bvh->triangles = malloc(mesh->nf * sizeof *bvh->triangles);
+    bvh->triangles = aligned_alloc(64, mesh->nf * sizeof *bvh->triangles);
+    bvh->face = malloc(mesh->nf * sizeof *bvh->face);
     bvh->face_normal = malloc(3 * mesh->nf * sizeof *bvh->face_normal);
     bvh->vertex_normal = malloc((3 * mesh->nv + 1) * sizeof *bvh->vertex_normal);
     apsm_status status = APSM_ERR_MEMORY;
-    if (bvh->nodes && bvh->triangles && bvh->face_normal && bvh->vertex_normal) {
+    if (bvh->nodes && bvh->triangles && bvh->face && bvh->face_normal && bvh->vertex_normal) {
         status = build_normals(bvh); /* checks the indices too */
         choose_frame(bvh);
         if (status == APSM_OK) status = build_tree(bvh);
@@ -344,6 +346,7 @@ void apsm_bvh_free(apsm_bvh *bvh)
     if (!bvh) return;
     free(bvh->nodes);
     free(bvh->triangles);
+    free(bvh->face);
     free(bvh->face_normal);
     free(bvh->vertex_normal);
     free(bvh->twin);
@@ -357,86 +360,61 @@ const apsm_mesh *apsm_bvh_mesh(const apsm_bvh *bvh)
 
 /* ---- closest point -------------------------------------------------------------------------- */
 
-/* Weights of the closest point of segment pq to x, written to *wp and *wq; its squared
- * distance. */
-static double closest_on_segment(const double x[3], const double p[3], const double q[3],
-                                 double *wp, double *wq)
+/* Closest point p_k + t (p_k+1 - p_k) of edge k; its squared distance. */
+static double closest_on_edge(const triangle *t, int k, const double x[3], double *along)
 {
-    double pq[3], px[3];
-    vec3_sub(q, p, pq);
+    const double *p = t->p[k], *q = t->p[(k + 1) % 3];
+    double e[3], px[3];
+    vec3_sub(q, p, e);
     vec3_sub(x, p, px);
-    const double length2 = vec3_dot(pq, pq), along = vec3_dot(px, pq);
-    const double t = !(along > 0.0) ? 0.0 : along >= length2 ? 1.0 : along / length2;
-    *wp = 1.0 - t;
-    *wq = t;
-    if (t == 0.0) return vec3_dot(px, px);
-    if (t == 1.0) return vec3_distance2(x, q);
-    vec3_add_scaled(px, -t, pq);
+    const double s = vec3_dot(px, e) * t->inverse_e2[k];
+    if (!(s > 0.0)) {
+        *along = 0.0;
+        return vec3_dot(px, px);
+    }
+    if (s >= 1.0) {
+        *along = 1.0;
+        return vec3_distance2(x, q);
+    }
+    *along = s;
+    vec3_add_scaled(px, -s, e);
     return vec3_dot(px, px);
 }
 
-/* A triangle without area: the best of its edges. */
-static double closest_on_flat(const triangle *t, const double x[3], double w[3])
-{
-    const double *corner[3] = { t->a, t->b, t->c };
-    double best = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        double wp, wq;
-        const int next = (k + 1) % 3;
-        const double d2 = closest_on_segment(x, corner[k], corner[next], &wp, &wq);
-        if (!(d2 < best)) continue;
-        best = d2;
-        w[k] = wp;
-        w[next] = wq;
-        w[3 - k - next] = 0.0;
-    }
-    return best;
-}
-
-static double vertex_hit(const double x[3], const double p[3], double w[3], int k)
-{
-    w[0] = w[1] = w[2] = 0.0;
-    w[k] = 1.0;
-    return vec3_distance2(x, p);
-}
-
 /* Squared distance of x to t; the weights w of the closest point are exactly 0 for the corners
- * it does not depend on, which tells vertex, edge and interior apart. */
+ * it does not depend on, which tells vertex, edge and interior apart.
+ *
+ * h_k = n . (e_k x (x - p_k)) is |n| |e_k| times the way from edge k inward.  If all are positive
+ * the foot on the plane is inside; otherwise the closest point lies on an edge with h_k <= 0,
+ * also at obtuse corners.  Cross products instead of the usual Gram matrix: the error is
+ * eps / sin(angle), not eps / sin^2, so slivers keep their digits. */
 static double closest_on_triangle(const triangle *t, const double x[3], double w[3])
 {
-    if (t->flat) return closest_on_flat(t, x, w);
-    double ab[3], ac[3], ax[3];
-    vec3_sub(t->b, t->a, ab);
-    vec3_sub(t->c, t->a, ac);
-    vec3_sub(x, t->a, ax);
-    const double d1 = vec3_dot(ab, ax), d2 = vec3_dot(ac, ax);
-    if (d1 <= 0.0 && d2 <= 0.0) return vertex_hit(x, t->a, w, 0);
-    const double d3 = d1 - t->ab2, d4 = d2 - t->abac; /* as d1, d2, from b */
-    if (d3 >= 0.0 && d4 <= d3) return vertex_hit(x, t->b, w, 1);
-    const double d5 = d1 - t->abac, d6 = d2 - t->ac2; /* from c */
-    if (d6 >= 0.0 && d5 <= d6) return vertex_hit(x, t->c, w, 2);
-    const double vc = d1 * d4 - d3 * d2;
-    if (vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0) {
-        w[2] = 0.0;
-        return closest_on_segment(x, t->a, t->b, &w[0], &w[1]);
+    double h[3], px[3], along = 0.0, best = INFINITY;
+    for (int k = 0; k < 3; k++) {
+        double e[3], m[3];
+        vec3_sub(t->p[(k + 1) % 3], t->p[k], e);
+        vec3_sub(x, t->p[k], px);
+        vec3_cross(e, px, m);
+        h[k] = vec3_dot(t->n, m);
     }
-    const double vb = d5 * d2 - d1 * d6;
-    if (vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0) {
-        w[1] = 0.0;
-        return closest_on_segment(x, t->a, t->c, &w[0], &w[2]);
+    if (t->inverse_n2 > 0.0 && h[0] > 0.0 && h[1] > 0.0 && h[2] > 0.0) {
+        const double height = vec3_dot(t->n, px), sum = h[0] + h[1] + h[2];
+        for (int k = 0; k < 3; k++) w[k] = h[(k + 1) % 3] / sum;
+        return height * height * t->inverse_n2;
     }
-    const double va = d3 * d6 - d5 * d4;
-    if (va <= 0.0 && d4 - d3 >= 0.0 && d5 - d6 >= 0.0) {
-        w[0] = 0.0;
-        return closest_on_segment(x, t->b, t->c, &w[1], &w[2]);
+    for (int k = 0; k < 3; k++) {
+        double s;
+        if (h[k] > 0.0 && t->inverse_n2 > 0.0) continue;
+        const double d2 = closest_on_edge(t, k, x, &s);
+        if (!(d2 < best)) continue;
+        best = d2;
+        along = s;
+        w[k] = 1.0 - along;
+        w[(k + 1) % 3] = along;
+        w[(k + 2) % 3] = 0.0;
     }
-    const double sum = va + vb + vc, v = vb / sum, u = vc / sum;
-    w[0] = 1.0 - v - u;
-    w[1] = v;
-    w[2] = u;
-    vec3_add_scaled(ax, -v, ab);
-    vec3_add_scaled(ax, -u, ac);
-    return vec3_dot(ax, ax);
+    return best;
 }
 
 typedef struct query {
@@ -444,11 +422,10 @@ typedef struct query {
     float q[3];      /* x in the tree's frame */
     const double *n; /* NULL: faces of any direction */
     double min_cos;
-    double best;        /* squared distance, exact */
-    float bound;        /* the same in the tree's frame, rounded up */
-    double to_bound;    /* best * to_bound -> bound */
-    const triangle *on; /* NULL: nothing yet */
-    double weight[3];
+    double best;           /* squared distance, exact */
+    float bound;           /* the same in the tree's frame, rounded up */
+    double to_bound;       /* best * to_bound -> bound */
+    apsm_surface_point on; /* face 0 and no weight: nothing yet */
 } query;
 
 static void tighten(query *s, double best)
@@ -465,14 +442,15 @@ static bool faces(const apsm_bvh *bvh, const query *s, uint32_t f)
 
 static void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t first, uint32_t count)
 {
-    for (const triangle *t = bvh->triangles + first; t < bvh->triangles + first + count; t++) {
+    for (uint32_t i = first; i < first + count; i++) {
         double w[3];
-        if (!faces(bvh, s, t->face)) continue;
-        const double d2 = closest_on_triangle(t, s->x, w);
-        if (!(d2 < s->best || (d2 == s->best && s->on && t->face < s->on->face))) continue;
+        const uint32_t f = bvh->face[i];
+        if (!faces(bvh, s, f)) continue;
+        const double d2 = closest_on_triangle(&bvh->triangles[i], s->x, w);
+        if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) continue;
         tighten(s, d2);
-        s->on = t;
-        memcpy(s->weight, w, sizeof w);
+        s->on.face = f;
+        memcpy(s->on.weight, w, sizeof w);
     }
 }
 
@@ -538,10 +516,9 @@ static void find_closest(const apsm_bvh *bvh, const double x[3], const double *n
     tighten(&s, max_distance2);
     search(bvh, &s);
     *out = (apsm_closest){ .distance2 = INFINITY };
-    if (!s.on) return;
+    if (s.on.weight[0] + s.on.weight[1] + s.on.weight[2] == 0.0) return;
     out->distance2 = s.best;
-    out->on.face = s.on->face;
-    memcpy(out->on.weight, s.weight, sizeof s.weight);
+    out->on = s.on;
     apsm_surface_position(bvh->mesh, &out->on, out->x);
 }
 
@@ -637,12 +614,12 @@ static void shear_corner(const ray *r, const double p[3], double out[3])
 
 /* Hit if the origin lies on one side of all three edges of the sheared triangle; faces that
  * share an edge compute the same number for it, with opposite sign. */
-static void hit_triangle(ray *r, const triangle *t)
+static void hit_triangle(ray *r, const triangle *t, uint32_t f)
 {
     double a[3], b[3], c[3];
-    shear_corner(r, t->a, a);
-    shear_corner(r, t->b, b);
-    shear_corner(r, t->c, c);
+    shear_corner(r, t->p[0], a);
+    shear_corner(r, t->p[1], b);
+    shear_corner(r, t->p[2], c);
     const double u = c[0] * b[1] - c[1] * b[0], v = a[0] * c[1] - a[1] * c[0],
                  w = b[0] * a[1] - b[1] * a[0];
     if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0)) return;
@@ -650,9 +627,9 @@ static void hit_triangle(ray *r, const triangle *t)
     if (det == 0.0) return;
     const double way = (u * a[2] + v * b[2] + w * c[2]) / det;
     if (!(way > r->t_min)) return;
-    if (!(way < r->best || (way == r->best && r->face != APSM_NONE && t->face < r->face))) return;
+    if (!(way < r->best || (way == r->best && r->face != APSM_NONE && f < r->face))) return;
     r->best = way;
-    r->face = t->face;
+    r->face = f;
 }
 
 /* Where the ray enters box k of the node, a little early; INFINITY if it misses.  Origin and
@@ -684,7 +661,8 @@ double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], d
     while (top > 0) {
         const entry e = stack[--top];
         if ((double)e.key > r.best) continue;
-        for (uint32_t i = e.first; i < e.first + e.count; i++) hit_triangle(&r, &bvh->triangles[i]);
+        for (uint32_t i = e.first; i < e.first + e.count; i++)
+            hit_triangle(&r, &bvh->triangles[i], bvh->face[i]);
         if (e.count > 0) continue;
         const node *n = &bvh->nodes[e.first];
         float key[WIDTH];
