@@ -1,0 +1,91 @@
+/* metrics.h -- how good a shape model is: compactness, generalization, specificity, and the
+ * surface distances of its particles, under named definitions (METHOD section 9).
+ *
+ * The distance between two particle sets is the mean over particles of the Euclidean distance,
+ * in the unit of the particles.  Arrays over modes have fixed lengths, compactness and specificity
+ * I - 1, generalization I - 2, entry m - 1 for m modes; once a (sub)model has no further mode, its
+ * values stay as they are. */
+#ifndef APSM_METRICS_H
+#define APSM_METRICS_H
+
+#include "apsm/shape_model.h"
+#include "apsm/surface_distance.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What differs is how specificity samples the model, and which surface distance is reported.
+ * Same order as the option `definition`. */
+typedef enum apsm_definition {
+    APSM_DEFINITION_STANDARD,  /* score_k ~ N(0, variance_k), 1,000 samples; two-way distance */
+    APSM_DEFINITION_PAPER,     /* score_k uniform in +-3 sd, 25,000 samples; two-way distance */
+    APSM_DEFINITION_SHAPEWORKS /* score_k ~ N(0, sqrt((I-1) variance_k)), 1,000 samples: the
+                                  singular value where a variance belongs, so that the result
+                                  depends on the unit; distance by push, pull, disagreement */
+} apsm_definition;
+
+const char *apsm_definition_name(apsm_definition d);    /* "standard", ...; constant string */
+const char *apsm_definition_text(apsm_definition d);    /* one line to print beside the numbers */
+const char *apsm_definition_warning(apsm_definition d); /* one line to warn with, or NULL */
+size_t apsm_definition_samples(apsm_definition d);      /* 1,000 or 25,000 */
+
+/* Share of the variance in the first m modes; compactness (I-1, out).  All 1 without variance. */
+void apsm_compactness(const apsm_shape_model *model, double *compactness);
+
+/* Leave-one-out: mean over shapes of the distance of p_i to its projection on the first m modes
+ * of the model of the others.  generalization (I-2, out), error (I-2, out, or NULL): standard error
+ * over the shapes.  No model is refitted: the spectrum of the others is a rank-one downdate
+ * (O(I^2) a shape, src/evaluate/downdate.c).  O(I^3 J) multiplications, O(threads (I^2 + I 10^3))
+ * scratch, parallel over shapes. */
+apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model,
+                                double *generalization, double *error) APSM_NODISCARD;
+
+/* Mean over samples of the distance to the nearest training shape.  Sample k of m modes is that of
+ * m - 1 modes plus one mode's term, so all m are judged by the same draws.  Draws come from the
+ * context's seed, stream APSM_STREAM_SPECIFICITY, index k.  samples 0: the definition's number.
+ * specificity (I-1, out), error (I-1, out, or NULL): standard error over the samples.  The search
+ * is exact; parallel over samples. */
+apsm_status apsm_specificity(apsm_context *ctx, const apsm_shape_model *model,
+                             apsm_definition definition, size_t samples, double *specificity,
+                             double *error) APSM_NODISCARD;
+/* The same for given scores (samples x modes, length units). */
+apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model, size_t samples,
+                                const double *scores, double *specificity,
+                                double *error) APSM_NODISCARD;
+
+/* What to evaluate: particles, and what the surface distances need. */
+typedef struct apsm_evaluate_input {
+    size_t I, J;
+    const double *P; /* I x J x 3, world frame */
+    apsm_definition definition;
+    size_t samples;                 /* 0: the definition's number */
+    const apsm_mesh_source *shape;  /* the meshes of the shapes in the world frame; NULL: no
+                                       surface distances */
+    const apsm_mesh *template_mesh; /* warped to every shape; world frame */
+    size_t template_index;
+} apsm_evaluate_input;
+
+/* Owns its arrays. */
+typedef struct apsm_evaluation {
+    size_t shapes, particles, modes, samples;
+    apsm_definition definition;
+    double *variance;                                      /* modes */
+    double *compactness;                                   /* shapes - 1 */
+    double *generalization, *generalization_error;         /* shapes - 2 */
+    double *specificity, *specificity_error;               /* shapes - 1 */
+    size_t n_compactness, n_generalization, n_specificity; /* those lengths, 0 if negative */
+    apsm_surface_distance *surface;                        /* shapes, or NULL */
+    apsm_surface_summary surface_summary;
+} apsm_evaluation;
+
+/* Everything above in one call.  A definition with a warning logs it.  evaluation is overwritten,
+ * not freed. */
+apsm_status apsm_evaluate(apsm_context *ctx, const apsm_evaluate_input *input,
+                          apsm_evaluation *evaluation) APSM_NODISCARD;
+void apsm_evaluation_free(apsm_evaluation *evaluation);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

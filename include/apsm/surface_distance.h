@@ -1,0 +1,89 @@
+/* surface_distance.h -- how far a reconstruction (the warped template) is from a shape's own
+ * surface, by the paper's definition and by ShapeWorks' (METHOD section 9).  All distances are from
+ * a vertex to the nearest point of the other surface's triangles, unsigned, in input units. */
+#ifndef APSM_SURFACE_DISTANCE_H
+#define APSM_SURFACE_DISTANCE_H
+
+#include "apsm/bvh.h"
+#include "apsm/mesh.h"
+#include "apsm/warp.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Of a list of distances with weights.  A quantile q is the smallest distance that at least the
+ * share q of the weight does not exceed. */
+typedef struct apsm_distance_summary {
+    double mean, median, p95, p99, max;
+} apsm_distance_summary;
+
+typedef struct apsm_surface_distance {
+    apsm_distance_summary two_way; /* paper: both directions' vertices in one list, unweighted */
+    apsm_distance_summary pull;    /* ShapeWorks: reconstruction to shape, unweighted */
+    apsm_distance_summary push;    /* ShapeWorks: shape to reconstruction, by vertex area */
+    apsm_distance_summary disagreement; /* ShapeWorks: at a shape's vertex the larger of push and
+                                           the pulls that land on its triangles; by vertex area */
+    double diagonal; /* of the shape's bounding box; ShapeWorks also reports distance / diagonal */
+} apsm_surface_distance;
+
+/* Over a cohort: `mean` is the mean of the shapes' means, `max` the largest distance of all,
+ * `mean_max` the mean of the shapes' maxima. */
+typedef struct apsm_surface_aggregate {
+    double mean, max, mean_max;
+} apsm_surface_aggregate;
+typedef struct apsm_surface_summary {
+    apsm_surface_aggregate two_way;                  /* all shapes */
+    apsm_surface_aggregate pull, push, disagreement; /* without the template, as ShapeWorks */
+} apsm_surface_summary;
+
+/* Summary of n >= 1 distances; weight NULL: all 1.  order (n) is scratch.  O(n log n). */
+void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,
+                             apsm_distance_summary *summary);
+
+/* distance (n, out) of points X (n x 3) to the mesh of the tree; face (n, out; may be NULL) is
+ * the closest triangle. */
+void apsm_point_distances(const apsm_bvh *bvh, size_t n, const double *X, double *distance,
+                          uint32_t *face);
+
+/* Per-vertex distances for heat maps; each array may be NULL.  Sizes: reconstruction nv, shape nv,
+ * shape nv. */
+typedef struct apsm_distance_fields {
+    double *pull, *push, *disagreement;
+} apsm_distance_fields;
+
+/* Compares a shape with its reconstruction.  shape_bvh is the shape's tree, or NULL to make one
+ * here; fields NULL: not wanted.  Neither mesh may be empty (APSM_ERR_GEOMETRY). */
+apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *shape,
+                                          const apsm_bvh *shape_bvh,
+                                          const apsm_mesh *reconstruction,
+                                          const apsm_distance_fields *fields,
+                                          apsm_surface_distance *result) APSM_NODISCARD;
+
+/* Where the meshes of a cohort come from: get lends the mesh of shape i and, if there is one, its
+ * tree (else NULL); release (may be NULL) gives both back.  Both are called from several threads at
+ * a time, for different i. */
+typedef struct apsm_mesh_source {
+    apsm_status (*get)(apsm_context *ctx, size_t i, const apsm_mesh **mesh, const apsm_bvh **bvh,
+                       void *user);
+    void (*release)(size_t i, const apsm_mesh *mesh, const apsm_bvh *bvh, void *user);
+    void *user;
+} apsm_mesh_source;
+/* A source of meshes[i], borrowed. */
+apsm_mesh_source apsm_mesh_source_array(const apsm_mesh *meshes);
+
+/* Distances of every shape to the template's mesh warped to its particles P (I x J x 3, in the
+ * frame of the meshes).  warp is that of template_mesh's vertices.  result (I, out).  Parallel over
+ * shapes. */
+apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
+                                   const apsm_mesh *template_mesh, size_t I, const double *P,
+                                   const apsm_mesh_source *shape,
+                                   apsm_surface_distance *result) APSM_NODISCARD;
+/* template_index >= I: no shape is the template. */
+void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, size_t template_index,
+                            apsm_surface_summary *summary);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,35 @@
+/* warp.h -- takes the template's mesh to any shape of the model: the interpolant of METHOD
+ * section 9 through the particles is linear in the target's particles, y = W P, with W (nv x J)
+ * from the template alone. */
+#ifndef APSM_WARP_H
+#define APSM_WARP_H
+
+#include "apsm/mesh.h"
+#include "apsm/polyharmonic.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Owns W.  Zero-initialise with {0}; apsm_warp_free leaves it so. */
+typedef struct apsm_warp {
+    size_t nv, J;
+    size_t merged; /* template particles that share their place with another */
+    double *W;     /* nv x J; rows sum to 1 */
+} apsm_warp;
+
+/* The warp of n points X (n x 3; a mesh's vertices) that follows the template's particles
+ * P (J x 3).  phi: APSM_PHI_R is METHOD's.  Particles within 1e-9 of the set's diagonal count as
+ * one that goes to the mean of their targets; a warning is logged.  J^3/3 + n J^2 flops, 8 n J
+ * bytes. APSM_ERR_GEOMETRY: fewer than 5 distinct particles, or all in a plane. */
+apsm_status apsm_warp_build(apsm_context *ctx, apsm_phi phi, size_t n, const double *X, size_t J,
+                            const double *P, apsm_warp *warp) APSM_NODISCARD;
+void apsm_warp_free(apsm_warp *warp);
+
+/* Y (nv x 3, out) = W P for a shape's particles P (J x 3). */
+void apsm_warp_apply(const apsm_warp *warp, const double *P, double *Y);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
