@@ -29,6 +29,7 @@ typedef struct apsm_polyharmonic {
     double ridge;            /* added to the diagonal, relative to its mean; 0 unless needed */
     double R[16];            /* 4 x 4 upper triangle: Q = H [R; 0], H = I - V T V^T */
     double T[16];            /* 4 x 4 upper triangle */
+    double A11[16];          /* 4 x 4: A on the range of Q */
     double *V;               /* n x 4 Householder vectors */
     double *C;               /* (n-4) x 4: the block Z^T A (range of Q) */
     double *L;               /* (n-4) x (n-4) Cholesky factor of +-Z^T A Z, or NULL */

@@ -1,0 +1,107 @@
+/* The calls of BLAS and LAPACK.  A row-major lower triangle is LAPACK's column-major upper one,
+ * so nothing is ever transposed or copied. */
+#include "apsm/linalg.h"
+
+#include <cblas.h>
+#include <lapacke.h>
+#include <math.h>
+
+void apsm_linalg_single_thread(void)
+{
+    openblas_set_num_threads(1);
+}
+
+apsm_status apsm_cholesky(size_t n, double *A)
+{
+    const lapack_int m = (lapack_int)n;
+    if (n == 0) return APSM_OK;
+    if (LAPACKE_dpotrf_work(LAPACK_COL_MAJOR, 'U', m, A, m) != 0) return APSM_ERR_SINGULAR;
+    return isfinite(A[n * n - 1]) ? APSM_OK : APSM_ERR_SINGULAR;
+}
+
+apsm_status apsm_cholesky_f32(size_t n, float *A)
+{
+    const lapack_int m = (lapack_int)n;
+    if (n == 0) return APSM_OK;
+    if (LAPACKE_spotrf_work(LAPACK_COL_MAJOR, 'U', m, A, m) != 0) return APSM_ERR_SINGULAR;
+    return isfinite(A[n * n - 1]) ? APSM_OK : APSM_ERR_SINGULAR;
+}
+
+void apsm_cholesky_solve(size_t n, const double *L, size_t m, double *B)
+{
+    const int N = (int)n, M = (int)m;
+    if (n == 0 || m == 0) return;
+    if (m == 1) {
+        cblas_dtrsv(CblasRowMajor, CblasLower, CblasNoTrans, CblasNonUnit, N, L, N, B, 1);
+        cblas_dtrsv(CblasRowMajor, CblasLower, CblasTrans, CblasNonUnit, N, L, N, B, 1);
+        return;
+    }
+    cblas_dtrsm(CblasRowMajor, CblasLeft, CblasLower, CblasNoTrans, CblasNonUnit, N, M, 1.0, L, N,
+                B, M);
+    cblas_dtrsm(CblasRowMajor, CblasLeft, CblasLower, CblasTrans, CblasNonUnit, N, M, 1.0, L, N, B,
+                M);
+}
+
+void apsm_cholesky_solve_f32(size_t n, const float *L, size_t m, float *B)
+{
+    const int N = (int)n, M = (int)m;
+    if (n == 0 || m == 0) return;
+    if (m == 1) {
+        cblas_strsv(CblasRowMajor, CblasLower, CblasNoTrans, CblasNonUnit, N, L, N, B, 1);
+        cblas_strsv(CblasRowMajor, CblasLower, CblasTrans, CblasNonUnit, N, L, N, B, 1);
+        return;
+    }
+    cblas_strsm(CblasRowMajor, CblasLeft, CblasLower, CblasNoTrans, CblasNonUnit, N, M, 1.0f, L, N,
+                B, M);
+    cblas_strsm(CblasRowMajor, CblasLeft, CblasLower, CblasTrans, CblasNonUnit, N, M, 1.0f, L, N, B,
+                M);
+}
+
+double apsm_cholesky_logdet(size_t n, const double *L)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < n; i++) sum += log(L[i * n + i]);
+    return 2.0 * sum;
+}
+
+/* LAPACK gives ascending eigenvalues and, seen row-major, eigenvectors as rows. */
+apsm_status apsm_symmetric_eigen(size_t n, double *A, double *w, double *Q)
+{
+    const lapack_int m = (lapack_int)n;
+    if (n == 0) return APSM_OK;
+    const lapack_int info = LAPACKE_dsyevd(LAPACK_COL_MAJOR, 'V', 'U', m, A, m, w);
+    if (info == LAPACK_WORK_MEMORY_ERROR) return APSM_ERR_MEMORY;
+    if (info != 0) return APSM_ERR_NONFINITE;
+    for (size_t i = 0; i < n / 2; i++) {
+        const double t = w[i];
+        w[i] = w[n - 1 - i];
+        w[n - 1 - i] = t;
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < n; k++) Q[i * n + k] = A[(n - 1 - i) * n + k];
+    return APSM_OK;
+}
+
+void apsm_gemm(int transA, int transB, size_t m, size_t n, size_t k, double alpha, const double *A,
+               size_t lda, const double *B, size_t ldb, double beta, double *C, size_t ldc)
+{
+    if (m == 0 || n == 0) return;
+    cblas_dgemm(CblasRowMajor, transA ? CblasTrans : CblasNoTrans,
+                transB ? CblasTrans : CblasNoTrans, (int)m, (int)n, (int)k, alpha, A, (int)lda, B,
+                (int)ldb, beta, C, (int)ldc);
+}
+
+void apsm_gram(size_t m, size_t n, double alpha, const double *Y, double *G)
+{
+    if (m == 0) return;
+    cblas_dsyrk(CblasRowMajor, CblasLower, CblasNoTrans, (int)m, (int)n, alpha, Y, (int)n, 0.0, G,
+                (int)m);
+    for (size_t i = 0; i < m; i++)
+        for (size_t j = 0; j < i; j++) G[j * m + i] = G[i * m + j];
+}
+
+void apsm_gemv(size_t m, size_t n, const double *A, const double *x, double *y)
+{
+    if (m == 0) return;
+    cblas_dgemv(CblasRowMajor, CblasNoTrans, (int)m, (int)n, 1.0, A, (int)n, x, 1, 0.0, y, 1);
+}

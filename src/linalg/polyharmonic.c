@@ -1,0 +1,576 @@
+/* Polyharmonic interpolation; METHOD (1), (2).
+ *
+ *   X    n x 3 centres, here scaled to the unit box   A_kl = phi(|x_k - x_l|)
+ *   Q    n x 4, rows [1 x y z]                        Q = H [R; 0], H = I - V T V^T orthogonal
+ *   A'   H^T A H, of which the first 4 rows and columns belong to the range of Q, the others to
+ *        the null space of Q^T, where s A' is positive definite, s = -1 for r, +1 for r^3
+ *        (Micchelli 1986: phi is conditionally definite of order 1 and 2)
+ *
+ * With w = H [w1; u] the system [A Q; Q^T 0][w; c] = [v; d] falls apart into
+ *   w1 = R^-T d
+ *   u  = A'22^-1 ((H^T v)_2 - A'21 w1)          by Cholesky of s A'22
+ *   c  = R^-1 ((H^T v)_1 - A'11 w1 - A'12 u)
+ * Half the work of LU, and no pivoting.  A' = A - V W^T - W V^T with W = Z - V S/2, Z = A V T,
+ * S = T^T V^T Z: one sweep over A. */
+#include "apsm/polyharmonic.h"
+
+#include <float.h>
+#include <math.h>
+#include <string.h>
+
+#include "apsm/linalg.h"
+#include "core/kernel.h"
+
+enum { LANES = 16 };
+
+static double sign_of(apsm_phi phi)
+{
+    return phi == APSM_PHI_R ? -1.0 : 1.0;
+}
+
+/* ---- sizes ---- */
+
+size_t apsm_polyharmonic_store_size(size_t n, bool single)
+{
+    const size_t m = n - 4;
+    return 4 * n + 4 * m + (single ? (m * m + 1) / 2 : m * m); /* V, C, L */
+}
+
+size_t apsm_polyharmonic_factor_work_size(size_t n)
+{
+    return n * n + 15 * n; /* A, x, W, W^T, V^T */
+}
+
+size_t apsm_polyharmonic_solve_work_size(size_t n, size_t m)
+{
+    return 2 * n * m + 16 * m + n * m / 2 + 1; /* right-hand sides of map, Y, four 4 x m, float Y */
+}
+
+size_t apsm_polyharmonic_resolve_work_size(size_t n)
+{
+    /* A and so on; V; v, u, r, z, p, A p; scratch of the preconditioner */
+    return apsm_polyharmonic_factor_work_size(n) + 4 * n + 7 * n +
+           apsm_polyharmonic_solve_work_size(n, 1);
+}
+
+/* ---- the unit box ---- */
+
+/* scale is a power of two: the box's longest side becomes 0.5..1 and no digit is lost. */
+static apsm_status unit_box(size_t n, const double *X, double centre[3], double *scale)
+{
+    double extent = 0.0;
+    for (size_t c = 0; c < 3; c++) {
+        double lo = X[c], hi = X[c];
+        for (size_t k = 0; k < n; k++) {
+            if (!isfinite(X[3 * k + c])) return APSM_ERR_NONFINITE;
+            lo = fmin(lo, X[3 * k + c]);
+            hi = fmax(hi, X[3 * k + c]);
+        }
+        centre[c] = lo + 0.5 * (hi - lo);
+        extent = fmax(extent, hi - lo);
+    }
+    if (!(extent > 0.0)) return APSM_ERR_SINGULAR;
+    int e;
+    frexp(extent, &e);
+    *scale = ldexp(1.0, -e);
+    return APSM_OK;
+}
+
+/* x (3 x n) <- (X - centre) * scale, by columns for the loops over centres. */
+static void scale_centres(const apsm_polyharmonic *f, const double *X, double *x)
+{
+    for (size_t c = 0; c < 3; c++)
+        for (size_t k = 0; k < f->n; k++)
+            x[c * f->n + k] = (X[3 * k + c] - f->centre[c]) * f->scale;
+}
+
+/* scale^p for phi = r^p: what weights are multiplied by to fit the input's units. */
+static double weight_unit(const apsm_polyharmonic *f)
+{
+    return f->phi == APSM_PHI_R ? f->scale : f->scale * f->scale * f->scale;
+}
+
+/* ---- reflections ---- */
+
+/* Column i of V: the Householder vector that clears column i of Q below its diagonal, and the
+ * columns of R and T (Schreiber & Van Loan 1989, compact WY form). */
+static void reflect_column(size_t n, size_t i, double *Q, double *V, double R[16], double T[16])
+{
+    double norm2 = 0.0;
+    for (size_t k = i; k < n; k++) norm2 += Q[4 * k + i] * Q[4 * k + i];
+    const double a = Q[4 * i + i], beta = a > 0.0 ? -sqrt(norm2) : sqrt(norm2);
+    const double v0 = a - beta, tau = beta == 0.0 ? 0.0 : -v0 / beta;
+    for (size_t k = 0; k < n; k++)
+        V[4 * k + i] = k < i ? 0.0 : k == i ? 1.0 : v0 == 0.0 ? 0.0 : Q[4 * k + i] / v0;
+    for (size_t j = i; j < 4; j++) {
+        double dot = 0.0;
+        for (size_t k = i; k < n; k++) dot += V[4 * k + i] * Q[4 * k + j];
+        for (size_t k = i; k < n; k++) Q[4 * k + j] -= tau * dot * V[4 * k + i];
+    }
+    for (size_t j = 0; j < 4; j++) R[4 * j + i] = j <= i ? Q[4 * j + i] : 0.0;
+    double g[4] = { 0 };
+    for (size_t k = i; k < n; k++)
+        for (size_t j = 0; j < i; j++) g[j] += V[4 * k + j] * V[4 * k + i];
+    for (size_t j = 0; j < 4; j++) {
+        double sum = 0.0;
+        for (size_t l = j; l < i; l++) sum += T[4 * j + l] * g[l];
+        T[4 * j + i] = j < i ? -tau * sum : j == i ? tau : 0.0;
+    }
+}
+
+/* V, T, R of centres x (3 x n).  Q is scratch (n x 4). */
+static apsm_status reflections(apsm_polyharmonic *f, const double *x, double *Q)
+{
+    const size_t n = f->n;
+    for (size_t k = 0; k < n; k++) {
+        Q[4 * k] = 1.0;
+        for (size_t c = 0; c < 3; c++) Q[4 * k + 1 + c] = x[c * n + k];
+    }
+    for (size_t i = 0; i < 4; i++) reflect_column(n, i, Q, f->V, f->R, f->T);
+    for (size_t i = 0; i < 4; i++)
+        if (!(fabs(f->R[5 * i]) > 1e-10 * sqrt((double)n))) return APSM_ERR_SINGULAR;
+    return APSM_OK;
+}
+
+/* p (4 x m) <- op(T) V^T Y for Y (n x m); then Y <- Y - V p.  transposed: H^T, else H. */
+static void reflect(const apsm_polyharmonic *f, bool transposed, size_t m, double *Y, double *p,
+                    double *q)
+{
+    const size_t n = f->n;
+    memset(q, 0, 4 * m * sizeof *q);
+    for (size_t k = 0; k < n; k++)
+        for (size_t i = 0; i < 4; i++) {
+            const double v = f->V[4 * k + i];
+            for (size_t j = 0; j < m; j++) q[i * m + j] += v * Y[k * m + j];
+        }
+    memset(p, 0, 4 * m * sizeof *p);
+    for (size_t i = 0; i < 4; i++)
+        for (size_t l = 0; l < 4; l++) {
+            const double t = transposed ? f->T[4 * l + i] : f->T[4 * i + l];
+            for (size_t j = 0; j < m; j++) p[i * m + j] += t * q[l * m + j];
+        }
+    for (size_t k = 0; k < n; k++)
+        for (size_t i = 0; i < 4; i++) {
+            const double v = f->V[4 * k + i];
+            for (size_t j = 0; j < m; j++) Y[k * m + j] -= v * p[i * m + j];
+        }
+}
+
+/* ---- the matrix ---- */
+
+/* A (n x n) for centres x (3 x n), all of it: rows are contiguous, so this is as fast as half. */
+APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *restrict x,
+                                      double *restrict A)
+{
+    const double *X = x, *Y = x + n, *Z = x + 2 * n;
+    for (size_t i = 0; i < n; i++) {
+        const double xi = X[i], yi = Y[i], zi = Z[i];
+        double *row = A + i * n;
+        for (size_t j = 0; j < n; j++) {
+            const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
+            row[j] = dx * dx + dy * dy + dz * dz;
+        }
+        if (phi == APSM_PHI_R)
+            for (size_t j = 0; j < n; j++) row[j] = sqrt(row[j]);
+        else
+            for (size_t j = 0; j < n; j++) row[j] *= sqrt(row[j]);
+    }
+}
+
+/* W (n x 4) of the file's head; Z (n x 4) is scratch. */
+static void update_vectors(const apsm_polyharmonic *f, const double *A, double *W, double *Z)
+{
+    const size_t n = f->n;
+    double VZ[16], S[16];
+    apsm_gemm(0, 0, n, 4, n, 1.0, A, n, f->V, 4, 0.0, W, 4);
+    apsm_gemm(0, 0, n, 4, 4, 1.0, W, 4, f->T, 4, 0.0, Z, 4);
+    apsm_gemm(1, 0, 4, 4, n, 1.0, f->V, 4, Z, 4, 0.0, VZ, 4);
+    apsm_gemm(1, 0, 4, 4, 4, 1.0, f->T, 4, VZ, 4, 0.0, S, 4);
+    memcpy(W, Z, 4 * n * sizeof *W);
+    apsm_gemm(0, 0, n, 4, 4, -0.5, f->V, 4, S, 4, 1.0, W, 4);
+}
+
+static void transpose4(size_t n, const double *M, double *Mt)
+{
+    for (size_t k = 0; k < n; k++)
+        for (size_t i = 0; i < 4; i++) Mt[i * n + k] = M[4 * k + i];
+}
+
+/* A <- A' in place, lower triangle only.  Wt and Vt are 4 x n. */
+APSM_KERNEL static void project_matrix(size_t n, const double *restrict Wt,
+                                       const double *restrict Vt, double *restrict A)
+{
+    const double *W1 = Wt + n, *W2 = Wt + 2 * n, *W3 = Wt + 3 * n;
+    const double *V1 = Vt + n, *V2 = Vt + 2 * n, *V3 = Vt + 3 * n;
+    for (size_t i = 0; i < n; i++) {
+        const double w0 = Wt[i], w1 = W1[i], w2 = W2[i], w3 = W3[i];
+        const double v0 = Vt[i], v1 = V1[i], v2 = V2[i], v3 = V3[i];
+        double *row = A + i * n;
+        for (size_t j = 0; j <= i; j++)
+            row[j] -= (v0 * Wt[j] + v1 * W1[j] + v2 * W2[j] + v3 * W3[j]) +
+                      (w0 * Vt[j] + w1 * V1[j] + w2 * V2[j] + w3 * V3[j]);
+    }
+}
+
+/* A11 and C = A'21 out of A'. */
+static void keep_blocks(apsm_polyharmonic *f, const double *A)
+{
+    const size_t n = f->n;
+    for (size_t i = 0; i < 4; i++)
+        for (size_t j = 0; j <= i; j++) f->A11[4 * i + j] = f->A11[4 * j + i] = A[i * n + j];
+    for (size_t k = 4; k < n; k++)
+        for (size_t i = 0; i < 4; i++) f->C[4 * (k - 4) + i] = A[k * n + i];
+}
+
+/* Reflections and A for centres X, in the box of f.  work begins with A. */
+static apsm_status assemble(apsm_polyharmonic *f, const double *X, double *work)
+{
+    const size_t n = f->n;
+    double *x = work + n * n, *Q = x + 3 * n;
+    scale_centres(f, X, x);
+    APSM_TRY(reflections(f, x, Q));
+    kernel_matrix(f->phi, n, x, work);
+    return APSM_OK;
+}
+
+static void project(apsm_polyharmonic *f, double *work)
+{
+    const size_t n = f->n;
+    double *W = work + n * n + 3 * n, *Wt = W + 4 * n, *Vt = Wt + 4 * n;
+    update_vectors(f, work, W, Wt);
+    transpose4(n, W, Wt);
+    transpose4(n, f->V, Vt);
+    project_matrix(n, Wt, Vt, work);
+    keep_blocks(f, work);
+}
+
+/* ---- factor ---- */
+
+/* Rounding may carry a singular matrix through: its smallest pivot is then noise. */
+static apsm_status check_pivots(const apsm_polyharmonic *f, double mean)
+{
+    const size_t m = f->n - 4;
+    const double least = 4.0 * mean * (f->L32 ? (double)FLT_EPSILON : DBL_EPSILON);
+    for (size_t i = 0; i < m; i++) {
+        const double p = f->L32 ? (double)f->L32[i * m + i] : f->L[i * m + i];
+        if (!(p * p > least)) return APSM_ERR_SINGULAR;
+    }
+    return APSM_OK;
+}
+
+/* Factors s A'22 with f's ridge; A' stays. */
+static apsm_status factor_projected(apsm_polyharmonic *f, const double *A)
+{
+    const size_t n = f->n, m = n - 4;
+    const double s = sign_of(f->phi);
+    double mean = 0.0;
+    for (size_t k = 4; k < n; k++) mean += s * A[k * n + k] / (double)m;
+    for (size_t i = 0; i < m; i++) {
+        const double *row = A + (i + 4) * n + 4;
+        const double diagonal = s * row[i] + f->ridge * mean;
+        if (f->L32) {
+            for (size_t j = 0; j < i; j++) f->L32[i * m + j] = (float)(s * row[j]);
+            f->L32[i * m + i] = (float)diagonal;
+        } else {
+            for (size_t j = 0; j < i; j++) f->L[i * m + j] = s * row[j];
+            f->L[i * m + i] = diagonal;
+        }
+    }
+    APSM_TRY(f->L32 ? apsm_cholesky_f32(m, f->L32) : apsm_cholesky(m, f->L));
+    return check_pivots(f, mean);
+}
+
+/* All but the Cholesky factor. */
+static apsm_status prepare(apsm_phi phi, size_t n, const double *X, bool single, double *store,
+                           double *work, apsm_polyharmonic *f)
+{
+    if (n < 5 || (phi != APSM_PHI_R && phi != APSM_PHI_R3)) return APSM_ERR_ARG;
+    if (single && phi != APSM_PHI_R) return APSM_ERR_ARG;
+    *f = (apsm_polyharmonic){ .n = n, .phi = phi, .V = store, .C = store + 4 * n };
+    double *L = f->C + 4 * (n - 4);
+    if (single)
+        f->L32 = (float *)L;
+    else
+        f->L = L;
+    APSM_TRY(unit_box(n, X, f->centre, &f->scale));
+    APSM_TRY(assemble(f, X, work));
+    project(f, work);
+    return APSM_OK;
+}
+
+apsm_status apsm_polyharmonic_factor(apsm_phi phi, size_t n, const double *X, bool single,
+                                     double ridge, double *store, double *work,
+                                     apsm_polyharmonic *f)
+{
+    if (!(ridge >= 0.0)) return APSM_ERR_ARG;
+    APSM_TRY(prepare(phi, n, X, single, store, work, f));
+    f->ridge = ridge;
+    return factor_projected(f, work);
+}
+
+apsm_status apsm_polyharmonic_factor_robust(apsm_phi phi, size_t n, const double *X, bool single,
+                                            double *store, double *work, apsm_polyharmonic *f)
+{
+    static const double ridges[] = { 0.0, 1e-8, 1e-6, 1e-4 };
+    APSM_TRY(prepare(phi, n, X, single, store, work, f));
+    apsm_status status = APSM_ERR_SINGULAR;
+    for (size_t i = 0; i < 4 && status != APSM_OK; i++) {
+        f->ridge = ridges[i];
+        status = factor_projected(f, work);
+    }
+    return status;
+}
+
+/* ---- solve ---- */
+
+/* Y (m-row block n-4 x m) <- (s A'22)^-1 Y. */
+static void solve_factor(const apsm_polyharmonic *f, size_t m, double *Y, float *y32)
+{
+    const size_t rows = f->n - 4;
+    if (!f->L32) {
+        apsm_cholesky_solve(rows, f->L, m, Y);
+        return;
+    }
+    for (size_t k = 0; k < rows * m; k++) y32[k] = (float)Y[k];
+    apsm_cholesky_solve_f32(rows, f->L32, m, y32);
+    for (size_t k = 0; k < rows * m; k++) Y[k] = (double)y32[k];
+}
+
+/* w1 (4 x m) = R^-T d', d' (4 x m) being d in the unit box and in units of w. */
+static void range_part(const apsm_polyharmonic *f, size_t m, const double *d, double *w1)
+{
+    const double unit = 1.0 / weight_unit(f);
+    for (size_t j = 0; j < m; j++) {
+        w1[j] = unit * d[j];
+        for (size_t i = 1; i < 4; i++)
+            w1[i * m + j] = unit * f->scale * (d[i * m + j] - f->centre[i - 1] * d[j]);
+        for (size_t i = 0; i < 4; i++) {
+            for (size_t l = 0; l < i; l++) w1[i * m + j] -= f->R[4 * l + i] * w1[l * m + j];
+            w1[i * m + j] /= f->R[5 * i];
+        }
+    }
+}
+
+/* c (4 x m) <- R^-1 c, then from the unit box to the input's units. */
+static void polynomial(const apsm_polyharmonic *f, size_t m, double *c)
+{
+    for (size_t j = 0; j < m; j++) {
+        for (size_t i = 4; i-- > 0;) {
+            for (size_t l = i + 1; l < 4; l++) c[i * m + j] -= f->R[4 * i + l] * c[l * m + j];
+            c[i * m + j] /= f->R[5 * i];
+        }
+        for (size_t i = 1; i < 4; i++) {
+            c[i * m + j] *= f->scale;
+            c[j] -= c[i * m + j] * f->centre[i - 1];
+        }
+    }
+}
+
+void apsm_polyharmonic_solve(const apsm_polyharmonic *f, size_t m, const double *values,
+                             const double *d, double *w, double *c, double *work)
+{
+    const size_t n = f->n;
+    double *Y = work, *p = Y + n * m, *q = p + 4 * m, *w1 = q + 4 * m;
+    float *y32 = (float *)(w1 + 8 * m);
+    memcpy(Y, values, n * m * sizeof *Y);
+    reflect(f, true, m, Y, p, q);
+    memcpy(c, Y, 4 * m * sizeof *c);
+    memset(w1, 0, 4 * m * sizeof *w1);
+    double *Y2 = Y + 4 * m;
+    if (d) {
+        range_part(f, m, d, w1);
+        apsm_gemm(0, 0, n - 4, m, 4, -1.0, f->C, 4, w1, m, 1.0, Y2, m);
+        apsm_gemm(0, 0, 4, m, 4, -1.0, f->A11, 4, w1, m, 1.0, c, m);
+    }
+    for (size_t k = 0; k < (n - 4) * m; k++) Y2[k] *= sign_of(f->phi);
+    solve_factor(f, m, Y2, y32);
+    apsm_gemm(1, 0, 4, m, n - 4, -1.0, f->C, 4, Y2, m, 1.0, c, m);
+    polynomial(f, m, c);
+    memcpy(Y, w1, 4 * m * sizeof *Y);
+    reflect(f, false, m, Y, p, q);
+    const double unit = weight_unit(f);
+    for (size_t k = 0; k < n * m; k++) w[k] = unit * Y[k];
+}
+
+/* ---- evaluate ---- */
+
+/* LANES interpolants' sums run side by side; each is a plain sum over the centres in order, so
+ * neither the width of the machine's vectors nor a point's place in its block can change it. */
+#define EVAL_BLOCK(NAME, PHI)                                                                      \
+    APSM_KERNEL static void NAME(size_t n, const double *restrict X, size_t m,                     \
+                                 const double *restrict w, const double *restrict y,               \
+                                 double sum[LANES])                                                \
+    {                                                                                              \
+        double acc[LANES] = { 0 };                                                                 \
+        for (size_t k = 0; k < n; k++) {                                                           \
+            const double a = X[3 * k], b = X[3 * k + 1], c = X[3 * k + 2], wk = w[k * m];          \
+            for (size_t l = 0; l < LANES; l++) {                                                   \
+                const double dx = y[l] - a, dy = y[LANES + l] - b, dz = y[2 * LANES + l] - c;      \
+                const double d2 = dx * dx + dy * dy + dz * dz;                                     \
+                acc[l] += wk * (PHI);                                                              \
+            }                                                                                      \
+        }                                                                                          \
+        memcpy(sum, acc, sizeof acc);                                                              \
+    }
+
+EVAL_BLOCK(eval_block_r, sqrt(d2))
+EVAL_BLOCK(eval_block_r3, d2 *sqrt(d2))
+
+/* The points Y[0..count) by columns, the last one repeated to fill the lanes. */
+static void load_block(size_t count, const double *Y, double *y)
+{
+    for (size_t l = 0; l < LANES; l++)
+        for (size_t c = 0; c < 3; c++) y[c * LANES + l] = Y[3 * (l < count ? l : count - 1) + c];
+}
+
+void apsm_polyharmonic_eval(apsm_phi phi, size_t n, const double *X, size_t m, const double *w,
+                            const double *c, size_t ny, const double *Y, double *out)
+{
+    double y[3 * LANES], sum[LANES];
+    for (size_t r = 0; r < ny; r += LANES) {
+        const size_t count = ny - r < LANES ? ny - r : LANES;
+        load_block(count, Y + 3 * r, y);
+        for (size_t j = 0; j < m; j++) {
+            if (phi == APSM_PHI_R)
+                eval_block_r(n, X, m, w + j, y, sum);
+            else
+                eval_block_r3(n, X, m, w + j, y, sum);
+            for (size_t l = 0; l < count; l++)
+                out[(r + l) * m + j] =
+                    sum[l] + (c[j] + c[m + j] * y[l] + c[2 * m + j] * y[LANES + l] +
+                              c[3 * m + j] * y[2 * LANES + l]);
+        }
+    }
+}
+
+/* Column b of values and of d: phi(|y_b - x_k|) and [1; y_b] (each with row length m). */
+static void map_right_hand_sides(const apsm_polyharmonic *f, const double *X, size_t m,
+                                 const double *Y, double *values, double *d)
+{
+    for (size_t k = 0; k < f->n; k++)
+        for (size_t b = 0; b < m; b++) {
+            const double dx = Y[3 * b] - X[3 * k], dy = Y[3 * b + 1] - X[3 * k + 1],
+                         dz = Y[3 * b + 2] - X[3 * k + 2];
+            const double r2 = dx * dx + dy * dy + dz * dz;
+            values[k * m + b] = f->phi == APSM_PHI_R ? sqrt(r2) : r2 * sqrt(r2);
+        }
+    for (size_t b = 0; b < m; b++) {
+        d[b] = 1.0;
+        for (size_t c = 0; c < 3; c++) d[(1 + c) * m + b] = Y[3 * b + c];
+    }
+}
+
+/* f(y) = [phi(y); q(y)]^T M^-1 [values; 0] with the symmetric M of (2), so a row of W is the
+ * upper part of M^-1 [phi(y); q(y)]. */
+void apsm_polyharmonic_map(const apsm_polyharmonic *f, const double *X, size_t ny, const double *Y,
+                           double *W, double *work)
+{
+    const size_t n = f->n, B = APSM_POLYHARMONIC_BLOCK;
+    double *values = work, *solve_work = work + n * B;
+    double d[4 * APSM_POLYHARMONIC_BLOCK], c[4 * APSM_POLYHARMONIC_BLOCK];
+    for (size_t r = 0; r < ny; r += B) {
+        const size_t m = ny - r < B ? ny - r : B;
+        map_right_hand_sides(f, X, m, Y + 3 * r, values, d);
+        apsm_polyharmonic_solve(f, m, values, d, values, c, solve_work);
+        for (size_t b = 0; b < m; b++)
+            for (size_t k = 0; k < n; k++) W[(r + b) * n + k] = values[k * m + b];
+    }
+}
+
+/* ---- solve with a stale factor ---- */
+
+static double dot(size_t n, const double *a, const double *b)
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < n; k++) sum += a[k] * b[k];
+    return sum;
+}
+
+/* What conjugate gradients need: vectors live in the coordinates of H, first 4 entries 0. */
+typedef struct resolve_work {
+    const apsm_polyharmonic *stale, *now;
+    const double *A;
+    double *full, *solve; /* n; solve work */
+} resolve_work;
+
+/* z <- s A'22 p. */
+static void apply_projected(const resolve_work *s, const double *p, double *z)
+{
+    const size_t n = s->now->n;
+    double t[8];
+    memcpy(s->full, p, n * sizeof *p);
+    reflect(s->now, false, 1, s->full, t, t + 4);
+    apsm_gemv(n, n, s->A, s->full, z);
+    reflect(s->now, true, 1, z, t, t + 4);
+    for (size_t k = 0; k < n; k++) z[k] = k < 4 ? 0.0 : sign_of(s->now->phi) * z[k];
+}
+
+/* z <- the stale inverse of r, carried over through the full space: the two null spaces are
+ * close, their bases need not be. */
+static void precondition(const resolve_work *s, const double *r, double *z)
+{
+    const size_t n = s->now->n;
+    double t[8];
+    memcpy(z, r, n * sizeof *r);
+    reflect(s->now, false, 1, z, t, t + 4);
+    reflect(s->stale, true, 1, z, t, t + 4);
+    solve_factor(s->stale, 1, z + 4, (float *)s->solve);
+    memset(z, 0, 4 * sizeof *z);
+    reflect(s->stale, false, 1, z, t, t + 4);
+    reflect(s->now, true, 1, z, t, t + 4);
+    memset(z, 0, 4 * sizeof *z);
+}
+
+/* Preconditioned conjugate gradients from u = 0; r holds the right-hand side at entry.  z, p, q
+ * are scratch. */
+static apsm_status conjugate_gradients(const resolve_work *s, double tolerance, size_t most,
+                                       double *u, double *r, double *z, double *p, double *q,
+                                       size_t *iterations)
+{
+    const size_t n = s->now->n;
+    const double goal = tolerance * tolerance * dot(n, r, r);
+    double rho = 0.0;
+    memset(u, 0, n * sizeof *u);
+    for (*iterations = 0; !(dot(n, r, r) <= goal); ++*iterations) {
+        if (*iterations == most) return APSM_ERR_NONFINITE;
+        precondition(s, r, z);
+        const double before = rho;
+        rho = dot(n, r, z);
+        for (size_t k = 0; k < n; k++) p[k] = *iterations ? z[k] + rho / before * p[k] : z[k];
+        apply_projected(s, p, q);
+        const double curvature = dot(n, p, q);
+        if (!(curvature > 0.0) || !(rho > 0.0)) return APSM_ERR_NONFINITE;
+        for (size_t k = 0; k < n; k++) {
+            u[k] += rho / curvature * p[k];
+            r[k] -= rho / curvature * q[k];
+        }
+    }
+    return APSM_OK;
+}
+
+apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const double *X,
+                                      const double *values, double tolerance, size_t max_iterations,
+                                      double *w, double c[4], size_t *iterations, double *work)
+{
+    const size_t n = stale->n;
+    double *A = work, *V = A + apsm_polyharmonic_factor_work_size(n), *full = V + 4 * n;
+    double *u = full + n, *r = u + n, *z = r + n, *p = z + n, *q = p + n, *v = q + n;
+    apsm_polyharmonic now = *stale;
+    now.V = V;
+    const resolve_work s = { stale, &now, A, full, v + n };
+    double t[8];
+    for (size_t k = 0; k < 3 * n; k++)
+        if (!isfinite(X[k])) return APSM_ERR_NONFINITE;
+    APSM_TRY(assemble(&now, X, work));
+    memcpy(v, values, n * sizeof *v);
+    reflect(&now, true, 1, v, t, t + 4);
+    for (size_t k = 0; k < n; k++) r[k] = k < 4 ? 0.0 : sign_of(now.phi) * v[k];
+    APSM_TRY(conjugate_gradients(&s, tolerance, max_iterations, u, r, z, p, q, iterations));
+    reflect(&now, false, 1, u, t, t + 4); /* u is w in the unit box now */
+    apsm_gemv(n, n, A, u, q);
+    reflect(&now, true, 1, q, t, t + 4);
+    for (size_t i = 0; i < 4; i++) c[i] = v[i] - q[i]; /* (H^T (v - A w))_1 */
+    polynomial(&now, 1, c);
+    for (size_t k = 0; k < n; k++) w[k] = weight_unit(&now) * u[k];
+    return APSM_OK;
+}
