@@ -1,0 +1,64 @@
+/* Eigenshape loss, dual form; METHOD (9), (10).  Sums over shapes run in their order, sums over
+ * coordinates are BLAS's (one thread). */
+#include "apsm/eigenshape_loss.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "apsm/linalg.h"
+
+apsm_eigenshape_options apsm_eigenshape_defaults(void)
+{
+    return (apsm_eigenshape_options){ .reg = 0.02, .relative = true, .times_size = true };
+}
+
+void apsm_cohort_mean(size_t K, size_t J, const double *P, double *mean)
+{
+    const size_t n = 3 * J;
+    memset(mean, 0, n * sizeof *mean);
+    for (size_t k = 0; k < K; k++)
+        for (size_t i = 0; i < n; i++) mean[i] += P[k * n + i];
+    for (size_t i = 0; i < n; i++) mean[i] /= (double)K;
+}
+
+void apsm_cohort_centre(size_t K, size_t J, const double *P, const double *mean, double *Y)
+{
+    const size_t n = 3 * J;
+    for (size_t k = 0; k < K; k++)
+        for (size_t i = 0; i < n; i++) Y[k * n + i] = P[k * n + i] - mean[i];
+}
+
+static double size_of(size_t K, size_t J)
+{
+    return 3.0 * (double)J * (double)K;
+}
+
+apsm_status apsm_eigenshape_loss(size_t K, size_t J, const double *Y,
+                                 const apsm_eigenshape_options *opt, double *loss, double *L,
+                                 double *reg_used)
+{
+    if (K < 1 || J < 1 || !(opt->reg > 0.0)) return APSM_ERR_ARG;
+    double trace = 0.0;
+    apsm_gram(K, 3 * J, 1.0 / size_of(K, J), Y, L);
+    for (size_t k = 0; k < K; k++) trace += L[k * K + k];
+    const double reg = opt->relative ? opt->reg * trace / (double)K : opt->reg;
+    for (size_t k = 0; k < K; k++) L[k * K + k] += reg;
+    APSM_TRY(apsm_cholesky(K, L));
+    *loss = 0.5 * apsm_cholesky_logdet(K, L) * (opt->times_size ? size_of(K, J) : 1.0);
+    if (reg_used) *reg_used = reg;
+    return isfinite(*loss) ? APSM_OK : APSM_ERR_SINGULAR;
+}
+
+void apsm_eigenshape_gradient(size_t K, size_t J, const double *Y, const double *L,
+                              const apsm_eigenshape_options *opt, size_t k, double *grad,
+                              double *work)
+{
+    const size_t n = 3 * J;
+    const double scale = opt->times_size ? 1.0 : 1.0 / size_of(K, J);
+    memset(work, 0, K * sizeof *work);
+    work[k] = scale;
+    apsm_cholesky_solve(K, L, 1, work); /* row k of the symmetric inverse */
+    memset(grad, 0, n * sizeof *grad);
+    for (size_t l = 0; l < K; l++)
+        for (size_t i = 0; i < n; i++) grad[i] += work[l] * Y[l * n + i];
+}
