@@ -17,9 +17,10 @@ typedef struct apsm_shape {
     const char *name; /* borrowed, for messages */
     apsm_mesh mesh;
     apsm_topology topology;
-    double *VN; /* nv x 3: vertex normals */
+    double *VN;            /* nv x 3: vertex normals */
+    double half_thickness; /* 5th percentile over the surface; INFINITY if rays find no far side */
     apsm_bvh *bvh;
-    apsm_field *field;
+    apsm_field *field; /* NULL if the cohort was built without */
     apsm_geodesic *geodesic;
 } apsm_shape;
 
@@ -35,7 +36,8 @@ double apsm_expected_spacing(double area, size_t J);
 
 /* Moves the meshes (I, borrowed, in their own frames) to the world frame by transforms (I x 16)
  * and prepares each, in parallel.  voxel and band of the distance fields are in the world's
- * unit.  names (I) are borrowed.  O(surface) memory a shape. */
+ * unit; voxel 0: no fields, for what only looks at finished particles.  names (I) are borrowed.
+ * O(surface) memory a shape. */
 apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band,

@@ -246,7 +246,7 @@ apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *o)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "stage1_epochs and stage2_epochs are both 0: nothing to optimize");
     if (o->step == APSM_STEP_LITERAL && o->error_gradient == APSM_ERROR_THROUGH_W &&
-        o->sampling_scale == APSM_SAMPLING_VORONOI && o->step_clip == 0)
+        o->sampling_scale == 0 && o->step_clip == 0)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "error_gradient = through-w with sampling_scale = voronoi diverges "
                          "without a step limit: set step_clip");

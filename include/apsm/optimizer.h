@@ -1,0 +1,84 @@
+/* optimizer.h -- moves the particles of a cohort: METHOD 5, the two stages of the paper.
+ *
+ * One epoch, per shape: near-surface points are drawn, the RBF-shape tells where the particles
+ * describe the surface badly (c > 0), the gradients of the sampling, correspondence and
+ * eigenshape losses are added up at the epoch's entry positions, one step is made, and the
+ * particles return to the surface. */
+#ifndef APSM_OPTIMIZER_H
+#define APSM_OPTIMIZER_H
+
+#include "apsm/cohort.h"
+#include "apsm/options.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { APSM_STAGE_1 = 1, APSM_STAGE_2 = 2, APSM_STAGE_DONE = 3 };
+
+/* Why stage 1 left its plateau. */
+#define APSM_STOP_LIST(X)                                                                          \
+    X(APSM_STOP_NOT_YET, "has not ended")                                                          \
+    X(APSM_STOP_MATCHED, "few enough mismatched particles")                                        \
+    X(APSM_STOP_STALLED, "no improvement over two passes")                                         \
+    X(APSM_STOP_LIMIT, "epoch limit")
+#define APSM_STOP_ENUM(name, text) name,
+typedef enum apsm_stop { APSM_STOP_LIST(APSM_STOP_ENUM) APSM_STOP_COUNT } apsm_stop;
+#undef APSM_STOP_ENUM
+const char *apsm_stop_text(apsm_stop stop);
+
+/* Everything that decides what happens next: saving and restoring it changes no byte of the
+ * result.  Owns P and mean. */
+typedef struct apsm_optimizer_state {
+    size_t I, J;
+    int stage;              /* APSM_STAGE_*; DONE after the last epoch */
+    long epoch;             /* epochs of the stage that are behind, jumps counted */
+    long epochs_run;        /* in both stages */
+    double h;               /* length unit of the stage; 0: not yet fixed */
+    double best_mismatched; /* least worst-shape share at any pass; 2: no pass yet */
+    long passes_without_gain;
+    apsm_stop stage1_stop;
+    double *P;    /* I x J x 3, world frame */
+    double *mean; /* J x 3: mean of the last epoch's end (minibatches) */
+} apsm_optimizer_state;
+
+apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,
+                                       apsm_optimizer_state *state) APSM_NODISCARD;
+void apsm_optimizer_state_free(apsm_optimizer_state *state);
+
+/* What an epoch did.  Means are over the shapes; mismatched is NaN in epochs without a pass of
+ * Algorithm 1. */
+typedef struct apsm_epoch_record {
+    int stage;
+    long epoch; /* in its stage, from 0 */
+    double alpha, gamma, beta, c;
+    double sampling, correspondence, eigenshape; /* losses; NaN where switched off */
+    double surface_error;                        /* root mean square of E over h; NaN while c = 0 */
+    double step;                                 /* mean move of a particle, in h */
+    double mismatched;                           /* mean share of particles, 1.5/2.0 */
+    double worst_mismatched;                     /* of the worst shape */
+    long walked;                                 /* particles that Algorithm 1 moved */
+} apsm_epoch_record;
+
+/* Called after every epoch from the calling thread; may save state.  A status other than
+ * APSM_OK ends the run with it. */
+typedef apsm_status (*apsm_epoch_fn)(void *user, const apsm_optimizer_state *state,
+                                     const apsm_epoch_record *record);
+
+/* Runs state to the end from wherever it is.  On APSM_ERR_INTERRUPTED state is that of the last
+ * full epoch.  Results depend on cohort, options, state and the context's seed alone.
+ * O(epochs * I * (R J + J^3 if c > 0) + I^2 J) time, O(I J + threads * J^2) memory. */
+apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
+                          apsm_optimizer_state *state, apsm_epoch_fn on_epoch,
+                          void *user) APSM_NODISCARD;
+
+/* Spreads the particles P (J x 3, in/out, on the surface) of shape i evenly, by the sampling
+ * loss alone with falling steps. */
+apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
+                        const apsm_options *options, size_t J, long epochs,
+                        double *P) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,62 @@
+/* run.h -- the whole job, step by step, in a model folder: groom, initialize, optimize, evaluate.
+ * Every step reads what the one before left in the folder and can be repeated on its own;
+ * docs/formats.md says what the folder holds.  Results do not depend on the threads, on whether the
+ * steps ran in one process, or on interruptions. */
+#ifndef APSM_RUN_H
+#define APSM_RUN_H
+
+#include <stdbool.h>
+
+#include "apsm/metrics.h"
+#include "apsm/options.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What is asked for.  All borrowed during apsm_run_open. */
+typedef struct apsm_run_settings {
+    const char *folder; /* MODEL_DIR */
+    /* groom only; n_inputs 0: the inputs that the project already names */
+    size_t n_inputs;
+    const char *const *inputs;
+    /* Options in the order given: "preset", any name of apsm/options.h, or one of the texts
+     * "labels", "reflect_match", "exclude", "template", "original_frame" and "seed".  They go
+     * on top of those stored in the project. */
+    size_t n_set;
+    const char *const (*set)[2];
+    bool resume;    /* go on with an unfinished run: stored options and inputs must agree */
+    bool overwrite; /* groom may replace a model that is already in the folder */
+} apsm_run_settings;
+
+typedef struct apsm_run apsm_run;
+
+/* Opens or makes the folder, locks it against a second run, reads its project and settles the
+ * options.  *run is owned by the caller, NULL on failure. */
+apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings,
+                          apsm_run **run) APSM_NODISCARD;
+void apsm_run_close(apsm_run *run);
+
+/* The options in force, and any text setting ("" if not set). */
+const apsm_options *apsm_run_options(const apsm_run *run);
+const char *apsm_run_text(const apsm_run *run, const char *name);
+
+/* What would be done, without doing it: inputs are listed and their headers read; time and
+ * memory are estimated from measured rates.  One log line each. */
+apsm_status apsm_run_dry(apsm_run *run) APSM_NODISCARD;
+
+/* Inputs to groomed meshes and transforms. */
+apsm_status apsm_run_groom(apsm_run *run) APSM_NODISCARD;
+/* Groomed meshes to first particles. */
+apsm_status apsm_run_initialize(apsm_run *run) APSM_NODISCARD;
+/* First particles to corresponding ones.  With settings.resume from the last checkpoint. */
+apsm_status apsm_run_optimize(apsm_run *run) APSM_NODISCARD;
+/* Particles to model, certificate, figures and reconstructed meshes. */
+apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
+/* All four; with settings.resume those that are not yet done. */
+apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,34 @@
+#include "optimize/schedule.h"
+
+#include "apsm/optimizer.h"
+
+schedule schedule_of_stage(const apsm_options *o, int stage)
+{
+    schedule s = { .epochs = stage == APSM_STAGE_1 ? o->stage1_epochs : o->stage2_epochs };
+    s.decay1 = (long)(o->decay1_at * (double)s.epochs);
+    s.decay2 = (long)(o->decay2_at * (double)s.epochs);
+    if (stage == APSM_STAGE_1 && o->geodesic_correspondence && o->gamma > 0) {
+        const long quarter = s.epochs / 4 > 0 ? s.epochs / 4 : 1;
+        s.pass_interval = o->geodesic_interval < quarter ? o->geodesic_interval : quarter;
+    }
+    return s;
+}
+
+weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, long epoch,
+                         long epochs_run)
+{
+    weights w = { .alpha = o->alpha, .beta = o->beta, .gamma = o->gamma };
+    if (stage == APSM_STAGE_2) {
+        w.alpha *= o->stage2_alpha_factor;
+        w.c = o->adaptivity;
+    }
+    if (epoch >= s->decay1) w.alpha *= o->alpha_decay, w.gamma *= o->gamma_decay1;
+    if (epoch >= s->decay2) w.alpha *= o->alpha_decay, w.gamma *= o->gamma_decay2;
+    if (epochs_run < o->burn_in) w.beta = w.gamma = 0;
+    return w;
+}
+
+bool pass_is_due(const schedule *s, long epoch)
+{
+    return s->pass_interval > 0 && (epoch % s->pass_interval == 0 || epoch == s->decay2);
+}

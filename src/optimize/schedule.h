@@ -1,0 +1,23 @@
+/* schedule.h -- how the weights fall during a stage.  METHOD 5. */
+#ifndef APSM_OPTIMIZE_SCHEDULE_H
+#define APSM_OPTIMIZE_SCHEDULE_H
+
+#include "apsm/options.h"
+
+typedef struct schedule {
+    long epochs;         /* of the stage */
+    long decay1, decay2; /* epochs at which alpha and gamma fall */
+    long pass_interval;  /* epochs between passes of Algorithm 1; 0: none */
+} schedule;
+
+/* The weights of one epoch, as the losses of the paper are weighted. */
+typedef struct weights {
+    double alpha, beta, gamma, c;
+} weights;
+
+schedule schedule_of_stage(const apsm_options *options, int stage);
+weights weights_of_epoch(const apsm_options *options, const schedule *s, int stage, long epoch,
+                         long epochs_run);
+bool pass_is_due(const schedule *s, long epoch);
+
+#endif
