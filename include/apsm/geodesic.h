@@ -1,7 +1,9 @@
 /* geodesic.h -- distances and paths along a triangle mesh from one point, within a radius.
  *
  * Nothing of size V x V is ever made: a query costs O(m log m) for the m vertices within the
- * radius, and scratch is reset in O(m). */
+ * radius, and scratch is reset in O(m).  Distances come from fast marching with circular
+ * wavefronts (method and accuracy: src/geometry/geodesic.c); paths go straight through the faces
+ * they cross.  Any triangles will do: open, with handles, in several components. */
 #ifndef APSM_GEODESIC_H
 #define APSM_GEODESIC_H
 
@@ -15,10 +17,13 @@ extern "C" {
 typedef struct apsm_geodesic apsm_geodesic;           /* the mesh prepared; shared, read-only */
 typedef struct apsm_geodesic_work apsm_geodesic_work; /* scratch of one thread */
 
-/* mesh and topology are borrowed and must outlive the result. */
+/* mesh and topology are borrowed and must outlive the result.  72 bytes per face. */
 apsm_status apsm_geodesic_build(const apsm_mesh *mesh, const apsm_topology *topology,
                                 apsm_geodesic **g) APSM_NODISCARD;
 void apsm_geodesic_free(apsm_geodesic *g);
+const apsm_mesh *apsm_geodesic_mesh(const apsm_geodesic *g);
+
+/* Scratch that fits g (and any other mesh with no more vertices). */
 apsm_status apsm_geodesic_work_new(const apsm_geodesic *g, apsm_geodesic_work **w) APSM_NODISCARD;
 void apsm_geodesic_work_free(apsm_geodesic_work *w);
 
@@ -27,11 +32,25 @@ void apsm_geodesic_work_free(apsm_geodesic_work *w);
 apsm_status apsm_geodesic_from(const apsm_geodesic *g, const apsm_surface_point *source,
                                double radius, apsm_geodesic_work *w) APSM_NODISCARD;
 
+/* Widens the last search to a larger radius; costs only what is new.  false once the component
+ * is exhausted: a yet larger radius finds no more. */
+bool apsm_geodesic_extend(const apsm_geodesic *g, double radius, apsm_geodesic_work *w);
+
 /* Distance of a vertex or of any surface point from the last source; INFINITY beyond the
  * radius.  Points close to the source (sharing a face or an edge-adjacent face) are exact. */
 double apsm_geodesic_vertex_distance(const apsm_geodesic_work *w, uint32_t v);
 double apsm_geodesic_distance(const apsm_geodesic *g, const apsm_geodesic_work *w,
                               const apsm_surface_point *to);
+
+/* As above, but widens the search until `to` is reached; INFINITY only on another component. */
+double apsm_geodesic_reach(const apsm_geodesic *g, apsm_geodesic_work *w,
+                           const apsm_surface_point *to);
+
+/* nearest (nv) <- min(nearest, distance from source): the distance to a set of sources that grows
+ * by one.  Explores only where the new source is nearer, so that n sources cost O(nv log n) in
+ * all instead of O(n nv).  Start with INFINITY everywhere.  Other results in w are void. */
+apsm_status apsm_geodesic_add_source(const apsm_geodesic *g, const apsm_surface_point *source,
+                                     double *nearest, apsm_geodesic_work *w) APSM_NODISCARD;
 
 /* The point at geodesic distance `keep` from the last source on the path that runs from `from`
  * to the source; `from` itself if it is nearer than that.  APSM_ERR_GEOMETRY if `from` was not
