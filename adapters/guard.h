@@ -17,6 +17,15 @@ struct failure {
     std::string text; /* place and remedy; the file's name is put before it */
 };
 
+/* A call of the library has failed and said why. */
+struct failed_call {
+    apsm_status status;
+};
+inline void check(apsm_status status)
+{
+    if (status != APSM_OK) throw failed_call{ status };
+}
+
 [[noreturn]] inline void damaged(const std::string &text)
 {
     throw failure{ APSM_ERR_FORMAT, text };
@@ -39,6 +48,8 @@ template <class Work> apsm_status guarded(apsm_context *ctx, const char *path, W
             return APSM_OK;
         } catch (const failure &f) {
             return apsm_fail(ctx, f.status, "%s: %s", path, f.text.c_str());
+        } catch (const failed_call &f) {
+            return f.status;
         } catch (const std::bad_alloc &) {
             return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory; close other programs", path);
         } catch (const std::exception &e) {

@@ -11,14 +11,15 @@
 #include <filesystem>
 #include <iostream>
 #include <mutex>
+#include <unistd.h>
 #include <vector>
 
 #include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
 
-#include "../replace_file.h"
 #include "apsm/adapters.h"
+#include "apsm/files.h"
 #include "labels.h"
 
 using namespace apsm;
@@ -133,7 +134,22 @@ template <class T> std::vector<char> components(const apsm_volume &v, size_t n)
     return raw;
 }
 
-void write_volume(const std::string &path, const apsm_volume &v)
+/* A file in the same folder and with the same extension, which tells the writer its format;
+ * gone at the end unless it was renamed. */
+struct temporary_file {
+    explicit temporary_file(const std::string &path)
+    {
+        const size_t base = path.rfind('/') + 1; /* 0 if there is no slash */
+        name = path.substr(0, base) + "." + std::to_string(getpid()) + "-" + path.substr(base);
+    }
+    ~temporary_file() { unlink(name.c_str()); }
+    temporary_file(const temporary_file &) = delete;
+    temporary_file &operator=(const temporary_file &) = delete;
+
+    std::string name;
+};
+
+void write_volume(apsm_context *ctx, const std::string &path, const apsm_volume &v)
 {
     using kind = itk::ImageIOBase::IOComponentEnum;
     const format &f = format_of(path);
@@ -144,12 +160,12 @@ void write_volume(const std::string &path, const apsm_volume &v)
     const auto range = std::minmax_element(v.label, v.label + n);
     const bool small = n == 0 || (*range.first >= 0 && *range.second <= 255);
     const std::vector<char> raw = small ? components<unsigned char>(v, n) : components<int>(v, n);
-    replacement file(path, f.extension);
+    const temporary_file temporary(path);
     {
         const std::lock_guard<std::mutex> lock(itk_lock);
         const quiet silence;
         const itk::ImageIOBase::Pointer io = f.make();
-        io->SetFileName(file.temporary());
+        io->SetFileName(temporary.name);
         io->SetNumberOfDimensions(3);
         itk::ImageIORegion region(3);
         for (unsigned c = 0; c < 3; c++) {
@@ -168,7 +184,7 @@ void write_volume(const std::string &path, const apsm_volume &v)
         io->WriteImageInformation();
         io->Write(raw.data());
     }
-    file.commit();
+    check(apsm_replace_file(ctx, temporary.name.c_str(), path.c_str()));
 }
 
 } // namespace
@@ -182,5 +198,5 @@ extern "C" apsm_status apsm_itk_read_volume(apsm_context *ctx, const char *path,
 extern "C" apsm_status apsm_itk_write_volume(apsm_context *ctx, const char *path,
                                              const apsm_volume *volume)
 {
-    return guarded(ctx, path, [&] { write_volume(path, *volume); });
+    return guarded(ctx, path, [&] { write_volume(ctx, path, *volume); });
 }

@@ -30,6 +30,7 @@ void isosurface(const size_t n[3], const float *values, double level, apsm_mesh 
             throw failure{ APSM_ERR_ARG, "a grid needs 2 to 2^20 nodes along each axis" };
     const vtkIdType count = static_cast<vtkIdType>(n[0] * n[1] * n[2]);
     const float cut = static_cast<float>(level);
+    silence_vtk();
     vtkNew<vtkFloatArray> scalars;
     scalars->SetNumberOfValues(count);
     const float below = std::nextafterf(cut, -std::numeric_limits<float>::infinity());
@@ -48,6 +49,8 @@ void isosurface(const size_t n[3], const float *values, double level, apsm_mesh 
     edges->ComputeScalarsOff();
     edges->SetValue(0, cut);
     edges->Update();
+    if (edges->GetOutput()->GetNumberOfPolys() == 0)
+        throw failure{ APSM_ERR_GEOMETRY, "no value lies on the other side of the level" };
     mesh_of_polydata(edges->GetOutput(), mesh);
     for (size_t f = 0; f < mesh->nf; f++) std::swap(mesh->F[3 * f + 1], mesh->F[3 * f + 2]);
 }

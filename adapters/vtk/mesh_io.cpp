@@ -1,13 +1,10 @@
 /* Surface meshes from and to files, by extension. */
-#include <cerrno>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
-#include <fcntl.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include "../replace_file.h"
 #include "apsm/adapters.h"
+#include "apsm/files.h"
 #include "polydata.h"
 #include "soup.h"
 
@@ -36,37 +33,26 @@ std::string extension_of(const std::string &path)
                                              ".stl, .obj, .vtk or .vtp" };
 }
 
-std::string bytes_of(const std::string &path)
-{
-    const int fd = open(path.c_str(), O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        throw failure{ APSM_ERR_IO, std::string(std::strerror(errno)) +
-                                        "; check the name and your right to read it" };
-    struct stat info;
-    std::string bytes;
-    ssize_t n = -1;
-    if (!fstat(fd, &info) && S_ISREG(info.st_mode)) {
-        try {
-            bytes.resize(static_cast<size_t>(info.st_size));
-        } catch (...) {
-            close(fd);
-            throw;
-        }
-        size_t done = 0;
-        while (done < bytes.size() && (n = read(fd, &bytes[done], bytes.size() - done)) > 0)
-            done += static_cast<size_t>(n);
-        if (done == bytes.size()) n = 0;
+/* A file's bytes, freed at the end. */
+struct file_bytes {
+    file_bytes(apsm_context *ctx, const std::string &path)
+    {
+        check(apsm_read_file(ctx, path.c_str(), SIZE_MAX / 2, &data, &size));
     }
-    close(fd);
-    if (n) throw failure{ APSM_ERR_IO, "is not a file, or cannot be read to its end" };
-    if (bytes.empty()) damaged("is empty; copy or export it again");
-    return bytes;
-}
+    ~file_bytes() { std::free(data); }
+    file_bytes(const file_bytes &) = delete;
+    file_bytes &operator=(const file_bytes &) = delete;
 
-soup read_soup(const std::string &path)
+    char *data = nullptr;
+    size_t size = 0;
+};
+
+soup read_soup(apsm_context *ctx, const std::string &path)
 {
     const std::string extension = extension_of(path);
-    const std::string bytes = bytes_of(path);
+    const file_bytes file(ctx, path);
+    const std::string_view bytes(file.data, file.size);
+    if (bytes.empty()) damaged("is empty; copy or export it again");
     if (extension == ".ply") return read_ply(bytes);
     if (extension == ".obj") return read_obj(bytes);
     if (extension == ".vtk") return read_legacy_vtk(bytes);
@@ -77,9 +63,9 @@ soup read_soup(const std::string &path)
     return s;
 }
 
-void read_mesh(const std::string &path, apsm_mesh *mesh)
+void read_mesh(apsm_context *ctx, const std::string &path, apsm_mesh *mesh)
 {
-    soup s = read_soup(path);
+    soup s = read_soup(ctx, path);
     if (s.polygons() == 0) damaged("has no faces: a point cloud? export it as a surface");
     triangulate(&s);
     if (s.points() > most || s.polygons() > most)
@@ -109,7 +95,7 @@ std::string encode(const std::string &extension, const triangles &t)
 
 extern "C" apsm_status apsm_vtk_read_mesh(apsm_context *ctx, const char *path, apsm_mesh *mesh)
 {
-    return guarded(ctx, path, [&] { read_mesh(path, mesh); });
+    return guarded(ctx, path, [&] { read_mesh(ctx, path, mesh); });
 }
 
 extern "C" apsm_status apsm_vtk_write_mesh(apsm_context *ctx, const char *path,
@@ -118,8 +104,9 @@ extern "C" apsm_status apsm_vtk_write_mesh(apsm_context *ctx, const char *path,
     return guarded(ctx, path, [&] {
         const std::string extension = extension_of(path);
         const std::string bytes = encode(extension, { mesh->nv, mesh->nf, mesh->V, mesh->F });
-        replacement file(path, extension);
-        file.write(bytes);
-        file.commit();
+        apsm_writer *writer;
+        check(apsm_writer_open(ctx, path, &writer));
+        apsm_writer_write(writer, bytes.data(), bytes.size());
+        check(apsm_writer_commit(writer));
     });
 }

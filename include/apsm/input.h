@@ -1,0 +1,88 @@
+/* input.h -- from the INPUT arguments of a user to cases, and from a case to its shape. */
+#ifndef APSM_INPUT_H
+#define APSM_INPUT_H
+
+#include <stdbool.h>
+
+#include "apsm/mesh.h"
+#include "apsm/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum apsm_input_kind {
+    APSM_INPUT_MESH,   /* .ply .stl .obj .vtk .vtp */
+    APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd */
+    APSM_INPUT_DICOM   /* a folder holding one series */
+} apsm_input_kind;
+
+typedef struct apsm_input_case {
+    char *name; /* of the file (or DICOM folder) without extension; unique in its list */
+    char *path; /* as given, or folder/file */
+    apsm_input_kind kind;
+    bool reflect; /* its file name matches reflect_match */
+} apsm_input_case;
+
+/* Owns everything; zero-initialise with {0}. */
+typedef struct apsm_input_list {
+    size_t n;
+    apsm_input_case *cases; /* ascending by name, byte by byte */
+    size_t excluded;        /* files left out because of `exclude` */
+    size_t skipped;         /* files in folders that are not shapes */
+} apsm_input_list;
+
+/* The cases of n inputs: files, and folders, which stand for all shape files in them (not in
+ * folders below).  A folder without shape files but with DICOM files is one case, and so is each
+ * folder of DICOM files directly below.  Hidden files do not count.
+ *
+ * exclude and reflect_match are POSIX extended regular expressions, searched in file names (last
+ * component, with extension); NULL or "" for none.  One that matches nothing is logged as a
+ * warning.
+ *
+ * Refused, with a line: no case left; a folder without shapes; a path that is missing,
+ * unreadable or (given by name) of an unknown extension; two cases of one name; an invalid
+ * expression.  list is overwritten, and {0} on failure.  O(m log m) for m files. */
+apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
+                              const char *exclude, const char *reflect_match,
+                              apsm_input_list *list) APSM_NODISCARD;
+void apsm_input_list_free(apsm_input_list *list);
+
+/* The kind of a file by its extension, in any case; false if it is none of them. */
+bool apsm_input_kind_of(const char *path, apsm_input_kind *kind);
+
+/* Which labels of a segmentation are the shape.  {0}: the only one there is. */
+typedef struct apsm_labels {
+    bool all; /* every label but 0 */
+    size_t n;
+    int32_t *label; /* ascending; owned */
+} apsm_labels;
+
+/* From text: "" , "all", or non-zero integers with commas, "1,2".  APSM_ERR_ARG with a line. */
+apsm_status apsm_labels_parse(apsm_context *ctx, const char *text,
+                              apsm_labels *labels) APSM_NODISCARD;
+void apsm_labels_free(apsm_labels *labels);
+
+/* In place: 1 where the voxel has one of the labels, else 0.  Refused (APSM_ERR_GEOMETRY): none
+ * chosen and several there (the line lists them), nothing chosen is there.  A chosen label that is
+ * not there is logged.  path is for messages.  O(voxels). */
+apsm_status apsm_label_union(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                             apsm_volume *volume) APSM_NODISCARD;
+
+/* What a case holds: a mesh as it is in the file, or a mask of 0 and 1. */
+typedef struct apsm_input_shape {
+    bool is_mesh;
+    apsm_mesh mesh;     /* owned; {0} if not is_mesh */
+    apsm_volume volume; /* owned; {0} if is_mesh */
+} apsm_input_shape;
+
+/* Reads a case.  labels is borrowed and does not matter to meshes.  shape is overwritten, and
+ * {0} on failure.  May run in several threads at once. */
+apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
+                            const apsm_labels *labels, apsm_input_shape *shape) APSM_NODISCARD;
+void apsm_input_shape_free(apsm_input_shape *shape);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

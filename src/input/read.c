@@ -1,0 +1,22 @@
+/* A case to its shape, through the adapters. */
+#include "apsm/adapters.h"
+#include "apsm/input.h"
+
+void apsm_input_shape_free(apsm_input_shape *shape)
+{
+    apsm_mesh_free(&shape->mesh);
+    apsm_volume_free(&shape->volume);
+    *shape = (apsm_input_shape){ 0 };
+}
+
+apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
+                            const apsm_labels *labels, apsm_input_shape *shape)
+{
+    *shape = (apsm_input_shape){ .is_mesh = one->kind == APSM_INPUT_MESH };
+    if (shape->is_mesh) return apsm_vtk_read_mesh(ctx, one->path, &shape->mesh);
+    APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_dicom_read_volume(ctx, one->path, &shape->volume)
+                                           : apsm_itk_read_volume(ctx, one->path, &shape->volume));
+    const apsm_status status = apsm_label_union(ctx, one->path, labels, &shape->volume);
+    if (status != APSM_OK) apsm_input_shape_free(shape);
+    return status;
+}

@@ -1,0 +1,309 @@
+/* Segmentations to files and back: grids in every pose, the systems of coordinates, damage. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#include "apsm/adapters.h"
+#include "scratch.h"
+
+static const char *const extensions[] = { ".nrrd", ".nii", ".nii.gz", ".mha" };
+enum { N_EXTENSIONS = 4 };
+
+typedef struct fixture {
+    apsm_context *ctx;
+    char folder[SCRATCH_LENGTH];
+} fixture;
+
+static int setup(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    f->ctx = apsm_context_new();
+    scratch_make(f->folder);
+    *state = f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *const f = *state;
+    scratch_remove(f->folder);
+    apsm_context_free(f->ctx);
+    free(f);
+    return 0;
+}
+
+/* A grid of 5 x 4 x 3 with some labels.  flip: det -1. */
+static apsm_volume make_volume(double angle, bool flip)
+{
+    apsm_volume v = { .n = { 5, 4, 3 },
+                      .origin = { 12.5, -7.25, 100.0 },
+                      .spacing = { 0.5, 1.25, 3.0 } };
+    const double c = cos(angle), s = sin(angle);
+    /* About the axis (2, 3, 6)/7, so that no entry is 0. */
+    const double u[3] = { 2.0 / 7.0, 3.0 / 7.0, 6.0 / 7.0 };
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            const int k = 3 - i - j; /* the third index, if i != j */
+            const double cross = i == j ? 0.0 : (j == (i + 1) % 3 ? -u[k] : u[k]);
+            v.direction[3 * i + j] = (i == j) * c + s * cross + (1.0 - c) * u[i] * u[j];
+        }
+    for (int i = 0; flip && i < 3; i++) v.direction[3 * i] = -v.direction[3 * i];
+    v.label = calloc(60, sizeof *v.label);
+    for (size_t i = 0; i < 60; i++) v.label[i] = (int32_t)(i * i % 7);
+    return v;
+}
+
+static void must_read(fixture *f, const char *path, apsm_volume *v)
+{
+    if (apsm_itk_read_volume(f->ctx, path, v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+}
+
+/* tolerance in mm for positions, as the map from index to space counts. */
+static void expect_same(const apsm_volume *a, const apsm_volume *b, double tolerance,
+                        const char *what)
+{
+    double A[16], B[16];
+    assert_memory_equal(a->n, b->n, sizeof a->n);
+    apsm_volume_index_to_lps(a, A);
+    apsm_volume_index_to_lps(b, B);
+    for (int k = 0; k < 16; k++)
+        if (!(fabs(A[k] - B[k]) <= tolerance))
+            fail_msg("%s: M[%d] = %.17g, not %.17g", what, k, B[k], A[k]);
+    assert_memory_equal(a->label, b->label, a->n[0] * a->n[1] * a->n[2] * sizeof *a->label);
+}
+
+/* NIfTI keeps its geometry in float32: 1e-5 of 100 mm.  The others print 17 digits or nearly. */
+static void oriented_grids_come_back(void **state)
+{
+    fixture *const f = *state;
+    for (int k = 0; k < N_EXTENSIONS; k++)
+        for (int pose = 0; pose < 8; pose++) {
+            apsm_volume v = make_volume(0.7 * (pose / 2), pose % 2), back = { 0 };
+            char name[32];
+            snprintf(name, sizeof name, "v%d%s", pose, extensions[k]);
+            const char *const path = scratch_path(f->folder, name);
+            if (apsm_itk_write_volume(f->ctx, path, &v) != APSM_OK)
+                fail_msg("%s", apsm_error_text(f->ctx));
+            must_read(f, path, &back);
+            expect_same(&v, &back, k == 1 || k == 2 ? 1e-5 : 1e-9, name);
+            apsm_volume_free(&v);
+            apsm_volume_free(&back);
+        }
+    assert_int_equal(scratch_count(f->folder), 8 * N_EXTENSIONS); /* no temporary is left */
+}
+
+static void wide_labels_come_back(void **state)
+{
+    fixture *const f = *state;
+    for (int k = 0; k < N_EXTENSIONS; k++) {
+        apsm_volume v = make_volume(0.0, false), back = { 0 };
+        v.label[3] = -5;
+        v.label[4] = INT32_MAX;
+        char name[32];
+        snprintf(name, sizeof name, "wide%s", extensions[k]);
+        const char *const path = scratch_path(f->folder, name);
+        assert_int_equal(apsm_itk_write_volume(f->ctx, path, &v), APSM_OK);
+        must_read(f, path, &back);
+        expect_same(&v, &back, 1e-5, name);
+        apsm_volume_free(&v);
+        apsm_volume_free(&back);
+    }
+}
+
+static apsm_status read_text(fixture *f, const char *name, const char *text, apsm_volume *v)
+{
+    const char *const path = scratch_path(f->folder, name);
+    scratch_write(path, text, strlen(text));
+    return apsm_itk_read_volume(f->ctx, path, v);
+}
+
+#define NRRD_HEAD(space, directions, origin)                                                       \
+    "NRRD0004\ntype: unsigned char\ndimension: 3\nspace: " space                                   \
+    "\nsizes: 2 2 2\nspace directions: " directions                                                \
+    "\nkinds: domain domain domain\nencoding: ascii\nspace origin: " origin "\n\n"
+#define VALUES "0 1 0 2\n0 0 0 1\n"
+
+/* The same grid, told in RAS and in LPS.  The sheared directions of dependencies.md: lengths
+ * .632 and .949. */
+static void nrrd_space_is_turned_to_lps(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume lps = { 0 }, ras = { 0 };
+    assert_int_equal(read_text(f, "lps.nrrd",
+                               NRRD_HEAD("left-posterior-superior", "(1,0,0) (0,.6,.2) (0,-.3,.9)",
+                                         "(10,20,30)") VALUES,
+                               &lps),
+                     APSM_OK);
+    assert_int_equal(read_text(f, "ras.nrrd",
+                               NRRD_HEAD("right-anterior-superior", "(-1,0,0) (0,-.6,.2) (0,.3,.9)",
+                                         "(-10,-20,30)") VALUES,
+                               &ras),
+                     APSM_OK);
+    expect_same(&lps, &ras, 1e-12, "ras");
+    assert_true(fabs(lps.spacing[1] - sqrt(.4)) < 1e-12);
+    assert_true(fabs(lps.spacing[2] - sqrt(.9)) < 1e-12);
+    double M[16];
+    apsm_volume_index_to_lps(&lps, M);
+    const double wanted[16] = { 1, 0, 0, 10, 0, .6, -.3, 20, 0, .2, .9, 30, 0, 0, 0, 1 };
+    for (int k = 0; k < 16; k++) assert_true(fabs(M[k] - wanted[k]) < 1e-12);
+    assert_int_equal(lps.label[3], 2);
+    apsm_volume_free(&lps);
+    apsm_volume_free(&ras);
+}
+
+/* A hippocampus mask: the file says RAS, so the first two axes must come out negative. */
+static void nifti_is_turned_to_lps(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    must_read(f, APSM_DATA "/hippocampus/hippocampus_001.nii.gz", &v);
+    double M[16];
+    apsm_volume_index_to_lps(&v, M);
+    assert_true(M[0] == -1.0 && M[5] == -1.0 && M[10] == 1.0);
+    size_t labelled = 0;
+    for (size_t i = 0; i < v.n[0] * v.n[1] * v.n[2]; i++) {
+        assert_in_range(v.label[i], 0, 2);
+        labelled += v.label[i] != 0;
+    }
+    assert_in_range(labelled, 2380, 4400); /* ml of 1 mm voxels, by its PROVENANCE */
+    apsm_volume_free(&v);
+}
+
+/* MetaImage headers with values that follow as text. */
+#define MHA(dims, size, spacing, type, rest)                                                       \
+    "ObjectType = Image\nNDims = " dims "\nBinaryData = False\nDimSize = " size                    \
+    "\nElementSpacing = " spacing rest "\nElementType = " type "\nElementDataFile = LOCAL\n"
+
+static void values_must_be_labels(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    const char *const head = MHA("3", "2 2 2", "1 1 1", "MET_FLOAT", "");
+    char text[512];
+    snprintf(text, sizeof text, "%s0 1 0 2 0 0 0 3\n", head);
+    assert_int_equal(read_text(f, "f.mha", text, &v), APSM_OK);
+    assert_int_equal(v.label[7], 3);
+    apsm_volume_free(&v);
+    snprintf(text, sizeof text, "%s0 1 0 2 0 0.5 0 0.25\n", head);
+    expect_failure(f->ctx, read_text(f, "half.mha", text, &v), APSM_ERR_FORMAT,
+                   "voxel (1, 0, 1) holds 0.5", "half.mha");
+    snprintf(text, sizeof text, "%s0 1 0 2 0 3e9 0 1\n", head);
+    expect_failure(f->ctx, read_text(f, "big.mha", text, &v), APSM_ERR_FORMAT, "(1, 0, 1)",
+                   "3e+09");
+}
+
+static void grids_must_be_proper(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    const char *const values = "0 1 0 2 0 0 0 3\n";
+    const struct {
+        const char *head, *word;
+    } cases[] = {
+        { MHA("2", "4 2", "1 1", "MET_UCHAR", ""), "flat" },
+        { MHA("4", "2 2 1 2", "1 1 1 1", "MET_UCHAR", ""), "3-D" },
+        { MHA("3", "2 2 2", "1 0 1", "MET_UCHAR", ""), "spacing" },
+        { MHA("3", "2 2 2", "1 nan 1", "MET_UCHAR", ""), "" },
+        { MHA("3", "2 2 2", "1 -1 1", "MET_UCHAR", ""), "spacing" },
+        { MHA("3", "2 2 2", "1 1 1", "MET_UCHAR", "\nTransformMatrix = 1 0 0 1 0 0 0 0 1"),
+          "independent" },
+        { MHA("3", "2 2 1", "1 1 1", "MET_UCHAR", "\nElementNumberOfChannels = 2"), "components" },
+        { MHA("3", "200000 200000 200", "1 1 1", "MET_UCHAR", ""), "promises" },
+        { MHA("3", "2000000000 2000000000 2000000000", "1 1 1", "MET_UCHAR", ""), "" },
+        { MHA("3", "2 0 2", "1 1 1", "MET_UCHAR", ""), "" },
+        { "garbage", "not a .mha" },
+    };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        char text[512];
+        snprintf(text, sizeof text, "%s%s", cases[k].head, values);
+        expect_failure(f->ctx, read_text(f, "bad.mha", text, &v), APSM_ERR_FORMAT, cases[k].word,
+                       "bad.mha");
+        assert_null(v.label);
+    }
+    char text[512];
+    snprintf(text, sizeof text, "%s%s", MHA("4", "2 2 2 1", "1 1 1 1", "MET_UCHAR", ""), values);
+    assert_int_equal(read_text(f, "trailing.mha", text, &v), APSM_OK);
+    apsm_volume_free(&v);
+    expect_failure(f->ctx, read_text(f, "x.png", "x", &v), APSM_ERR_UNSUPPORTED, ".nrrd", "x.png");
+    expect_failure(f->ctx, apsm_itk_read_volume(f->ctx, scratch_path(f->folder, "none.nrrd"), &v),
+                   APSM_ERR_FORMAT, "none.nrrd", "");
+}
+
+static void truncated_files_are_refused(void **state)
+{
+    fixture *const f = *state;
+    for (int k = 0; k < N_EXTENSIONS; k++) {
+        apsm_volume v = make_volume(0.3, false), back = { 0 };
+        char name[32];
+        snprintf(name, sizeof name, "cut%s", extensions[k]);
+        const char *const path = scratch_path(f->folder, name);
+        assert_int_equal(apsm_itk_write_volume(f->ctx, path, &v), APSM_OK);
+        size_t size;
+        char *const bytes = scratch_read(path, &size);
+        for (size_t left = 0; left + 12 < size; left += 1 + size / 37) {
+            scratch_write(path, bytes, left);
+            expect_failure(f->ctx, apsm_itk_read_volume(f->ctx, path, &back), APSM_ERR_FORMAT, name,
+                           "");
+        }
+        free(bytes);
+        apsm_volume_free(&v);
+    }
+}
+
+/* Many reads at once, good and bad, give what each would give alone. */
+enum { JOBS = 64 };
+static apsm_status read_job(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    fixture *const f = user;
+    apsm_volume v = { 0 }, wanted = make_volume(0.7 * (double)(i % 4), false);
+    char path[2 * SCRATCH_LENGTH];
+    snprintf(path, sizeof path, "%s/t%zu%s", f->folder, i % 4, extensions[i / 4 % N_EXTENSIONS]);
+    APSM_TRY(apsm_itk_read_volume(ctx, path, &v));
+    const bool same = memcmp(v.label, wanted.label, 60 * sizeof *v.label) == 0 &&
+                      fabs(v.direction[1] - wanted.direction[1]) < 1e-5;
+    apsm_volume_free(&v);
+    apsm_volume_free(&wanted);
+    snprintf(path, sizeof path, "%s/none%zu.nrrd", f->folder, i);
+    const bool failed = apsm_itk_read_volume(ctx, path, &v) == APSM_ERR_FORMAT;
+    const bool named = strstr(apsm_error_text(ctx), strrchr(path, '/')) != NULL;
+    return same && failed && named
+               ? APSM_OK
+               : apsm_fail(ctx, APSM_ERR_STATE, "job %zu: %d %d %d", i, same, failed, named);
+}
+
+static void threads_do_not_disturb_each_other(void **state)
+{
+    fixture *const f = *state;
+    for (int pose = 0; pose < 4; pose++)
+        for (int k = 0; k < N_EXTENSIONS; k++) {
+            apsm_volume v = make_volume(0.7 * pose, false);
+            char name[32];
+            snprintf(name, sizeof name, "t%d%s", pose, extensions[k]);
+            assert_int_equal(apsm_itk_write_volume(f->ctx, scratch_path(f->folder, name), &v),
+                             APSM_OK);
+            apsm_volume_free(&v);
+        }
+    apsm_context_set_threads(f->ctx, 8);
+    if (apsm_parallel_for(f->ctx, JOBS, read_job, f, NULL) != APSM_OK)
+        fail_msg("%s", apsm_error_text(f->ctx));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(oriented_grids_come_back, setup, teardown),
+        cmocka_unit_test(wide_labels_come_back),
+        cmocka_unit_test(nrrd_space_is_turned_to_lps),
+        cmocka_unit_test(nifti_is_turned_to_lps),
+        cmocka_unit_test(values_must_be_labels),
+        cmocka_unit_test(grids_must_be_proper),
+        cmocka_unit_test(truncated_files_are_refused),
+        cmocka_unit_test(threads_do_not_disturb_each_other),
+    };
+    return cmocka_run_group_tests_name("volume_io", tests, setup, teardown);
+}
