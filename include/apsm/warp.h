@@ -21,7 +21,8 @@ typedef struct apsm_warp {
 /* The warp of n points X (n x 3; a mesh's vertices) that follows the template's particles
  * P (J x 3).  phi: APSM_PHI_R is METHOD's.  Particles within 1e-9 of the set's diagonal count as
  * one that goes to the mean of their targets; a warning is logged.  J^3/3 + n J^2 flops, 8 n J
- * bytes. APSM_ERR_GEOMETRY: fewer than 5 distinct particles, or all in a plane. */
+ * bytes. APSM_ERR_GEOMETRY: fewer than 5 distinct particles, or all in a plane; APSM_ERR_NONFINITE:
+ * a particle is not finite. */
 apsm_status apsm_warp_build(apsm_context *ctx, apsm_phi phi, size_t n, const double *X, size_t J,
                             const double *P, apsm_warp *warp) APSM_NODISCARD;
 void apsm_warp_free(apsm_warp *warp);

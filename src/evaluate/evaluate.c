@@ -1,0 +1,91 @@
+/* All metrics of a cohort in one call. */
+#include <stdlib.h>
+
+#include "apsm/metrics.h"
+
+void apsm_evaluation_free(apsm_evaluation *e)
+{
+    free(e->variance);
+    free(e->compactness);
+    free(e->generalization);
+    free(e->generalization_error);
+    free(e->specificity);
+    free(e->specificity_error);
+    free(e->surface);
+    *e = (apsm_evaluation){ 0 };
+}
+
+/* Room for n numbers, never NULL unless memory is short. */
+static double *numbers(size_t n)
+{
+    return calloc(n ? n : 1, sizeof(double));
+}
+
+static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_t modes,
+                         apsm_evaluation *e)
+{
+    const size_t I = in->I;
+    *e = (apsm_evaluation){ .shapes = I,
+                            .particles = in->J,
+                            .modes = modes,
+                            .samples =
+                                in->samples ? in->samples : apsm_definition_samples(in->definition),
+                            .definition = in->definition,
+                            .n_compactness = I - 1,
+                            .n_generalization = I > 2 ? I - 2 : 0,
+                            .n_specificity = I - 1 };
+    e->variance = numbers(modes);
+    e->compactness = numbers(I);
+    e->generalization = numbers(I);
+    e->generalization_error = numbers(I);
+    e->specificity = numbers(I);
+    e->specificity_error = numbers(I);
+    if (in->shape) e->surface = calloc(I, sizeof *e->surface);
+    if (e->variance && e->compactness && e->generalization && e->generalization_error &&
+        e->specificity && e->specificity_error && (e->surface || !in->shape))
+        return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for the metrics of %zu shapes", I);
+}
+
+static apsm_status measure_model(apsm_context *ctx, const apsm_shape_model *model,
+                                 apsm_evaluation *e)
+{
+    for (size_t k = 0; k < model->modes; k++) e->variance[k] = model->variance[k];
+    apsm_compactness(model, e->compactness);
+    APSM_TRY(apsm_generalization(ctx, model, e->generalization, e->generalization_error));
+    return apsm_specificity(ctx, model, e->definition, e->samples, e->specificity,
+                            e->specificity_error);
+}
+
+static apsm_status measure_surfaces(apsm_context *ctx, const apsm_evaluate_input *in,
+                                    apsm_evaluation *e)
+{
+    const apsm_mesh *mesh = in->template_mesh;
+    apsm_warp warp;
+    if (!mesh || in->template_index >= in->I)
+        return apsm_fail(ctx, APSM_ERR_ARG, "surface distances need the template's mesh and index");
+    APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, in->J,
+                             in->P + in->template_index * 3 * in->J, &warp));
+    const apsm_status status =
+        apsm_surface_distances(ctx, &warp, mesh, in->I, in->P, in->shape, e->surface);
+    apsm_warp_free(&warp);
+    if (status == APSM_OK)
+        apsm_surface_summarize(in->I, e->surface, in->template_index, &e->surface_summary);
+    return status;
+}
+
+apsm_status apsm_evaluate(apsm_context *ctx, const apsm_evaluate_input *input,
+                          apsm_evaluation *evaluation)
+{
+    apsm_shape_model model;
+    *evaluation = (apsm_evaluation){ 0 };
+    APSM_TRY(apsm_shape_model_fit(ctx, input->I, input->J, input->P, &model));
+    const char *warning = apsm_definition_warning(input->definition);
+    if (warning) apsm_log(ctx, APSM_LOG_WARNING, "%s", warning);
+    apsm_status status = alloc(ctx, input, model.modes, evaluation);
+    if (status == APSM_OK) status = measure_model(ctx, &model, evaluation);
+    if (status == APSM_OK && input->shape) status = measure_surfaces(ctx, input, evaluation);
+    apsm_shape_model_free(&model);
+    if (status != APSM_OK) apsm_evaluation_free(evaluation);
+    return status;
+}

@@ -1,0 +1,299 @@
+/* Distances between a shape and its reconstruction.  `two_way` is the paper's metric: the
+ * vertex-to-surface distances of both directions in one list.  `pull`, `push` and `disagreement`
+ * are those of ShapeWorks' correspondence report (2026): a vertex of the shape stands for a third
+ * of the area of its triangles, and disagreement shows on the shape what a pull alone can only show
+ * on the reconstruction. */
+#include "apsm/surface_distance.h"
+
+#include <math.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- summaries ---- */
+
+static int nearer(const double *distance, size_t a, size_t b)
+{
+    return distance[a] < distance[b] || (distance[a] == distance[b] && a < b);
+}
+
+/* Heap sort of order by distance, ties by index: no comparison function with hidden state. */
+static void sift(const double *distance, size_t *order, size_t at, size_t n)
+{
+    const size_t x = order[at];
+    for (size_t child; (child = 2 * at + 1) < n; at = child) {
+        if (child + 1 < n && nearer(distance, order[child], order[child + 1])) child++;
+        if (!nearer(distance, x, order[child])) break;
+        order[at] = order[child];
+    }
+    order[at] = x;
+}
+
+static void sort_by_distance(size_t n, const double *distance, size_t *order)
+{
+    for (size_t k = 0; k < n; k++) order[k] = k;
+    for (size_t k = n / 2; k-- > 0;) sift(distance, order, k, n);
+    for (size_t k = n; k-- > 1;) {
+        const size_t x = order[0];
+        order[0] = order[k];
+        order[k] = x;
+        sift(distance, order, 0, k);
+    }
+}
+
+void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,
+                             apsm_distance_summary *summary)
+{
+    const double q[3] = { 0.5, 0.95, 0.99 };
+    double value[3], total = 0.0, sum = 0.0, below = 0.0;
+    size_t k = 0;
+    sort_by_distance(n, distance, order);
+    for (size_t v = 0; v < n; v++) {
+        total += weight ? weight[v] : 1.0;
+        sum += (weight ? weight[v] : 1.0) * distance[v];
+    }
+    for (size_t p = 0; p < 3; p++) {
+        /* k stays at the first place where the weight so far reaches the share */
+        while (k + 1 < n) {
+            const double w = weight ? weight[order[k]] : 1.0;
+            if (below + w >= q[p] * total * (1.0 - 1e-12)) break;
+            below += w;
+            k++;
+        }
+        value[p] = distance[order[k]];
+    }
+    *summary = (apsm_distance_summary){ .mean = total > 0.0 ? sum / total : 0.0,
+                                        .median = value[0],
+                                        .p95 = value[1],
+                                        .p99 = value[2],
+                                        .max = distance[order[n - 1]] };
+}
+
+/* ---- one pair ---- */
+
+void apsm_point_distances(const apsm_bvh *bvh, size_t n, const double *X, double *distance,
+                          uint32_t *face)
+{
+    for (size_t v = 0; v < n; v++) {
+        apsm_closest c;
+        apsm_bvh_closest(bvh, X + 3 * v, INFINITY, &c);
+        distance[v] = sqrt(c.distance2);
+        if (face) face[v] = c.on.face;
+    }
+}
+
+/* A third of the area of each triangle to each of its corners. */
+static void vertex_areas(const apsm_mesh *mesh, double *area)
+{
+    memset(area, 0, mesh->nv * sizeof *area);
+    for (size_t f = 0; f < mesh->nf; f++) {
+        const uint32_t *F = mesh->F + 3 * f;
+        const double *a = mesh->V + 3 * F[0], *b = mesh->V + 3 * F[1], *c = mesh->V + 3 * F[2];
+        const double u[3] = { b[0] - a[0], b[1] - a[1], b[2] - a[2] };
+        const double w[3] = { c[0] - a[0], c[1] - a[1], c[2] - a[2] };
+        const double x = u[1] * w[2] - u[2] * w[1], y = u[2] * w[0] - u[0] * w[2],
+                     z = u[0] * w[1] - u[1] * w[0];
+        for (size_t k = 0; k < 3; k++) area[F[k]] += sqrt(x * x + y * y + z * z) / 6.0;
+    }
+}
+
+/* Scratch of one comparison: nr vertices of the reconstruction, ns of the shape. */
+typedef struct comparison {
+    double *both;                /* nr + ns: pull, then push */
+    double *disagreement, *area; /* ns */
+    uint32_t *face;              /* nr: triangle of the shape where a pull lands */
+    size_t *order;               /* nr + ns */
+} comparison;
+
+static void comparison_free(comparison *c)
+{
+    free(c->both);
+    free(c->disagreement);
+    free(c->area);
+    free(c->face);
+    free(c->order);
+}
+
+static apsm_status comparison_alloc(comparison *c, size_t nr, size_t ns)
+{
+    c->both = malloc((nr + ns) * sizeof *c->both);
+    c->disagreement = malloc(ns * sizeof *c->disagreement);
+    c->area = malloc(ns * sizeof *c->area);
+    c->face = malloc(nr * sizeof *c->face);
+    c->order = malloc((nr + ns) * sizeof *c->order);
+    return c->both && c->disagreement && c->area && c->face && c->order ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static void summarize_pair(const apsm_mesh *shape, size_t nr, comparison *c,
+                           apsm_surface_distance *result)
+{
+    const size_t ns = shape->nv;
+    const double *pull = c->both, *push = c->both + nr;
+    double lo[3], hi[3];
+    memcpy(c->disagreement, push, ns * sizeof *push);
+    for (size_t v = 0; v < nr; v++)
+        for (size_t k = 0; k < 3; k++) {
+            double *d = &c->disagreement[shape->F[3 * c->face[v] + k]];
+            *d = fmax(*d, pull[v]);
+        }
+    vertex_areas(shape, c->area);
+    apsm_distance_summarize(nr + ns, c->both, NULL, c->order, &result->two_way);
+    apsm_distance_summarize(nr, pull, NULL, c->order, &result->pull);
+    apsm_distance_summarize(ns, push, c->area, c->order, &result->push);
+    apsm_distance_summarize(ns, c->disagreement, c->area, c->order, &result->disagreement);
+    apsm_mesh_bounds(shape, lo, hi);
+    result->diagonal = sqrt((hi[0] - lo[0]) * (hi[0] - lo[0]) + (hi[1] - lo[1]) * (hi[1] - lo[1]) +
+                            (hi[2] - lo[2]) * (hi[2] - lo[2]));
+}
+
+static void copy_fields(const comparison *c, size_t nr, size_t ns,
+                        const apsm_distance_fields *fields)
+{
+    if (fields->pull) memcpy(fields->pull, c->both, nr * sizeof *c->both);
+    if (fields->push) memcpy(fields->push, c->both + nr, ns * sizeof *c->both);
+    if (fields->disagreement)
+        memcpy(fields->disagreement, c->disagreement, ns * sizeof *c->disagreement);
+}
+
+static apsm_status compare(const apsm_mesh *shape, const apsm_bvh *shape_bvh,
+                           const apsm_mesh *reconstruction, comparison *c)
+{
+    apsm_bvh *own = NULL, *other = NULL;
+    apsm_status status = APSM_OK;
+    if (!shape_bvh) status = apsm_bvh_build(shape, &own);
+    if (status == APSM_OK) status = apsm_bvh_build(reconstruction, &other);
+    if (status == APSM_OK) {
+        apsm_point_distances(shape_bvh ? shape_bvh : own, reconstruction->nv, reconstruction->V,
+                             c->both, c->face);
+        apsm_point_distances(other, shape->nv, shape->V, c->both + reconstruction->nv, NULL);
+    }
+    apsm_bvh_free(own);
+    apsm_bvh_free(other);
+    return status;
+}
+
+static apsm_status check_finite(apsm_context *ctx, const apsm_mesh *mesh, const char *which)
+{
+    for (size_t k = 0; k < 3 * mesh->nv; k++)
+        if (!isfinite(mesh->V[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "vertex %zu of the %s is not finite", k / 3,
+                             which);
+    return APSM_OK;
+}
+
+apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *shape,
+                                          const apsm_bvh *shape_bvh,
+                                          const apsm_mesh *reconstruction,
+                                          const apsm_distance_fields *fields,
+                                          apsm_surface_distance *result)
+{
+    const size_t nr = reconstruction->nv, ns = shape->nv;
+    if (nr == 0 || ns == 0 || shape->nf == 0 || reconstruction->nf == 0)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "a surface without triangles has no distance");
+    APSM_TRY(check_finite(ctx, shape, "shape"));
+    APSM_TRY(check_finite(ctx, reconstruction, "reconstruction"));
+    comparison c = { 0 };
+    apsm_status status = comparison_alloc(&c, nr, ns);
+    if (status == APSM_OK) status = compare(shape, shape_bvh, reconstruction, &c);
+    if (status == APSM_OK) {
+        summarize_pair(shape, nr, &c, result);
+        if (fields) copy_fields(&c, nr, ns, fields);
+    } else {
+        apsm_fail(ctx, status, "surface distance of %zu and %zu vertices: %s", ns, nr,
+                  apsm_status_text(status));
+    }
+    comparison_free(&c);
+    return status;
+}
+
+/* ---- a cohort ---- */
+
+static apsm_status get_from_array(apsm_context *ctx, size_t i, const apsm_mesh **mesh,
+                                  const apsm_bvh **bvh, void *user)
+{
+    (void)ctx;
+    *mesh = (const apsm_mesh *)user + i;
+    *bvh = NULL;
+    return APSM_OK;
+}
+
+apsm_mesh_source apsm_mesh_source_array(const apsm_mesh *meshes)
+{
+    /* get_from_array only reads */
+    return (apsm_mesh_source){ .get = get_from_array, .user = (void *)(uintptr_t)meshes };
+}
+
+typedef struct cohort_task {
+    const apsm_warp *warp;
+    const apsm_mesh *template_mesh;
+    const double *P;
+    const apsm_mesh_source *shape;
+    apsm_surface_distance *result;
+} cohort_task;
+
+static apsm_status one_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const cohort_task *t = user;
+    const apsm_mesh *mesh = NULL;
+    const apsm_bvh *bvh = NULL;
+    apsm_mesh warped = *t->template_mesh; /* its triangles, borrowed */
+    warped.V = malloc(3 * warped.nv * sizeof *warped.V);
+    if (!warped.V) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory to warp the template");
+    apsm_status status = t->shape->get(ctx, i, &mesh, &bvh, t->shape->user);
+    if (status == APSM_OK) {
+        apsm_warp_apply(t->warp, t->P + i * 3 * t->warp->J, warped.V);
+        status = apsm_surface_distance_between(ctx, mesh, bvh, &warped, NULL, &t->result[i]);
+        if (t->shape->release) t->shape->release(i, mesh, bvh, t->shape->user);
+    }
+    free(warped.V);
+    if (status == APSM_OK) return APSM_OK;
+    return apsm_fail(ctx, status, "shape %zu: %s", i, apsm_error_text(ctx));
+}
+
+apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
+                                   const apsm_mesh *template_mesh, size_t I, const double *P,
+                                   const apsm_mesh_source *shape, apsm_surface_distance *result)
+{
+    if (warp->nv != template_mesh->nv)
+        return apsm_fail(ctx, APSM_ERR_ARG, "the warp has %zu vertices, the template's mesh %zu",
+                         warp->nv, template_mesh->nv);
+    cohort_task t = { warp, template_mesh, P, shape, result };
+    return apsm_parallel_for(ctx, I, one_shape, &t, "surface distance");
+}
+
+/* Aggregate of the summary that lies `offset` bytes into apsm_surface_distance; shape `skip` is
+ * left out. */
+static apsm_surface_aggregate aggregate(size_t I, const apsm_surface_distance *distance,
+                                        size_t offset, size_t skip)
+{
+    apsm_surface_aggregate a = { 0 };
+    size_t n = 0;
+    for (size_t i = 0; i < I; i++) {
+        const apsm_distance_summary *s =
+            (const apsm_distance_summary *)(const void *)((const char *)&distance[i] + offset);
+        if (i == skip) continue;
+        a.mean += s->mean;
+        a.mean_max += s->max;
+        a.max = fmax(a.max, s->max);
+        n++;
+    }
+    if (n > 0) {
+        a.mean /= (double)n;
+        a.mean_max /= (double)n;
+    }
+    return a;
+}
+
+void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, size_t template_index,
+                            apsm_surface_summary *summary)
+{
+    *summary = (apsm_surface_summary){
+        .two_way = aggregate(I, distance, offsetof(apsm_surface_distance, two_way), SIZE_MAX),
+        .pull = aggregate(I, distance, offsetof(apsm_surface_distance, pull), template_index),
+        .push = aggregate(I, distance, offsetof(apsm_surface_distance, push), template_index),
+        .disagreement =
+            aggregate(I, distance, offsetof(apsm_surface_distance, disagreement), template_index),
+    };
+}

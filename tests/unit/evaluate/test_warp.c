@@ -1,0 +1,161 @@
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <string.h>
+
+#include "cohorts.h"
+#include "golden.h"
+
+static apsm_context *ctx;
+static int warnings;
+
+static void count_warnings(void *user, apsm_log_level level, const char *text)
+{
+    (void)user;
+    (void)text;
+    warnings += level == APSM_LOG_WARNING;
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    ctx = apsm_context_new();
+    if (ctx) apsm_context_set_log(ctx, count_warnings, NULL);
+    return ctx ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    apsm_context_free(ctx);
+    return 0;
+}
+
+static apsm_warp build(apsm_phi phi, size_t n, const double *X, size_t J, const double *P)
+{
+    apsm_warp warp;
+    assert_int_equal(apsm_warp_build(ctx, phi, n, X, J, P, &warp), APSM_OK);
+    return warp;
+}
+
+static void agrees_with_golden(void **state)
+{
+    (void)state;
+    json_t *root = golden_load("metrics"), *w = golden_get(root, "warp");
+    double *source = golden_member(w, "source", 30), *target = golden_member(w, "target", 30);
+    double *X = golden_member(w, "X", 36), Y[36];
+    double *biharmonic = golden_member(w, "biharmonic", 36);
+    double *triharmonic = golden_member(w, "triharmonic", 36);
+    apsm_warp warp = build(APSM_PHI_R, 12, X, 10, source);
+    apsm_warp_apply(&warp, target, Y);
+    golden_close("biharmonic", 36, Y, biharmonic, 1e-9);
+    apsm_warp_free(&warp);
+    warp = build(APSM_PHI_R3, 12, X, 10, source);
+    apsm_warp_apply(&warp, target, Y);
+    golden_close("triharmonic", 36, Y, triharmonic, 1e-9);
+    apsm_warp_free(&warp);
+    free(source);
+    free(target);
+    free(X);
+    free(biharmonic);
+    free(triharmonic);
+    json_decref(root);
+}
+
+/* Particles go exactly where their targets are; affine maps are reproduced everywhere; whatever
+ * the number of threads and of tasks. */
+static void interpolates_and_reproduces_affine_maps(void **state)
+{
+    (void)state;
+    enum { J = 40, V = 700 };
+    double *P = cohort(1, J, 1, 1), *X = cohort(1, V, 1, 2), *T = cohort(1, J, 1, 3), Y[3 * V];
+    apsm_warp warp = build(APSM_PHI_R, J, P, J, P);
+    apsm_warp_apply(&warp, T, Y);
+    golden_close("target", 3 * J, Y, T, 1e-10);
+    apsm_warp_free(&warp);
+    apsm_context_set_threads(ctx, 3);
+    warp = build(APSM_PHI_R, V, X, J, P);
+    apsm_context_set_threads(ctx, 1);
+    apsm_warp again = build(APSM_PHI_R, V, X, J, P);
+    assert_memory_equal(warp.W, again.W, V * J * sizeof *warp.W);
+    apsm_warp_free(&again);
+    const double A[9] = { 1, 2, 0, -1, 1, 0.5, 0, 0.25, 3 };
+    for (size_t j = 0; j < J; j++)
+        for (size_t a = 0; a < 3; a++)
+            T[3 * j + a] =
+                5 + A[3 * a] * P[3 * j] + A[3 * a + 1] * P[3 * j + 1] + A[3 * a + 2] * P[3 * j + 2];
+    apsm_warp_apply(&warp, T, Y);
+    for (size_t v = 0; v < V; v++)
+        for (size_t a = 0; a < 3; a++) {
+            const double y =
+                5 + A[3 * a] * X[3 * v] + A[3 * a + 1] * X[3 * v + 1] + A[3 * a + 2] * X[3 * v + 2];
+            golden_close("affine", 1, &Y[3 * v + a], &y, 1e-10);
+        }
+    apsm_warp_free(&warp);
+    free(P);
+    free(X);
+    free(T);
+}
+
+/* Three particles at one place act as one whose target is the mean of theirs. */
+static void coinciding_particles_share_a_centre(void **state)
+{
+    (void)state;
+    enum { J = 12, V = 300 };
+    double *P = cohort(1, J, 1, 4), *T = cohort(1, J, 1, 5), *X = cohort(1, V, 1, 6);
+    double one[3 * (J - 2)], target[3 * (J - 2)], Y[3 * V], Z[3 * V];
+    memcpy(P + 3 * 5, P, 3 * sizeof *P);
+    memcpy(P + 3 * 11, P, 3 * sizeof *P);
+    P[3 * 11] *= 1 + 1e-15;
+    for (size_t j = 0, k = 0; j < J; j++) {
+        if (j == 5 || j == 11) continue;
+        memcpy(one + 3 * k, P + 3 * j, 3 * sizeof *P);
+        memcpy(target + 3 * k++, T + 3 * j, 3 * sizeof *P);
+    }
+    for (size_t a = 0; a < 3; a++) target[a] = (T[a] + T[15 + a] + T[33 + a]) / 3;
+    warnings = 0;
+    apsm_warp warp = build(APSM_PHI_R, V, X, J, P);
+    assert_int_equal(warp.merged, 3);
+    assert_int_equal(warnings, 1);
+    apsm_warp_apply(&warp, T, Y);
+    apsm_warp_free(&warp);
+    warp = build(APSM_PHI_R, V, X, J - 2, one);
+    assert_int_equal(warp.merged, 0);
+    apsm_warp_apply(&warp, target, Z);
+    apsm_warp_free(&warp);
+    golden_close("warped", 3 * V, Y, Z, 1e-9);
+    free(P);
+    free(T);
+    free(X);
+}
+
+static void refuses_what_has_no_warp(void **state)
+{
+    (void)state;
+    double *P = cohort(1, 8, 1, 7);
+    apsm_warp warp;
+    assert_int_equal(apsm_warp_build(ctx, APSM_PHI_R, 1, P, 4, P, &warp), APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "4 particles"));
+    for (size_t j = 0; j < 8; j++) P[3 * j + 2] = 1.5;
+    assert_int_equal(apsm_warp_build(ctx, APSM_PHI_R, 1, P, 8, P, &warp), APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "plane"));
+    P[7] = NAN;
+    assert_int_equal(apsm_warp_build(ctx, APSM_PHI_R, 1, P, 8, P, &warp), APSM_ERR_NONFINITE);
+    assert_int_equal(apsm_warp_build(ctx, APSM_PHI_R, 0, P, 8, P, &warp), APSM_ERR_ARG);
+    assert_null(warp.W);
+    free(P);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(interpolates_and_reproduces_affine_maps),
+        cmocka_unit_test(coinciding_particles_share_a_centre),
+        cmocka_unit_test(refuses_what_has_no_warp),
+    };
+    return cmocka_run_group_tests_name("warp", tests, set_up, tear_down);
+}
