@@ -41,14 +41,16 @@ static inline void check_uniform(uint64_t index, size_t n, double lo, double hi,
     for (size_t i = 0; i < n; i++) x[i] = lo + (hi - lo) * apsm_random_uniform(&rng);
 }
 
-/* Gradient against central differences in each of n variables.  The quotient errs by O(h^2) +
- * O(eps / h); h = eps^(1/3) length balances them at eps^(2/3), and the bound is 100 times that
- * of the largest entry. */
+/* Gradient against central differences in each of n variables of size `length`.  noise: relative
+ * error of value(), DBL_EPSILON times the condition of what it solves.  The quotient errs by
+ * O(h^2) + O(noise / h); h = noise^(1/3) length balances them at noise^(2/3), and the bound is 100
+ * times that of the largest entry. */
 typedef double (*check_function)(const double *x, void *user);
 static inline void check_gradient(const char *what, size_t n, const double *x, double length,
-                                  const double *grad, check_function value, void *user)
+                                  double noise, const double *grad, check_function value,
+                                  void *user)
 {
-    const double h = cbrt(DBL_EPSILON) * length, tol = 100.0 * cbrt(DBL_EPSILON * DBL_EPSILON);
+    const double h = cbrt(noise) * length, tol = 100.0 * cbrt(noise * noise);
     double *y = check_alloc(n), largest = fabs(value(x, user)) / length;
     for (size_t i = 0; i < n; i++) largest = fmax(largest, fabs(grad[i]));
     memcpy(y, x, n * sizeof *y);
