@@ -1,0 +1,136 @@
+/* align.h -- brings shapes into one frame: registration of two surfaces (ICP), a search that
+ * works from any initial pose and tells a shape from its mirror image, and the alignment of a
+ * cohort to its medoid (METHOD section 7a).
+ *
+ * Maps are row-major 4 x 4.  Lengths have the unit of the meshes; scaling all of them scales the
+ * result.  The "residual" of a map M of a moving to a fixed surface is
+ *     1/2 (mean over the moving surface of the distance of M x to the fixed surface
+ *          + mean over the fixed surface of the distance of y to the moved surface),
+ * in the fixed surface's unit: because of its second half it cannot be made small by shrinking. */
+#ifndef APSM_ALIGN_H
+#define APSM_ALIGN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "apsm/bvh.h"
+#include "apsm/context.h"
+#include "apsm/mesh.h"
+#include "apsm/options.h" /* APSM_ALIGN_RIGID, ..., APSM_MIRROR_WARN, ... */
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Points that stand for a surface.  They are drawn on the faces, so a moved mesh gets the moved
+ * points.  Owns x, normal and w; zero-initialise with {0}. */
+typedef struct apsm_cloud {
+    size_t n;
+    double *x;        /* n x 3, in farthest-point order: the first m of them are spread, too */
+    double *normal;   /* n x 3: unit normals of their faces */
+    double *w;        /* n: share of the surface each stands for, sum 1 */
+    double centre[3]; /* of the surface */
+    double radius;    /* root mean square distance from the centre, > 0 */
+    double axes[9];   /* rows: principal axes by decreasing variance, right-handed, turned to the
+                         heavier tail */
+} apsm_cloud;
+
+/* n >= 4 points of the mesh from the stream (seed, index).  APSM_ERR_GEOMETRY if its area is
+ * zero or not finite.  O(nf + n^2). */
+apsm_status apsm_cloud_sample(const apsm_mesh *mesh, size_t n, uint64_t seed, uint64_t index,
+                              apsm_cloud *cloud) APSM_NODISCARD;
+void apsm_cloud_free(apsm_cloud *cloud);
+
+/* What registration needs of a surface; both borrowed. */
+typedef struct apsm_surface {
+    const apsm_bvh *bvh;
+    const apsm_cloud *cloud;
+} apsm_surface;
+
+typedef struct apsm_icp_options {
+    bool scale;         /* similarity instead of rigid */
+    size_t points;      /* of each cloud, 0: all */
+    int max_iterations; /* >= 0; 0 only measures the residual */
+    double tolerance;   /* stop when a step moves the points by less, relative to the radius */
+    double trim;        /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
+                           bones about the share of surface that only one of the two has */
+} apsm_icp_options;
+apsm_icp_options apsm_icp_defaults(void); /* rigid, all points, 60, 1e-4, 0 */
+
+/* Scratch in doubles, for clouds of at most n points. */
+size_t apsm_icp_work_size(size_t n);
+
+/* Registers moving to fixed starting from *M (in and out): a rigid map or similarity; det < 0 is
+ * allowed and stays, so that a reflection registers the mirrored surface.  Never ends with a
+ * larger mean squared distance than it started with.  O(iterations points log nf). */
+void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,
+              double M[16], double *residual, double *work);
+
+/* The best pose found and how clear it is. */
+typedef struct apsm_pose {
+    double M[16];
+    double residual;
+    double runner_up; /* residual of the best clearly different pose among the finalists;
+                         INFINITY if all ended in one.  Close to residual: ambiguous */
+} apsm_pose;
+
+/* Registers moving to fixed whatever their poses: ICP from a fixed grid of rotations between
+ * their principal frames, on few points first, most starts being dropped on the way.  mirrored:
+ * registers the mirror image of moving; det M < 0.  opt applies to the last round; its
+ * tolerance, scale and trim to all.  work of apsm_icp_work_size.  About 40,000 closest points. */
+void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, bool mirrored,
+                      const apsm_icp_options *opt, apsm_pose *pose, double *work);
+
+/* A shape whose mirror image fits better by this factor is taken for mirrored. */
+#define APSM_MIRROR_RATIO 0.8
+/* A pose whose runner-up is within this factor of it is called ambiguous. */
+#define APSM_AMBIGUOUS_RATIO 1.1
+/* Let the template be the medoid. */
+#define APSM_TEMPLATE_AUTO SIZE_MAX
+
+typedef struct apsm_align_options {
+    int mode;              /* APSM_ALIGN_RIGID, _SIMILARITY, or _NONE: shapes stay where they are */
+    int mirror;            /* APSM_MIRROR_WARN, _FIX or _OFF */
+    size_t template_index; /* or APSM_TEMPLATE_AUTO */
+    size_t points;         /* a shape, >= 64 */
+    double trim;           /* see apsm_icp_options */
+} apsm_align_options;
+apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0 */
+
+/* Owns its arrays; zero-initialise with {0}. */
+typedef struct apsm_alignment {
+    size_t n, template_index;
+    double *M;               /* n x 16: world = M local; det < 0 only for shapes mirrored by _FIX */
+    double *residual;        /* n: to the template, in the world's unit; 0 for the template */
+    double *runner_up_ratio; /* n: residual of the best clearly different pose over that of the
+                                pose taken; >= 1, close to 1: ambiguous; INFINITY: none found */
+    double *mirror_ratio;    /* n: residual of the mirror image over that of the shape as it is;
+                                INFINITY if not tried.  This and runner_up_ratio compare with the
+                                provisional template, which has INFINITY itself */
+    bool *mirrored;          /* n: looks mirrored, compared with the given template or with most
+                                shapes */
+} apsm_alignment;
+
+/* Aligns n >= 1 meshes (borrowed, each in its own frame; names, for messages, may be NULL) to a
+ * template: the given one or the medoid (see below).  The template's M only moves its centroid to
+ * the origin (with _NONE every M is the identity).  Mirrored and ambiguous shapes are reported as
+ * warnings; _FIX mirrors the former.  Parallel over shapes; the same for any number of threads.
+ *
+ * Poses and handedness are judged with size removed, also in rigid mode (unless trim > 0: a cut
+ * bone's size means little), because a difference in size is none in handedness.
+ *
+ * Medoid: the shape of least mean residual.  All shapes are aligned to a provisional template
+ * (the one of median area); up to 32 shapes, all pairs are registered from there; beyond, 32
+ * candidates against 64 shapes, drawn by the seed: O(n).  All are then registered to the medoid.
+ * In similarity mode residuals are compared relative to size.  At most 97 search trees are held
+ * at a time. */
+apsm_status apsm_align_cohort(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
+                              const char *const *names, const apsm_align_options *opt,
+                              apsm_alignment *alignment) APSM_NODISCARD;
+void apsm_alignment_free(apsm_alignment *alignment);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,408 @@
+/* Alignment of a cohort (METHOD section 7a).
+ *
+ *   1. every shape is sampled;
+ *   2. pose search of every shape, as it is and mirrored, against a provisional template:
+ *      P_i maps shape i to the provisional template;
+ *   3. the medoid, by registrations of pairs (i, j) that start from P_j^-1 P_i;
+ *   4. every shape is registered to the medoid t, from P_t^-1 P_i.
+ *
+ * Steps are parallel over shapes or pairs; each writes only its own entries. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/align.h"
+#include "groom/icp.h"
+#include "groom/medoid.h"
+
+enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96 };
+
+typedef struct aligner {
+    size_t n;
+    const apsm_mesh *const *mesh;
+    const char *const *names;
+    const apsm_align_options *opt;
+    apsm_alignment *out;
+    size_t base;       /* the provisional template */
+    apsm_cloud *cloud; /* n */
+    apsm_bvh **bvh;    /* n: NULL where no tree is held */
+    double *area;      /* n */
+    double *P;         /* n x 16: shape to base */
+    double *mirror;    /* n x 16: its mirror image to base */
+    size_t *list;      /* n: scratch */
+    double *work;      /* threads x work_size */
+    size_t work_size;
+    const apsm_medoid_plan *plan;
+    double *R; /* plan's candidates x shapes */
+} aligner;
+
+apsm_align_options apsm_align_defaults(void)
+{
+    return (apsm_align_options){ .mode = APSM_ALIGN_RIGID,
+                                 .mirror = APSM_MIRROR_WARN,
+                                 .template_index = APSM_TEMPLATE_AUTO,
+                                 .points = 400 };
+}
+
+static apsm_status fail(apsm_context *ctx, const aligner *a, size_t i, apsm_status status,
+                        const char *what)
+{
+    if (a->names) return apsm_fail(ctx, status, "%s: %s", a->names[i], what);
+    return apsm_fail(ctx, status, "shape %zu: %s", i, what);
+}
+
+static apsm_status sample_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    (void)worker;
+    a->area[i] = apsm_mesh_area(a->mesh[i]);
+    const apsm_status status =
+        apsm_cloud_sample(a->mesh[i], a->opt->points, apsm_context_seed(ctx), i, &a->cloud[i]);
+    if (status == APSM_ERR_GEOMETRY)
+        return fail(ctx, a, i, status, "surface without area, or not finite; check the mesh");
+    return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
+}
+
+/* Trees of the shapes in list are built and held. */
+static apsm_status tree_task(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    aligner *a = user;
+    const size_t i = a->list[k];
+    (void)worker;
+    const apsm_status status = apsm_bvh_build(a->mesh[i], &a->bvh[i]);
+    return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
+}
+
+static apsm_status hold_trees(apsm_context *ctx, aligner *a, size_t n, const size_t *shapes)
+{
+    size_t missing = 0;
+    for (size_t k = 0; k < n; k++)
+        if (!a->bvh[shapes[k]]) a->list[missing++] = shapes[k];
+    return apsm_parallel_for(ctx, missing, tree_task, a, NULL);
+}
+
+/* The surface of shape i, with a tree of its own if none is held: free *own afterwards. */
+static apsm_status open_surface(apsm_context *ctx, const aligner *a, size_t i, apsm_bvh **own,
+                                apsm_surface *surface)
+{
+    *own = NULL;
+    if (!a->bvh[i]) {
+        const apsm_status status = apsm_bvh_build(a->mesh[i], own);
+        if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
+    }
+    *surface = (apsm_surface){ .bvh = *own ? *own : a->bvh[i], .cloud = &a->cloud[i] };
+    return APSM_OK;
+}
+
+static double *scratch(const aligner *a, int worker)
+{
+    return a->work + (size_t)worker * a->work_size;
+}
+
+static apsm_icp_options icp_options(const aligner *a)
+{
+    apsm_icp_options icp = apsm_icp_defaults();
+    icp.scale = a->opt->mode == APSM_ALIGN_SIMILARITY;
+    icp.trim = a->opt->trim;
+    if (a->opt->mode == APSM_ALIGN_NONE) icp.max_iterations = 0;
+    return icp;
+}
+
+/* Enough to compare residuals, which this changes by less than 1 %. */
+static void roughly(apsm_icp_options *icp)
+{
+    icp->points = ROUGH_POINTS;
+    icp->tolerance = 1e-3;
+}
+
+/* Makes a similarity rigid; the centre goes where it went. */
+static void remove_scale(const double centre[3], double M[16])
+{
+    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    for (size_t r = 0; r < 3; r++)
+        for (size_t c = 0; c < 3; c++) {
+            const double rigid = M[4 * r + c] / scale;
+            M[4 * r + 3] += (M[4 * r + c] - rigid) * centre[c];
+            M[4 * r + c] = rigid;
+        }
+}
+
+static double ratio(double a, double b)
+{
+    return b > 0.0 ? a / b : INFINITY;
+}
+
+static void search(const aligner *a, const apsm_surface *moving, size_t i, double *work)
+{
+    const apsm_surface fixed = { a->bvh[a->base], &a->cloud[a->base] };
+    apsm_icp_options icp = icp_options(a);
+    apsm_pose pose, mirror;
+    icp.scale |= !(a->opt->trim > 0.0);
+    roughly(&icp);
+    apsm_pose_search(moving, &fixed, false, &icp, &pose, work);
+    memcpy(a->P + 16 * i, pose.M, sizeof pose.M);
+    a->out->runner_up_ratio[i] = fmax(1.0, ratio(pose.runner_up, pose.residual));
+    if (a->opt->mirror != APSM_MIRROR_OFF) {
+        apsm_pose_search(moving, &fixed, true, &icp, &mirror, work);
+        memcpy(a->mirror + 16 * i, mirror.M, sizeof mirror.M);
+        a->out->mirror_ratio[i] = ratio(mirror.residual, pose.residual);
+    }
+    /* The right shape's wrong hand fits badly in many ways: judge the hand that will be used. */
+    if (a->opt->mirror == APSM_MIRROR_FIX && a->out->mirror_ratio[i] < APSM_MIRROR_RATIO)
+        a->out->runner_up_ratio[i] = fmax(1.0, ratio(mirror.runner_up, mirror.residual));
+    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
+    remove_scale(moving->cloud->centre, a->P + 16 * i);
+    remove_scale(moving->cloud->centre, a->mirror + 16 * i);
+}
+
+static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    apsm_surface moving;
+    apsm_bvh *own;
+    if (i == a->base) return APSM_OK;
+    APSM_TRY(open_surface(ctx, a, i, &own, &moving));
+    search(a, &moving, i, scratch(a, worker));
+    apsm_bvh_free(own);
+    return APSM_OK;
+}
+
+/* The index of the median area; of equal areas the first. */
+static size_t median_area(const aligner *a)
+{
+    for (size_t i = 0; i < a->n; i++) {
+        size_t less = 0, equal = 0;
+        for (size_t j = 0; j < a->n; j++) {
+            less += a->area[j] < a->area[i];
+            equal += a->area[j] == a->area[i];
+        }
+        if (less <= (a->n - 1) / 2 && (a->n - 1) / 2 < less + equal) return i;
+    }
+    return 0; /* not reached: areas are finite */
+}
+
+/* Who is mirrored.  Against a provisional template the minority is. */
+static void judge_mirrored(aligner *a)
+{
+    size_t mirrored = 0;
+    const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
+    for (size_t i = 0; i < a->n; i++) {
+        a->out->mirrored[i] = a->out->mirror_ratio[i] < APSM_MIRROR_RATIO;
+        mirrored += a->out->mirrored[i];
+    }
+    const bool invert = !given && 2 * mirrored > a->n;
+    const double *c = a->cloud[a->base].centre;
+    const double F[16] = { -1, 0, 0, 2 * c[0], 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    for (size_t i = 0; i < a->n; i++) {
+        double *P = a->P + 16 * i;
+        if (a->opt->mirror == APSM_MIRROR_FIX) {
+            if (a->out->mirrored[i]) memcpy(P, a->mirror + 16 * i, 16 * sizeof *P);
+            if (invert) apsm_affine_multiply(F, P, P);
+        }
+        a->out->mirrored[i] ^= invert;
+    }
+}
+
+/* P_to^-1 P_from */
+static void between(const aligner *a, size_t from, size_t to, double M[16])
+{
+    apsm_similarity_invert(a->P + 16 * to, M);
+    apsm_affine_multiply(M, a->P + 16 * from, M);
+}
+
+static apsm_status pair_task(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    aligner *a = user;
+    const apsm_medoid_plan *plan = a->plan;
+    const size_t row = k / plan->shapes, column = k % plan->shapes;
+    const size_t i = plan->candidate[row], j = plan->shape[column];
+    const bool exact = plan->candidates == plan->shapes;
+    (void)ctx;
+    if (i == j || (exact && i > j)) return APSM_OK;
+    const apsm_surface moving = { a->bvh[j], &a->cloud[j] }, fixed = { a->bvh[i], &a->cloud[i] };
+    apsm_icp_options icp = icp_options(a);
+    double M[16], residual;
+    roughly(&icp);
+    between(a, j, i, M);
+    apsm_icp(&moving, &fixed, &icp, M, &residual, scratch(a, worker));
+    if (icp.scale) residual /= fixed.cloud->radius;
+    a->R[k] = residual;
+    if (exact) a->R[column * plan->shapes + row] = residual;
+    return APSM_OK;
+}
+
+static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
+{
+    apsm_medoid_plan plan;
+    double R[APSM_MEDOID_CANDIDATES * APSM_MEDOID_SHAPES] = { 0 };
+    size_t eligible = 0;
+    for (size_t i = 0; i < a->n; i++)
+        if (!a->out->mirrored[i]) a->list[eligible++] = i;
+    apsm_medoid_draw(eligible, a->list, apsm_context_seed(ctx), &plan);
+    APSM_TRY(hold_trees(ctx, a, plan.candidates, plan.candidate));
+    APSM_TRY(hold_trees(ctx, a, plan.shapes, plan.shape));
+    a->plan = &plan;
+    a->R = R;
+    APSM_TRY(apsm_parallel_for(ctx, plan.candidates * plan.shapes, pair_task, a, NULL));
+    *medoid = apsm_medoid_pick(&plan, R);
+    return APSM_OK;
+}
+
+/* M <- T(-centroid of the template) M, the world's frame. */
+static void to_world(const aligner *a, double M[16])
+{
+    double c[3];
+    if (a->opt->mode == APSM_ALIGN_NONE) return;
+    apsm_mesh_centroid(a->mesh[a->out->template_index], c);
+    for (size_t r = 0; r < 3; r++) M[4 * r + 3] -= c[r];
+}
+
+static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    const size_t t = a->out->template_index;
+    const apsm_surface fixed = { a->bvh[t], &a->cloud[t] };
+    const apsm_icp_options icp = icp_options(a);
+    apsm_surface moving;
+    apsm_bvh *own;
+    double *M = a->out->M + 16 * i;
+    apsm_affine_identity(M);
+    a->out->residual[i] = 0.0;
+    if (i != t) {
+        APSM_TRY(open_surface(ctx, a, i, &own, &moving));
+        between(a, i, t, M);
+        apsm_icp(&moving, &fixed, &icp, M, &a->out->residual[i], scratch(a, worker));
+        apsm_bvh_free(own);
+    }
+    to_world(a, M);
+    if (!isfinite(a->out->residual[i]))
+        return fail(ctx, a, i, APSM_ERR_NONFINITE, "alignment left the finite numbers");
+    return APSM_OK;
+}
+
+static void report(apsm_context *ctx, const aligner *a)
+{
+    const apsm_alignment *out = a->out;
+    for (size_t i = 0; i < a->n; i++) {
+        char name[32];
+        snprintf(name, sizeof name, "shape %zu", i);
+        const char *who = a->names ? a->names[i] : name;
+        const bool wrong_hand =
+            a->opt->mirror != APSM_MIRROR_FIX && out->mirror_ratio[i] < APSM_MIRROR_RATIO;
+        if (out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
+            apsm_log(ctx, APSM_LOG_INFO, "%s: looks mirrored; its mirror image is used", who);
+        else if (out->mirrored[i])
+            apsm_log(ctx, APSM_LOG_WARNING,
+                     "%s: looks mirrored; give its side, or set mirror_check=fix", who);
+        if (out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand)
+            apsm_log(
+                ctx, APSM_LOG_WARNING,
+                "%s: ambiguous pose: another one fits within %.0f %%; check the result, or align "
+                "beforehand and set align=none",
+                who, 100.0 * (out->runner_up_ratio[i] - 1.0));
+    }
+}
+
+static apsm_status check(apsm_context *ctx, size_t n, const apsm_align_options *opt)
+{
+    if (n == 0) return apsm_fail(ctx, APSM_ERR_ARG, "align: no shapes");
+    if (opt->template_index != APSM_TEMPLATE_AUTO && opt->template_index >= n)
+        return apsm_fail(ctx, APSM_ERR_ARG, "align: template %zu of %zu shapes",
+                         opt->template_index, n);
+    if (opt->points < LEAST_POINTS)
+        return apsm_fail(ctx, APSM_ERR_ARG, "align: %zu points a shape, at least %d are needed",
+                         opt->points, LEAST_POINTS);
+    if (!(opt->trim >= 0.0 && opt->trim < 1.0))
+        return apsm_fail(ctx, APSM_ERR_ARG, "align: trim %g is not in [0, 1)", opt->trim);
+    return APSM_OK;
+}
+
+static apsm_status allocate(const apsm_context *ctx, aligner *a)
+{
+    const size_t n = a->n;
+    a->work_size = apsm_icp_work_size(a->opt->points);
+    a->cloud = calloc(n, sizeof *a->cloud);
+    a->bvh = calloc(n, sizeof(apsm_bvh *));
+    a->area = malloc(n * sizeof *a->area);
+    a->P = malloc(16 * n * sizeof *a->P);
+    a->mirror = malloc(16 * n * sizeof *a->mirror);
+    a->list = malloc(n * sizeof *a->list);
+    a->work = malloc((size_t)apsm_context_threads(ctx) * a->work_size * sizeof *a->work);
+    a->out->n = n;
+    a->out->M = malloc(16 * n * sizeof *a->out->M);
+    a->out->residual = malloc(n * sizeof *a->out->residual);
+    a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
+    a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
+    a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
+    const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->list && a->work &&
+                        a->out->M && a->out->residual && a->out->runner_up_ratio &&
+                        a->out->mirror_ratio && a->out->mirrored;
+    if (!enough) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < n; i++) {
+        a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
+        apsm_affine_identity(a->P + 16 * i);
+        apsm_affine_identity(a->mirror + 16 * i);
+    }
+    return APSM_OK;
+}
+
+static void release(aligner *a)
+{
+    for (size_t i = 0; i < a->n; i++) {
+        if (a->cloud) apsm_cloud_free(&a->cloud[i]);
+        if (a->bvh) apsm_bvh_free(a->bvh[i]);
+    }
+    free(a->cloud);
+    free(a->bvh);
+    free(a->area);
+    free(a->P);
+    free(a->mirror);
+    free(a->list);
+    free(a->work);
+}
+
+static apsm_status align(apsm_context *ctx, aligner *a)
+{
+    const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
+    APSM_TRY(apsm_parallel_for(ctx, a->n, sample_task, a, NULL));
+    a->base = given ? a->opt->template_index : median_area(a);
+    a->out->template_index = a->base;
+    for (size_t i = 0; i < a->n && a->n <= HELD_TREES; i++) APSM_TRY(hold_trees(ctx, a, 1, &i));
+    APSM_TRY(hold_trees(ctx, a, 1, &a->base));
+    if (a->opt->mode != APSM_ALIGN_NONE)
+        APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
+    judge_mirrored(a);
+    if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
+    APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
+    report(ctx, a);
+    return APSM_OK;
+}
+
+apsm_status apsm_align_cohort(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
+                              const char *const *names, const apsm_align_options *opt,
+                              apsm_alignment *alignment)
+{
+    aligner a = { .n = n, .mesh = meshes, .names = names, .opt = opt, .out = alignment };
+    *alignment = (apsm_alignment){ 0 };
+    APSM_TRY(check(ctx, n, opt));
+    apsm_status status = allocate(ctx, &a);
+    if (status == APSM_OK)
+        status = align(ctx, &a);
+    else
+        status = apsm_fail(ctx, status, "align: out of memory for %zu shapes", n);
+    release(&a);
+    if (status != APSM_OK) apsm_alignment_free(alignment);
+    return status;
+}
+
+void apsm_alignment_free(apsm_alignment *alignment)
+{
+    free(alignment->M);
+    free(alignment->residual);
+    free(alignment->runner_up_ratio);
+    free(alignment->mirror_ratio);
+    free(alignment->mirrored);
+    *alignment = (apsm_alignment){ 0 };
+}

@@ -1,0 +1,390 @@
+/* Iterative closest points in both directions, trimmed.
+ *
+ *   p_k = M x_k, y_k its closest point on the fixed surface     (moving points)
+ *   y_l, p_l = M x_l with x_l its closest point on the moving surface   (fixed points)
+ *   E(M) = sum_k w_k |p_k - y_k|^2                               (Besl & McKay 1992; trimming:
+ *                                                                 Chetverikov et al. 2005)
+ * One step moves all p by Delta(p) = omega x q + tau + sigma q, q = p - c, and minimises
+ *
+ *   sum_k w_k r^T (n n^T + lambda (I - n n^T)) r,   r = p_k + Delta(p_k) - y_k,
+ *
+ * n being the surface normal at the closest point.  lambda = 1 is point-to-point: it never
+ * increases E but creeps along smooth surfaces; lambda = 0 is point-to-plane (Chen & Medioni
+ * 1992): nearly Newton's method, but it may fail.  lambda is adapted as by Levenberg and
+ * Marquardt: smaller after a step that lowers E, larger after one that does not.  At lambda = 1
+ * the step is the exact rigid or similarity fit.  Lengths are taken in units of the fixed cloud's
+ * radius, so that the equations have no dimension.
+ *
+ * The coarse variant knows the surfaces by their clouds alone: closest cloud points instead of
+ * closest points, all n^2 distances at once, which is far cheaper for a hundred points. */
+#include "groom/icp.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/linalg.h"
+#include "core/kernel.h"
+#include "geometry/vec3.h"
+
+static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
+static const double largest_turn = 0.7; /* rad: linearisation is no use beyond */
+
+/* The pairs of one pose; m = 2 n pairs, those of moving points first. */
+typedef struct pairs {
+    double *p, *y, *normal; /* m x 3 */
+    double *at;             /* m x 3: the closest point in the frame of its own surface */
+    double *w;              /* m: 0 for a trimmed pair; sum 1 */
+    double *d2;             /* m */
+    double E, residual;
+} pairs;
+
+typedef struct icp_job {
+    const apsm_surface *moving, *fixed;
+    const apsm_icp_options *opt;
+    bool coarse;
+    size_t n;     /* points of each cloud in use */
+    double *work; /* 6 n */
+} icp_job;
+
+enum { DOUBLES_PER_PAIR = 14 };
+
+size_t apsm_icp_work_size(size_t n)
+{
+    return 2 * DOUBLES_PER_PAIR * 2 * n + 6 * n;
+}
+
+static pairs pairs_in(double *work, size_t m)
+{
+    return (pairs){ .p = work,
+                    .y = work + 3 * m,
+                    .normal = work + 6 * m,
+                    .at = work + 9 * m,
+                    .w = work + 12 * m,
+                    .d2 = work + 13 * m };
+}
+
+static void map(const double M[16], const double x[3], double y[3])
+{
+    for (size_t a = 0; a < 3; a++)
+        y[a] = M[4 * a] * x[0] + M[4 * a + 1] * x[1] + M[4 * a + 2] * x[2] + M[4 * a + 3];
+}
+
+/* Of a similarity, proper or not: L^-1 = L^T / scale^2. */
+void apsm_similarity_invert(const double M[16], double inverse[16])
+{
+    const double scale2 = M[0] * M[0] + M[1] * M[1] + M[2] * M[2];
+    apsm_affine_identity(inverse);
+    for (size_t a = 0; a < 3; a++) {
+        double t = 0.0;
+        for (size_t b = 0; b < 3; b++) {
+            inverse[4 * a + b] = M[4 * b + a] / scale2;
+            t -= inverse[4 * a + b] * M[4 * b + 3];
+        }
+        inverse[4 * a + 3] = t;
+    }
+}
+
+/* Of length 1, or 0 for a face without area. */
+static void face_normal(const apsm_mesh *mesh, uint32_t f, double n[3])
+{
+    const double *a = mesh->V + 3 * mesh->F[3 * f];
+    double u[3], v[3];
+    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 1], a, u);
+    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 2], a, v);
+    vec3_cross(u, v, n);
+    vec3_normalise(n);
+}
+
+static void rotate(const double M[16], const double x[3], double y[3])
+{
+    for (size_t a = 0; a < 3; a++) y[a] = vec3_dot(M + 4 * a, x);
+}
+
+/* The closest point to x.  `before`, if not NULL, is a point of the surface: nothing farther need
+ * be looked at. */
+static void look_up(const apsm_bvh *bvh, const double x[3], const double *before, apsm_closest *c)
+{
+    const double slack = 1.0 + 1e-9; /* so that `before` itself is not lost by rounding */
+    const double bound = before ? vec3_distance2(x, before) * slack : INFINITY;
+    apsm_bvh_closest(bvh, x, bound, c);
+    if (before && !(c->distance2 < INFINITY)) apsm_bvh_closest(bvh, x, INFINITY, c);
+}
+
+/* Pairs of the moving points.  before: the pairs of an earlier pose, or NULL. */
+static void match_moving(const icp_job *job, const double M[16], const pairs *before, pairs *q)
+{
+    const apsm_bvh *bvh = job->fixed->bvh;
+    for (size_t k = 0; k < job->n; k++) {
+        apsm_closest c;
+        map(M, job->moving->cloud->x + 3 * k, q->p + 3 * k);
+        look_up(bvh, q->p + 3 * k, before ? before->at + 3 * k : NULL, &c);
+        memcpy(q->y + 3 * k, c.x, sizeof c.x);
+        memcpy(q->at + 3 * k, c.x, sizeof c.x);
+        face_normal(apsm_bvh_mesh(bvh), c.on.face, q->normal + 3 * k);
+        q->d2[k] = c.distance2;
+    }
+}
+
+/* Pairs of the fixed points, whose closest points are found in the moving shape's frame. */
+static void match_fixed(const icp_job *job, const double M[16], const pairs *before, pairs *q)
+{
+    const apsm_bvh *bvh = job->moving->bvh;
+    const double scale2 = vec3_dot(M, M);
+    double back[16];
+    apsm_similarity_invert(M, back);
+    for (size_t k = job->n; k < 2 * job->n; k++) {
+        apsm_closest c;
+        double x[3], m[3];
+        memcpy(q->y + 3 * k, job->fixed->cloud->x + 3 * (k - job->n), 3 * sizeof *q->y);
+        map(back, q->y + 3 * k, x);
+        look_up(bvh, x, before ? before->at + 3 * k : NULL, &c);
+        memcpy(q->at + 3 * k, c.x, sizeof c.x);
+        map(M, c.x, q->p + 3 * k);
+        face_normal(apsm_bvh_mesh(bvh), c.on.face, m);
+        rotate(M, m, q->normal + 3 * k);
+        vec3_normalise(q->normal + 3 * k);
+        q->d2[k] = c.distance2 * scale2;
+    }
+}
+
+/* d2[l] <- squared distance of p to point l of Y (3 x n, a row a coordinate); where that is
+ * smaller than least[l], it and the point's number k are noted. */
+APSM_KERNEL static void distances(size_t n, const double *Y, const double p[3], double k,
+                                  double *d2, double *least, double *who)
+{
+    for (size_t l = 0; l < n; l++) {
+        const double x = Y[l] - p[0], y = Y[n + l] - p[1], z = Y[2 * n + l] - p[2];
+        const double d = x * x + y * y + z * z;
+        who[l] = d < least[l] ? k : who[l];
+        least[l] = d < least[l] ? d : least[l];
+        d2[l] = d;
+    }
+}
+
+/* Both directions at once, by the table of distances between the clouds. */
+static void match_clouds(const icp_job *job, const double M[16], pairs *q)
+{
+    const apsm_cloud *moving = job->moving->cloud, *fixed = job->fixed->cloud;
+    const size_t n = job->n;
+    double *Y = job->work, *row = Y + 3 * n, *who = row + n, *least = q->d2 + n;
+    for (size_t l = 0; l < n; l++) {
+        least[l] = INFINITY;
+        who[l] = 0.0;
+        for (size_t a = 0; a < 3; a++) Y[a * n + l] = fixed->x[3 * l + a];
+    }
+    for (size_t k = 0; k < n; k++) {
+        size_t l = 0;
+        map(M, moving->x + 3 * k, q->p + 3 * k);
+        distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
+        for (size_t i = 1; i < n; i++)
+            if (row[i] < row[l]) l = i;
+        q->d2[k] = row[l];
+        memcpy(q->y + 3 * k, fixed->x + 3 * l, 3 * sizeof *q->y);
+        memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);
+    }
+    for (size_t l = 0; l < n; l++) {
+        const size_t k = (size_t)who[l];
+        memcpy(q->p + 3 * (n + l), q->p + 3 * k, 3 * sizeof *q->p);
+        memcpy(q->y + 3 * (n + l), fixed->x + 3 * l, 3 * sizeof *q->y);
+        rotate(M, moving->normal + 3 * k, q->normal + 3 * (n + l));
+        vec3_normalise(q->normal + 3 * (n + l));
+    }
+}
+
+/* The k-th smallest of v (n), which is reordered (Hoare's FIND). */
+static double select_smallest(size_t n, double *v, size_t k)
+{
+    ptrdiff_t lo = 0, hi = (ptrdiff_t)n - 1;
+    while (lo < hi) {
+        const double pivot = v[k];
+        ptrdiff_t i = lo, j = hi;
+        do {
+            while (v[i] < pivot) i++;
+            while (v[j] > pivot) j--;
+            if (i <= j) {
+                const double t = v[i];
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        } while (i <= j);
+        if (j < (ptrdiff_t)k) lo = i;
+        if ((ptrdiff_t)k < i) hi = j;
+    }
+    return v[k];
+}
+
+/* Weights of the pairs of one direction: those of the cloud (1 for the beginning of a cloud),
+ * 0 for the farthest ones, 1/2 in all. */
+static void weigh(const icp_job *job, const apsm_cloud *cloud, const double *d2, double *w)
+{
+    const size_t n = job->n, keep = n - (size_t)(job->opt->trim * (double)n);
+    double farthest = INFINITY, sum = 0.0;
+    if (keep < n) {
+        memcpy(job->work, d2, n * sizeof *d2);
+        farthest = select_smallest(n, job->work, keep - 1);
+    }
+    for (size_t k = 0; k < n; k++) {
+        w[k] = d2[k] <= farthest ? (n < cloud->n ? 1.0 : cloud->w[k]) : 0.0;
+        sum += w[k];
+    }
+    for (size_t k = 0; k < n; k++) w[k] *= 0.5 / sum;
+}
+
+static void match(const icp_job *job, const double M[16], const pairs *before, pairs *q)
+{
+    if (job->coarse) {
+        match_clouds(job, M, q);
+    } else {
+        match_moving(job, M, before, q);
+        match_fixed(job, M, before, q);
+    }
+    weigh(job, job->moving->cloud, q->d2, q->w);
+    weigh(job, job->fixed->cloud, q->d2 + job->n, q->w + job->n);
+    q->E = q->residual = 0.0;
+    for (size_t k = 0; k < 2 * job->n; k++) {
+        q->E += q->w[k] * q->d2[k];
+        q->residual += q->w[k] * sqrt(q->d2[k]);
+    }
+}
+
+/* Adds the pair's share to H (7 x 7, lower triangle) and g.  The columns of the Jacobian of
+ * Delta(p) by (omega, tau, sigma) are e_a x q, e_a and q. */
+static void add_pair(const double q[3], const double r[3], const double n[3], double w,
+                     double lambda, double H[49], double g[7])
+{
+    const double J[7][3] = { { 0, -q[2], q[1] },  { q[2], 0, -q[0] }, { -q[1], q[0], 0 },
+                             { 1, 0, 0 },         { 0, 1, 0 },        { 0, 0, 1 },
+                             { q[0], q[1], q[2] } };
+    double Jn[7];
+    const double rn = vec3_dot(r, n);
+    for (size_t a = 0; a < 7; a++) {
+        Jn[a] = vec3_dot(J[a], n);
+        g[a] += w * (lambda * vec3_dot(J[a], r) + (1.0 - lambda) * Jn[a] * rn);
+        for (size_t b = 0; b <= a; b++) {
+            const double JJ = vec3_dot(J[a], J[b]);
+            H[7 * a + b] += w * (lambda * JJ + (1.0 - lambda) * Jn[a] * Jn[b]);
+        }
+    }
+}
+
+/* The map of the step z = (omega, tau, sigma) about c: turn by |omega|, scale by e^sigma. */
+static void step_map(const double z[7], const double c[3], double radius, double D[16])
+{
+    const double angle = vec3_norm(z);
+    const double s = angle > 0.0 ? sin(angle) / angle : 1.0, half = sin(0.5 * angle);
+    const double v = angle > 0.0 ? 2.0 * half * half / (angle * angle) : 0.0; /* (1-cos)/angle^2 */
+    const double K[9] = { 0, -z[2], z[1], z[2], 0, -z[0], -z[1], z[0], 0 }, scale = exp(z[6]);
+    apsm_affine_identity(D);
+    for (size_t a = 0; a < 3; a++) {
+        double t = c[a] + radius * z[3 + a];
+        for (size_t b = 0; b < 3; b++) {
+            const double K2 = z[a] * z[b] - (a == b ? angle * angle : 0.0);
+            D[4 * a + b] = scale * ((a == b ? 1.0 : 0.0) + s * K[3 * a + b] + v * K2);
+            t -= D[4 * a + b] * c[b];
+        }
+        D[4 * a + 3] = t;
+    }
+}
+
+/* The step for 0 < lambda < 1; false if there is none to be trusted. */
+static bool newton_step(const icp_job *job, const pairs *q, double lambda, double D[16])
+{
+    const double *c = job->fixed->cloud->centre, radius = job->fixed->cloud->radius;
+    const size_t unknowns = job->opt->scale ? 7 : 6;
+    double H[49] = { 0 }, A[49], z[7] = { 0 };
+    for (size_t k = 0; k < 2 * job->n; k++) {
+        double lever[3], r[3];
+        if (!(q->w[k] > 0.0)) continue;
+        for (size_t a = 0; a < 3; a++) {
+            lever[a] = (q->p[3 * k + a] - c[a]) / radius;
+            r[a] = (q->y[3 * k + a] - q->p[3 * k + a]) / radius;
+        }
+        add_pair(lever, r, q->normal + 3 * k, q->w[k], lambda, H, z);
+    }
+    for (size_t a = 0; a < unknowns; a++)
+        for (size_t b = 0; b < unknowns; b++) A[unknowns * a + b] = H[7 * a + b];
+    if (!job->opt->scale) z[6] = 0.0;
+    if (apsm_cholesky(unknowns, A) != APSM_OK) return false;
+    apsm_cholesky_solve(unknowns, A, 1, z);
+    if (!(vec3_norm(z) <= largest_turn) || !(fabs(z[6]) <= largest_turn)) return false;
+    step_map(z, c, radius, D);
+    return true;
+}
+
+/* The step's move of the points, root mean square, relative to the radius. */
+static double step_length(const icp_job *job, const pairs *q, const double D[16])
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < 2 * job->n; k++) {
+        double x[3];
+        map(D, q->p + 3 * k, x);
+        sum += q->w[k] * vec3_distance2(x, q->p + 3 * k);
+    }
+    return sqrt(sum) / job->fixed->cloud->radius;
+}
+
+/* The next map to try, at the safe end if lambda says so or Newton's step cannot be trusted. */
+static void propose(const icp_job *job, const pairs *q, double *lambda, double D[16])
+{
+    if (*lambda < 1.0 && newton_step(job, q, *lambda, D)) return;
+    *lambda = 1.0;
+    apsm_affine_fit(2 * job->n, q->p, q->y, q->w, job->opt->scale, D);
+}
+
+static void swap_pairs(pairs *a, pairs *b)
+{
+    const pairs t = *a;
+    *a = *b;
+    *b = t;
+}
+
+static double icp_run(icp_job *job, double M[16], double *work)
+{
+    const apsm_icp_options *opt = job->opt;
+    const size_t most = opt->points > 0 ? opt->points : SIZE_MAX;
+    job->n =
+        job->moving->cloud->n < job->fixed->cloud->n ? job->moving->cloud->n : job->fixed->cloud->n;
+    if (most < job->n) job->n = most;
+    const size_t m = 2 * job->n;
+    pairs now = pairs_in(work, m), next = pairs_in(work + DOUBLES_PER_PAIR * m, m);
+    job->work = work + 2 * DOUBLES_PER_PAIR * m;
+    double lambda = 1.0;
+    match(job, M, NULL, &now);
+    for (int i = 0; i < opt->max_iterations; i++) {
+        double D[16], trial[16];
+        propose(job, &now, &lambda, D);
+        if (step_length(job, &now, D) < opt->tolerance) break;
+        apsm_affine_multiply(D, M, trial);
+        match(job, trial, &now, &next);
+        if (next.E < now.E) {
+            swap_pairs(&now, &next);
+            memcpy(M, trial, sizeof trial);
+            lambda = fmax(lambda * lambda_down, lambda_least);
+        } else if (lambda < 1.0) {
+            lambda = fmin(lambda * lambda_up, 1.0);
+        } else {
+            break; /* even the safe step does not help: as good as it gets */
+        }
+    }
+    return now.residual;
+}
+
+void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,
+              double M[16], double *residual, double *work)
+{
+    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt };
+    *residual = icp_run(&job, M, work);
+}
+
+void apsm_icp_coarse(const apsm_surface *moving, const apsm_surface *fixed,
+                     const apsm_icp_options *opt, double M[16], double *residual, double *work)
+{
+    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt, .coarse = true };
+    *residual = icp_run(&job, M, work);
+}
+
+apsm_icp_options apsm_icp_defaults(void)
+{
+    return (apsm_icp_options){ .max_iterations = 60, .tolerance = 1e-4 };
+}
