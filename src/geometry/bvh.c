@@ -21,6 +21,7 @@
 #include <string.h>
 
 #include "apsm/topology.h"
+#include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 
 enum { WIDTH = 4, LEAF = 2, BINS = 16, DEEP = 40, STACK = 256 };
@@ -425,6 +426,7 @@ typedef struct query {
     double best;           /* squared distance, exact */
     float bound;           /* the same in the tree's frame, rounded up */
     double to_bound;       /* best * to_bound -> bound */
+    uint32_t slot;         /* the triangle found */
     apsm_surface_point on; /* face 0 and no weight: nothing yet */
 } query;
 
@@ -440,18 +442,17 @@ static bool faces(const apsm_bvh *bvh, const query *s, uint32_t f)
     return !s->n || vec3_dot(bvh->face_normal + 3 * (size_t)f, s->n) >= s->min_cos;
 }
 
-static void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t first, uint32_t count)
+static void try_triangle(const apsm_bvh *bvh, query *s, uint32_t slot)
 {
-    for (uint32_t i = first; i < first + count; i++) {
-        double w[3];
-        const uint32_t f = bvh->face[i];
-        if (!faces(bvh, s, f)) continue;
-        const double d2 = closest_on_triangle(&bvh->triangles[i], s->x, w);
-        if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) continue;
-        tighten(s, d2);
-        s->on.face = f;
-        memcpy(s->on.weight, w, sizeof w);
-    }
+    double w[3];
+    const uint32_t f = bvh->face[slot];
+    if (!faces(bvh, s, f)) return;
+    const double d2 = closest_on_triangle(&bvh->triangles[slot], s->x, w);
+    if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) return;
+    tighten(s, d2);
+    s->slot = slot;
+    s->on.face = f;
+    memcpy(s->on.weight, w, sizeof w);
 }
 
 /* Squared distances of the query to a node's four boxes. */
@@ -496,7 +497,7 @@ static void search(const apsm_bvh *bvh, query *s)
         const entry e = stack[--top];
         if (e.key > s->bound) continue;
         if (e.count > 0) {
-            visit_leaf(bvh, s, e.first, e.count);
+            for (uint32_t i = 0; i < e.count; i++) try_triangle(bvh, s, e.first + i);
             continue;
         }
         float d2[WIDTH];
@@ -505,33 +506,53 @@ static void search(const apsm_bvh *bvh, query *s)
     }
 }
 
-static void find_closest(const apsm_bvh *bvh, const double x[3], const double *n, double min_cos,
-                         double max_distance2, apsm_closest *out)
+static query make_query(const apsm_bvh *bvh, const double x[3], double max_distance2)
 {
-    query s = { .n = n, .min_cos = min_cos, .to_bound = bvh->scale * bvh->scale * SLACK };
+    query s = { .to_bound = bvh->scale * bvh->scale * SLACK };
     for (int c = 0; c < 3; c++) {
         s.x[c] = x[c];
         s.q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
     }
     tighten(&s, max_distance2);
-    search(bvh, &s);
+    return s;
+}
+
+static void finish(const apsm_bvh *bvh, const query *s, apsm_closest *out)
+{
     *out = (apsm_closest){ .distance2 = INFINITY };
-    if (s.on.weight[0] + s.on.weight[1] + s.on.weight[2] == 0.0) return;
-    out->distance2 = s.best;
-    out->on = s.on;
+    if (s->on.weight[0] + s->on.weight[1] + s->on.weight[2] == 0.0) return;
+    out->distance2 = s->best;
+    out->on = s->on;
     apsm_surface_position(bvh->mesh, &out->on, out->x);
 }
 
 void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distance2,
                       apsm_closest *out)
 {
-    find_closest(bvh, x, NULL, 0.0, max_distance2, out);
+    query s = make_query(bvh, x, max_distance2);
+    search(bvh, &s);
+    finish(bvh, &s, out);
 }
 
 void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const double n[3],
                              double min_cos, double max_distance2, apsm_closest *out)
 {
-    find_closest(bvh, x, n, min_cos, max_distance2, out);
+    query s = make_query(bvh, x, max_distance2);
+    s.n = n;
+    s.min_cos = min_cos;
+    search(bvh, &s);
+    finish(bvh, &s, out);
+}
+
+void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
+                       apsm_closest *out)
+{
+    query s = make_query(bvh, x, max_distance2);
+    s.slot = *slot;
+    try_triangle(bvh, &s, *slot);
+    search(bvh, &s);
+    finish(bvh, &s, out);
+    *slot = s.slot;
 }
 
 /* ---- sign ----------------------------------------------------------------------------------- */
@@ -559,16 +580,21 @@ static void pseudo_normal(const apsm_bvh *bvh, const apsm_surface_point *p, doub
     if (twin != APSM_NONE) vec3_add_scaled(n, 1.0, bvh->face_normal + 3 * (size_t)(twin / 3));
 }
 
+double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest)
+{
+    double n[3], d[3];
+    pseudo_normal(bvh, &closest->on, n);
+    vec3_sub(x, closest->x, d);
+    return vec3_dot(d, n) < 0.0 ? -1.0 : 1.0;
+}
+
 double apsm_bvh_signed_distance(const apsm_bvh *bvh, const double x[3], apsm_closest *out)
 {
     apsm_closest here;
-    double n[3], d[3];
     if (!out) out = &here;
     apsm_bvh_closest(bvh, x, INFINITY, out);
-    pseudo_normal(bvh, &out->on, n);
-    vec3_sub(x, out->x, d);
     const double distance = sqrt(out->distance2);
-    return vec3_dot(d, n) < 0.0 ? -distance : distance;
+    return distance > 0.0 ? bvh_sign(bvh, x, out) * distance : 0.0;
 }
 
 /* ---- rays ----------------------------------------------------------------------------------- */

@@ -1,0 +1,15 @@
+/* bvh_guess.h -- closest points for many near queries: each starts from its neighbour's answer. */
+#ifndef APSM_GEOMETRY_BVH_GUESS_H
+#define APSM_GEOMETRY_BVH_GUESS_H
+
+#include "apsm/bvh.h"
+
+/* As apsm_bvh_closest, and with the same result whatever the guess.  *slot: in, the triangle to
+ * try first (0 if there is no idea); out, the one found, or as it was. */
+void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
+                       apsm_closest *out);
+
+/* -1 if x is behind the pseudo-normal at its closest point, else +1. */
+double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest);
+
+#endif

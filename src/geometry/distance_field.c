@@ -1,0 +1,521 @@
+/* Sparse signed distance field.
+ *
+ * Frame: node (i,j,k) at origin + voxel (i,j,k); the origin is the lower corner of the mesh's box,
+ * less a whole number of voxels.  Values are D / voxel.
+ *
+ * Build: an octree over the nodes, from one cell around everything down to blocks of 4^3, in
+ * which every node within
+ *   reach = band + 2.5 voxel
+ * gets its exact distance.  The centre's distance d prunes (D changes by at most the way): a cell
+ * is left out if d > reach + half its diagonal.  Each query starts from the triangle that was
+ * closest to the last, so that the tree has little more to do than to confirm it.
+ * reach: a point within the band needs the nodes that differ by up to (2,1,1) from it: less than
+ * sqrt(6) voxels.  Nodes out of reach are NaN, which poisons whatever is computed from them.
+ *
+ * Sample: from the 4^3 nodes about x, t in [0,1)^3 the place in the middle cell,
+ *   D   = sum over the 8 corners of w(t) v                                         trilinear
+ *   N   = sum over the 8 corners of w(t) (v(+1) - v(-1)) / 2, to unit length       per axis
+ * Both are products of one filter per axis. */
+#include "apsm/distance_field.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geometry/bvh_guess.h"
+#include "geometry/vec3.h"
+
+enum { BRICK = 8, BLOCK = 4, NODES = BRICK * BRICK * BRICK, MOST_NODES = 1 << 20, PATIENCE = 4096 };
+
+/* 4^3 cells, all of one brick. */
+typedef struct block {
+    float distance; /* |D| / voxel at its centre, rounded down */
+    uint32_t lo[3]; /* its first node */
+} block;
+
+struct apsm_field {
+    const apsm_bvh *bvh;
+    double origin[3], voxel, band;
+    int64_t n[3];           /* nodes from 0 to n - 1 cover all within reach */
+    float (*bricks)[NODES]; /* bricks[0]: all NaN, stands for those left out */
+    uint64_t *brick_key;    /* of each brick */
+    size_t brick_count, brick_room;
+    uint32_t *table; /* open-addressing hash of keys; 0: empty */
+    unsigned table_bits;
+    block *blocks; /* by rising distance */
+    size_t block_count, block_room;
+};
+
+/* ---- interpolation -------------------------------------------------------------------------- */
+
+/* v[k][j][i]: nodes -1, 0, 1, 2 per axis about the cell of x. */
+typedef double stencil[4][4][4];
+
+/* D and unscaled gradient g (NULL: not wanted) at place t of the middle cell.  Reads the 8 nodes
+ * of the cell and, for g, the 24 that continue its edges. */
+static inline void interpolate(stencil v, const double t[3], double *D, double g[3])
+{
+    const double x[2] = { 1.0 - t[0], t[0] }, y[2] = { 1.0 - t[1], t[1] },
+                 z[2] = { 1.0 - t[2], t[2] };
+    double p[4][4]; /* p[k][j]: v interpolated along x */
+    for (int k = 0; k < 4; k++)
+        for (int j = 0; j < 4; j++) p[k][j] = x[0] * v[k][j][1] + x[1] * v[k][j][2];
+    *D = z[0] * (y[0] * p[1][1] + y[1] * p[1][2]) + z[1] * (y[0] * p[2][1] + y[1] * p[2][2]);
+    if (!g) return;
+    for (int c = 0; c < 3; c++) g[c] = 0.0;
+    for (int k = 0; k < 2; k++) {
+        for (int j = 0; j < 2; j++) {
+            const double *row = v[k + 1][j + 1];
+            g[0] += z[k] * y[j] * (x[0] * (row[2] - row[0]) + x[1] * (row[3] - row[1]));
+        }
+        g[1] += z[k] * (y[0] * (p[k + 1][2] - p[k + 1][0]) + y[1] * (p[k + 1][3] - p[k + 1][1]));
+        g[2] += y[k] * (z[0] * (p[2][k + 1] - p[0][k + 1]) + z[1] * (p[3][k + 1] - p[1][k + 1]));
+    }
+}
+
+/* ---- dense grid ----------------------------------------------------------------------------- */
+
+/* Nodes -1..2 along one axis as weights of three existing nodes each.  Beyond the rim the value
+ * is continued as a parabola, 3 f0 - 3 f1 + f2: its central difference at the rim is the
+ * one-sided second-order one, (-3 f0 + 4 f1 - f2) / 2. */
+typedef struct tap {
+    size_t at[3];
+    double weight[3];
+} tap;
+
+static tap make_tap(long i, size_t n)
+{
+    const long last = (long)n - 1;
+    tap p = { .weight = { 1.0, 0.0, 0.0 } };
+    if (i >= 0 && i <= last) {
+        for (int k = 0; k < 3; k++) p.at[k] = (size_t)i;
+        return p;
+    }
+    const long step = i < 0 ? 1 : -1, rim = i < 0 ? 0 : last;
+    for (long k = 0; k < 3; k++) p.at[k] = (size_t)(k <= last ? rim + step * k : rim);
+    if (n >= 3) {
+        memcpy(p.weight, (double[3]){ 3.0, -3.0, 1.0 }, sizeof p.weight);
+    } else if (n == 2) {
+        memcpy(p.weight, (double[3]){ 2.0, -1.0, 0.0 }, sizeof p.weight);
+    }
+    return p;
+}
+
+static double tapped(const size_t n[3], const double *values, const tap *x, const tap *y,
+                     const tap *z)
+{
+    double sum = 0.0;
+    for (int k = 0; k < 3; k++)
+        for (int j = 0; j < 3; j++)
+            for (int i = 0; i < 3; i++) {
+                const double w = x->weight[i] * y->weight[j] * z->weight[k];
+                if (w != 0.0) sum += w * values[x->at[i] + n[0] * (y->at[j] + n[1] * z->at[k])];
+            }
+    return sum;
+}
+
+/* Cell and place in it of one coordinate, clamped to the grid. */
+static long locate(double u, size_t n, double *t)
+{
+    const double last = (double)n - 1.0;
+    u = u > 0.0 ? (u < last ? u : last) : 0.0;
+    long i = (long)u;
+    if (i > (long)n - 2) i = n >= 2 ? (long)n - 2 : 0;
+    *t = u - (double)i;
+    return i;
+}
+
+void apsm_grid_sample(const size_t n[3], const double origin[3], double spacing,
+                      const double *values, size_t nx, const double *X, double *D, double *N)
+{
+    for (size_t r = 0; r < nx; r++) {
+        tap taps[3][4];
+        double t[3], d, g[3];
+        stencil v;
+        for (size_t c = 0; c < 3; c++) {
+            const long i = locate((X[3 * r + c] - origin[c]) / spacing, n[c], &t[c]);
+            for (long k = 0; k < 4; k++) taps[c][k] = make_tap(i + k - 1, n[c]);
+        }
+        for (int k = 0; k < 4; k++)
+            for (int j = 0; j < 4; j++)
+                for (int i = 0; i < 4; i++)
+                    v[k][j][i] = tapped(n, values, &taps[0][i], &taps[1][j], &taps[2][k]);
+        interpolate(v, t, &d, g);
+        if (D) D[r] = d;
+        if (!N) continue;
+        if (!(vec3_normalise(g) > 0.0)) g[2] = 1.0; /* no direction at all: any */
+        memcpy(N + 3 * r, g, sizeof g);
+    }
+}
+
+/* ---- bricks --------------------------------------------------------------------------------- */
+
+static uint64_t brick_key(int64_t bx, int64_t by, int64_t bz)
+{
+    return (uint64_t)bx | (uint64_t)by << 20 | (uint64_t)bz << 40;
+}
+
+static size_t hash(uint64_t key, unsigned bits)
+{
+    return (size_t)((key * 0x9e3779b97f4a7c15u) >> (64 - bits)); /* Fibonacci hashing */
+}
+
+/* The brick of that key, or brick 0 of NaNs. */
+static const float *find_brick(const apsm_field *field, uint64_t key)
+{
+    const size_t mask = ((size_t)1 << field->table_bits) - 1;
+    size_t i = hash(key, field->table_bits);
+    uint32_t b;
+    while ((b = field->table[i]) != 0 && field->brick_key[b] != key) i = (i + 1) & mask;
+    return field->bricks[b];
+}
+
+static apsm_status make_table(apsm_field *field)
+{
+    field->table_bits = 4;
+    while ((size_t)1 << field->table_bits < 2 * field->brick_count) field->table_bits++;
+    const size_t size = (size_t)1 << field->table_bits;
+    field->table = calloc(size, sizeof *field->table);
+    if (!field->table) return APSM_ERR_MEMORY;
+    for (size_t b = 1; b < field->brick_count; b++) {
+        size_t i = hash(field->brick_key[b], field->table_bits);
+        while (field->table[i]) i = (i + 1) & (size - 1);
+        field->table[i] = (uint32_t)b;
+    }
+    return APSM_OK;
+}
+
+/* Gives both arrays of bricks room for that many. */
+static apsm_status resize_bricks(apsm_field *field, size_t room)
+{
+    void *bricks = realloc(field->bricks, room * sizeof *field->bricks);
+    if (bricks) field->bricks = bricks;
+    void *keys = realloc(field->brick_key, room * sizeof *field->brick_key);
+    if (keys) field->brick_key = keys;
+    if (!bricks || !keys) return APSM_ERR_MEMORY;
+    field->brick_room = room;
+    return APSM_OK;
+}
+
+static apsm_status resize_blocks(apsm_field *field, size_t room)
+{
+    void *blocks = realloc(field->blocks, (room ? room : 1) * sizeof *field->blocks);
+    if (!blocks) return APSM_ERR_MEMORY;
+    field->blocks = blocks;
+    field->block_room = room;
+    return APSM_OK;
+}
+
+static apsm_status add_brick(apsm_field *field, uint64_t key)
+{
+    if (field->brick_count >= UINT32_MAX) return APSM_ERR_MEMORY;
+    if (field->brick_count == field->brick_room)
+        APSM_TRY(resize_bricks(field, field->brick_room ? 2 * field->brick_room : 64));
+    float *brick = field->bricks[field->brick_count];
+    for (int i = 0; i < NODES; i++) brick[i] = NAN;
+    field->brick_key[field->brick_count++] = key;
+    return APSM_OK;
+}
+
+/* ---- build ---------------------------------------------------------------------------------- */
+
+typedef struct builder {
+    apsm_context *ctx;
+    apsm_field *field;
+    double reach;
+} builder;
+
+static void node_position(const apsm_field *field, const int64_t node[3], double x[3])
+{
+    for (int c = 0; c < 3; c++) x[c] = field->origin[c] + field->voxel * (double)node[c];
+}
+
+/* Exact distances at the block's nodes within reach, along a snake so that neighbours follow
+ * each other; slot: the triangle closest to the block's centre. */
+static void fill_block(const builder *b, const int64_t lo[3], uint32_t slot)
+{
+    const apsm_field *field = b->field;
+    float *brick = field->bricks[field->brick_count - 1];
+    const double limit2 = b->reach * b->reach;
+    for (int s = 0; s < BLOCK * BLOCK * BLOCK; s++) {
+        int i[3] = { s % BLOCK, s / BLOCK % BLOCK, s / BLOCK / BLOCK };
+        if (i[2] % 2) i[1] = BLOCK - 1 - i[1];
+        if ((i[1] + i[2] * BLOCK) % 2) i[0] = BLOCK - 1 - i[0];
+        const int64_t node[3] = { lo[0] + i[0], lo[1] + i[1], lo[2] + i[2] };
+        double x[3];
+        apsm_closest closest;
+        node_position(field, node, x);
+        bvh_closest_guess(field->bvh, x, limit2, &slot, &closest);
+        if (!(closest.distance2 < limit2)) continue;
+        const double d = sqrt(closest.distance2) * bvh_sign(field->bvh, x, &closest);
+        brick[node[0] % BRICK + BRICK * (node[1] % BRICK + BRICK * (node[2] % BRICK))] =
+            (float)(d / field->voxel);
+    }
+}
+
+static apsm_status add_block(const builder *b, const int64_t lo[3], double distance, uint32_t slot)
+{
+    apsm_field *field = b->field;
+    if (field->block_count == field->block_room)
+        APSM_TRY(resize_blocks(field, field->block_room ? 2 * field->block_room : 512));
+    block *k = &field->blocks[field->block_count++];
+    k->distance = (float)(distance / field->voxel) * (1.0f - 0x1p-22f);
+    for (int c = 0; c < 3; c++) k->lo[c] = (uint32_t)lo[c];
+    fill_block(b, lo, slot);
+    return APSM_OK;
+}
+
+/* Cell of size^3 nodes from lo on. */
+static apsm_status descend(const builder *b, const int64_t lo[3], int64_t size, uint32_t slot)
+{
+    const apsm_field *field = b->field;
+    const int64_t half = size / 2, middle[3] = { lo[0] + half, lo[1] + half, lo[2] + half };
+    const double limit = b->reach + sqrt(3.0) * (double)half * field->voxel;
+    double x[3];
+    apsm_closest closest;
+    node_position(field, middle, x);
+    bvh_closest_guess(field->bvh, x, limit * limit, &slot, &closest);
+    if (!(closest.distance2 < limit * limit)) return APSM_OK;
+    if (size == BLOCK) return add_block(b, lo, sqrt(closest.distance2), slot);
+    if (size == BRICK) {
+        if (apsm_interrupted(b->ctx)) return APSM_ERR_INTERRUPTED;
+        APSM_TRY(add_brick(b->field, brick_key(lo[0] / BRICK, lo[1] / BRICK, lo[2] / BRICK)));
+    }
+    for (int k = 0; k < 8; k++) {
+        const int64_t part[3] = { lo[0] + half * (k & 1), lo[1] + half * (k >> 1 & 1),
+                                  lo[2] + half * (k >> 2) };
+        APSM_TRY(descend(b, part, half, slot));
+    }
+    return APSM_OK;
+}
+
+/* Nodes that cover the mesh and all within reach of it. */
+static apsm_status place_grid(apsm_context *ctx, apsm_field *field, double reach)
+{
+    double lo[3], hi[3];
+    apsm_mesh_bounds(apsm_bvh_mesh(field->bvh), lo, hi);
+    const double margin = ceil(reach / field->voxel);
+    for (int c = 0; c < 3; c++) {
+        const double n = ceil((hi[c] - lo[c]) / field->voxel) + 2.0 * margin + 1.0;
+        if (!(n <= (double)MOST_NODES))
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "distance field: voxel %g is too small for a shape %g long; at most "
+                             "%d voxels fit along an axis",
+                             field->voxel, hi[c] - lo[c], MOST_NODES);
+        field->n[c] = (int64_t)n;
+        field->origin[c] = lo[c] - margin * field->voxel;
+    }
+    return APSM_OK;
+}
+
+static int compare_blocks(const void *a, const void *b)
+{
+    const block *p = a, *q = b;
+    if (p->distance != q->distance) return p->distance < q->distance ? -1 : 1;
+    for (int c = 2; c >= 0; c--)
+        if (p->lo[c] != q->lo[c]) return p->lo[c] < q->lo[c] ? -1 : 1;
+    return 0;
+}
+
+static apsm_status build(apsm_context *ctx, apsm_field *field)
+{
+    const builder b = { ctx, field, field->band + 2.5 * field->voxel };
+    APSM_TRY(place_grid(ctx, field, b.reach));
+    int64_t size = BRICK;
+    for (int c = 0; c < 3; c++)
+        while (size < field->n[c]) size *= 2;
+    APSM_TRY(add_brick(field, UINT64_MAX));
+    APSM_TRY(descend(&b, (const int64_t[3]){ 0, 0, 0 }, size, 0));
+    APSM_TRY(resize_bricks(field, field->brick_count));
+    APSM_TRY(resize_blocks(field, field->block_count));
+    qsort(field->blocks, field->block_count, sizeof *field->blocks, compare_blocks);
+    return make_table(field);
+}
+
+apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxel, double band,
+                             apsm_field **out)
+{
+    *out = NULL;
+    if (!(voxel > 0.0) || !(band > 0.0) || !isfinite(voxel) || !isfinite(band))
+        return apsm_fail(ctx, APSM_ERR_ARG, "distance field: voxel %g and band %g must be positive",
+                         voxel, band);
+    apsm_field *field = calloc(1, sizeof *field);
+    if (!field) return apsm_fail(ctx, APSM_ERR_MEMORY, "distance field: out of memory");
+    field->bvh = bvh;
+    field->voxel = voxel;
+    field->band = band;
+    const apsm_status status = build(ctx, field);
+    if (status == APSM_OK) {
+        *out = field;
+        return APSM_OK;
+    }
+    apsm_field_free(field);
+    if (status == APSM_ERR_MEMORY)
+        return apsm_fail(ctx, status, "distance field: out of memory at voxel %g; use a larger one",
+                         voxel);
+    return status;
+}
+
+void apsm_field_free(apsm_field *field)
+{
+    if (!field) return;
+    free(field->bricks);
+    free(field->brick_key);
+    free(field->table);
+    free(field->blocks);
+    free(field);
+}
+
+size_t apsm_field_bytes(const apsm_field *field)
+{
+    return sizeof *field + field->brick_room * (sizeof *field->bricks + sizeof *field->brick_key) +
+           ((size_t)1 << field->table_bits) * sizeof *field->table +
+           field->block_room * sizeof *field->blocks;
+}
+
+double apsm_field_voxel(const apsm_field *field)
+{
+    return field->voxel;
+}
+double apsm_field_band(const apsm_field *field)
+{
+    return field->band;
+}
+
+/* ---- sample --------------------------------------------------------------------------------- */
+
+/* Cell of x and the place in it; false if x is off the grid. */
+static bool find_cell(const apsm_field *field, const double x[3], int64_t cell[3], double t[3])
+{
+    for (int c = 0; c < 3; c++) {
+        const double u = (x[c] - field->origin[c]) / field->voxel;
+        if (!(u >= 1.0 && u < (double)(field->n[c] - 2))) return false;
+        cell[c] = (int64_t)u;
+        t[c] = u - (double)cell[c];
+    }
+    return true;
+}
+
+/* The nodes from..3-from of the stencil about the cell (0: all four, 1: the cell's own two), from
+ * at most eight bricks. */
+static inline void gather(const apsm_field *field, const int64_t cell[3], int from, stencil v)
+{
+    int64_t first[3], last[3];
+    const float *brick[2][2][2];
+    for (int c = 0; c < 3; c++) {
+        first[c] = (cell[c] - 1 + from) / BRICK;
+        last[c] = (cell[c] + 2 - from) / BRICK;
+    }
+    for (int64_t z = first[2]; z <= last[2]; z++)
+        for (int64_t y = first[1]; y <= last[1]; y++)
+            for (int64_t x = first[0]; x <= last[0]; x++)
+                brick[z - first[2]][y - first[1]][x - first[0]] =
+                    find_brick(field, brick_key(x, y, z));
+    for (int k = from; k < 4 - from; k++)
+        for (int j = from; j < 4 - from; j++) {
+            const int64_t y = cell[1] - 1 + j, z = cell[2] - 1 + k;
+            const float *const *row = brick[z / BRICK - first[2]][y / BRICK - first[1]];
+            const int64_t at = BRICK * (y % BRICK + BRICK * (z % BRICK));
+            for (int i = from; i < 4 - from; i++) {
+                const int64_t x = cell[0] - 1 + i;
+                v[k][j][i] = (double)row[x / BRICK - first[0]][at + x % BRICK];
+            }
+        }
+}
+
+static void sample_exact(const apsm_field *field, const double x[3], double *D, double N[3])
+{
+    apsm_closest closest;
+    const double d = apsm_bvh_signed_distance(field->bvh, x, &closest);
+    *D = d;
+    for (int c = 0; c < 3; c++) N[c] = (x[c] - closest.x[c]) * (d < 0.0 ? -1.0 : 1.0);
+    if (!(vec3_normalise(N) > 0.0)) N[2] = 1.0;
+}
+
+/* D alone, NaN where the field does not know it. */
+static double stored_distance(const apsm_field *field, const double x[3])
+{
+    int64_t cell[3];
+    double t[3], d;
+    stencil v = { 0 };
+    if (!find_cell(field, x, cell, t)) return NAN;
+    gather(field, cell, 1, v);
+    interpolate(v, t, &d, NULL);
+    return d * field->voxel;
+}
+
+static void sample_point(const apsm_field *field, const double x[3], double *D, double *N)
+{
+    int64_t cell[3];
+    double t[3], d = NAN, g[3] = { 0.0, 0.0, 0.0 };
+    stencil v;
+    if (find_cell(field, x, cell, t)) {
+        gather(field, cell, 0, v);
+        interpolate(v, t, &d, g);
+        d *= field->voxel;
+    }
+    const bool directed = vec3_normalise(g) > 0.0; /* false for NaN */
+    if (isnan(d) || !directed) {
+        double exact, n[3];
+        sample_exact(field, x, &exact, n);
+        if (isnan(d)) d = exact;
+        if (!directed) memcpy(g, n, sizeof g);
+    }
+    if (D) *D = d;
+    memcpy(N, g, sizeof g);
+}
+
+void apsm_field_sample(const apsm_field *field, size_t n, const double *X, double *D, double *N)
+{
+    for (size_t i = 0; i < n; i++) {
+        if (N) {
+            sample_point(field, X + 3 * i, D ? &D[i] : NULL, N + 3 * i);
+        } else if (D) {
+            D[i] = stored_distance(field, X + 3 * i);
+            if (isnan(D[i])) D[i] = apsm_bvh_signed_distance(field->bvh, X + 3 * i, NULL);
+        }
+    }
+}
+
+/* ---- draw ----------------------------------------------------------------------------------- */
+
+/* How many blocks, the nearest first, may hold points with |D| <= band. */
+static size_t blocks_within(const apsm_field *field, double band)
+{
+    const double limit = band / field->voxel + sqrt(3.0) * (BLOCK / 2) * (1.0 + 0x1p-20);
+    size_t lo = 0, hi = field->block_count;
+    while (lo < hi) {
+        const size_t middle = lo + (hi - lo) / 2;
+        if ((double)field->blocks[middle].distance <= limit)
+            lo = middle + 1;
+        else
+            hi = middle;
+    }
+    return lo;
+}
+
+/* Trials with the field's D; where it never comes near 0 (a sheet thinner than a voxel), after
+ * PATIENCE of them with the exact one. */
+static double draw_point(const apsm_field *field, apsm_random *rng, double band, size_t count,
+                         double x[3])
+{
+    for (int trial = 0;; trial += trial < PATIENCE) {
+        const block *b = &field->blocks[apsm_random_below(rng, count)];
+        for (int c = 0; c < 3; c++)
+            x[c] = field->origin[c] +
+                   field->voxel * ((double)b->lo[c] + BLOCK * apsm_random_uniform(rng));
+        const double d = trial < PATIENCE ? stored_distance(field, x)
+                                          : apsm_bvh_signed_distance(field->bvh, x, NULL);
+        if (fabs(d) <= band) return d;
+    }
+}
+
+void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
+                     double *D)
+{
+    const size_t count = blocks_within(field, band);
+    for (size_t i = 0; i < n; i++) {
+        const double d = draw_point(field, rng, band, count, B + 3 * i);
+        if (D) D[i] = d;
+    }
+}
