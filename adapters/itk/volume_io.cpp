@@ -8,11 +8,13 @@
  * std::cerr: one lock around their calls makes them usable from all threads.  Conversion to
  * labels is outside of it. */
 #include <algorithm>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <mutex>
 #include <unistd.h>
 #include <vector>
+#include <zlib.h>
 
 #include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
@@ -95,6 +97,26 @@ void check_size(const apsm_volume &volume, const itk::ImageIOBase &io, const std
         damaged("its header promises more voxels than the file can hold; export it again");
 }
 
+/* niftiio fills up with zeros what a NIfTI file lacks, and does not look at gzip's check sum. */
+void check_nifti_complete(const std::string &path, size_t voxel_bytes)
+{
+    const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose);
+    if (!file) throw failure{ APSM_ERR_IO, "cannot be read; check your right to read it" };
+    std::vector<char> bytes(1 << 16);
+    size_t total = 0;
+    float offset = 0.0f; /* of the voxels; at byte 108, in the byte order of the first value, 348 */
+    for (int n; (n = gzread(file.get(), bytes.data(), static_cast<unsigned>(bytes.size()))) != 0;
+         total += static_cast<size_t>(n)) {
+        if (n < 0) damaged("its compressed data are cut short or wrong; copy or export it again");
+        if (total || n < 112) continue;
+        if (bytes[0] != 92) std::reverse(&bytes[108], &bytes[112]); /* 348 = 256 + 92 */
+        std::memcpy(&offset, &bytes[108], sizeof offset);
+    }
+    if (gzeof(file.get()) != 1 || !(offset >= 0.0f) ||
+        static_cast<double>(total) < static_cast<double>(offset) + static_cast<double>(voxel_bytes))
+        damaged("ends before its last voxel; copy or export it again");
+}
+
 void read_volume(const std::string &path, apsm_volume *volume)
 {
     const format &f = format_of(path);
@@ -118,6 +140,8 @@ void read_volume(const std::string &path, apsm_volume *volume)
         io->SetIORegion(region);
         raw.resize(v.n[0] * v.n[1] * v.n[2] * io->GetComponentSize());
         type = io->GetComponentType();
+        if (std::string(f.extension).compare(0, 4, ".nii") == 0)
+            check_nifti_complete(path, raw.size());
         io->Read(raw.data());
     }
     label_array labels = allocate_labels(v.n[0] * v.n[1] * v.n[2]);

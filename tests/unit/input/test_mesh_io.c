@@ -246,8 +246,8 @@ static void damaged_ply_is_refused_with_its_line(void **state)
     refuses(f, "a.ply", "ply\nelement vertex 3\nproperty float x\nend_header\n", "no format");
     refuses(f, "a.ply", "ply\nformat ascii 1.0\nbogus\nend_header\n", "line 3");
     refuses(f, "a.ply", "ply\nformat ascii 1.0\nelement vertex 0\n", "file ends");
-    refuses(f, "a.ply", PLY_HEAD("3", "1") PLY_POINTS, "file can hold");
-    refuses(f, "a.ply", PLY_HEAD("3", "2") PLY_POINTS "3 0 1 2\n", "line 14");
+    refuses(f, "a.ply", PLY_HEAD("3", "1") PLY_POINTS, "file ends");
+    refuses(f, "a.ply", PLY_HEAD("3", "9") PLY_POINTS "3 0 1 2\n", "file can hold");
     refuses(f, "a.ply", PLY_HEAD("99999999999", "1") PLY_POINTS "3 0 1 2\n", "line 3");
     refuses(f, "a.ply", PLY_HEAD("-3", "1") PLY_POINTS "3 0 1 2\n", "line 3");
     refuses(f, "a.ply", PLY_HEAD("3", "0") PLY_POINTS, "no faces");
