@@ -1,0 +1,95 @@
+/* groom.h -- from a segmentation or a raw mesh to a clean one: one closed outward surface of
+ * well-shaped triangles.  Alignment is in align.h. */
+#ifndef APSM_GROOM_H
+#define APSM_GROOM_H
+
+#include <stdbool.h>
+
+#include "apsm/mesh.h"
+#include "apsm/remesh.h"
+#include "apsm/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct apsm_groom_options {
+    /* segmentations */
+    bool fill_cavities; /* fill background enclosed by the label (default true) */
+    double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
+                           0: none, 4: twice the reach.  No voxel's centre changes sides */
+    /* both */
+    bool keep_largest;     /* default true; false: more than one part is an error */
+    double max_drop_share; /* dropped parts may have together this share of the area (mesh) or
+                              of the voxels (mask) at most; default 0.2; 1: drop any */
+    /* meshes */
+    double merge;         /* vertices closer than this share of the diagonal are one; 1e-7 */
+    bool fill_holes;      /* default true; false: an opening is an error */
+    double max_cap_share; /* an opening is closed only if its cap is at most this share of the
+                             mesh's area; default 0.25; 1: close everything */
+    bool remesh;          /* default true; false: repair only */
+    apsm_remesh_options remesh_options;
+} apsm_groom_options;
+apsm_groom_options apsm_groom_defaults(void);
+
+/* What was done to one shape.  Zero where a step had nothing to do. */
+typedef struct apsm_groom_report {
+    /* segmentation */
+    size_t voxels;           /* of the label, after the steps below */
+    size_t dropped_parts;    /* parts of the label not kept ... */
+    size_t dropped_voxels;   /* ... and their voxels */
+    size_t filled_voxels;    /* enclosed background filled */
+    unsigned border;         /* the label touches the image's border: bits 0..5 for
+                                -i +i -j +j -k +k; the surface is closed there */
+    int supersampling[3];    /* nodes a voxel along each axis */
+    double mask_volume;      /* mm^3 */
+    double smoothing_volume; /* relative change of volume by smoothing */
+    /* repair */
+    size_t merged_vertices, unused_vertices;
+    size_t degenerate_faces, duplicate_faces; /* removed */
+    size_t fin_faces;                         /* removed with sheets hanging on the surface */
+    size_t split_vertices;                    /* copies made where fans or sheets only touched */
+    size_t flipped_faces;
+    size_t dropped_components, dropped_faces;
+    double dropped_area; /* share of the area */
+    size_t holes, hole_faces;
+    double largest_cap; /* area of the largest cap as a share of the mesh's */
+    double largest_cap_at[3];
+    bool inverted;             /* all triangles faced inward */
+    long genus;                /* of the result */
+    apsm_remesh_report remesh; /* zero if not asked for */
+} apsm_groom_report;
+
+/* mesh_out (owned by the caller, overwritten): the surface of all voxels with label != 0.  name
+ * is for messages (a file, usually).  opt and report may be NULL.
+ *
+ * The largest 26-connected part is kept and background that no 6-connected path joins to the
+ * outside is filled; the part is cropped, padded, smoothed (antialias.c), contoured and then
+ * treated like a mesh.  APSM_ERR_GEOMETRY if the label is empty, too small, or in several large
+ * parts.  O(voxels of the label's bounding box) time and memory. */
+apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                                    const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                                    apsm_groom_report *report) APSM_NODISCARD;
+
+/* mesh_out (owned by the caller, overwritten): mesh repaired, closed, outward, remeshed.
+ * APSM_ERR_GEOMETRY, with the place, where no safe repair is known: a surface that cannot be
+ * oriented, an opening too large to close, parts of similar size, no volume.
+ * O(nf log nf) time, O(nf) memory. */
+apsm_status apsm_groom_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                            const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                            apsm_groom_report *report) APSM_NODISCARD;
+
+/* Repair alone, as above without remeshing; report is added to, not cleared. */
+apsm_status apsm_repair(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                        const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                        apsm_groom_report *report) APSM_NODISCARD;
+
+/* Mirrors mesh in place at the plane x = its centroid's x (METHOD 7a) and turns its triangles;
+ * M (16, out, row-major) is the map used, its own inverse.  The plane is rounded to float32 so
+ * that M x is the same number wherever it is computed. */
+void apsm_reflect(apsm_mesh *mesh, double M[16]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,58 @@
+/* remesh.h -- near-isotropic remeshing of closed triangle meshes. */
+#ifndef APSM_REMESH_H
+#define APSM_REMESH_H
+
+#include <stdbool.h>
+
+#include "apsm/bvh.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct apsm_remesh_options {
+    size_t target_faces; /* about; default 10,000.  The result has within 10 % of it unless the
+                            shape itself needs more */
+    bool refine;         /* split long edges of a mesh that has fewer faces than the target
+                            (default true: paths and warps need the resolution); false: the
+                            target is lowered to the number of faces given */
+    int iterations;      /* of split, collapse, flip, relax, project; default 6 */
+    double turn;         /* the normal may turn by about this angle (radians) along an edge before
+                            edges get shorter there: rims of sheets, tips, thin tubes; default 0.6.
+                            0: edges of one length everywhere */
+    double shortest;     /* but never shorter than this share of the common edge; default 0.3 */
+    double fidelity;     /* a collapse, flip or move that puts the surface farther than this share
+                            of the local edge from where it was is refused; default 0.1 */
+} apsm_remesh_options;
+apsm_remesh_options apsm_remesh_defaults(void);
+
+typedef struct apsm_remesh_report {
+    size_t faces_before, faces_after;
+    double edge; /* common edge length aimed at */
+    double
+        forward_mean; /* result to original: distance of the result's vertices and face centres */
+    double forward_max;
+    double backward_mean; /* original to result: distance of the original's vertices */
+    double backward_max;
+    double volume_change; /* relative */
+    double min_angle;     /* smallest angle of a face, degrees */
+    size_t below_30;      /* faces with an angle below 30 degrees */
+} apsm_remesh_report;
+
+/* out (owned by the caller, overwritten) is `mesh` with about opt->target_faces well-shaped
+ * faces: closed, oriented, of the same genus.  `original` is the tree of the surface to stay on,
+ * usually of `mesh` itself.  Coordinates of out are float32 numbers, so that PLY and STL files
+ * hold it without loss.  opt NULL: defaults; report NULL: not wanted (saves the measuring).
+ * Scaling mesh by a power of two scales the result exactly.
+ *
+ * APSM_ERR_GEOMETRY if mesh is not a closed connected manifold.  O(nf log nf) time, O(nf) memory.
+ * Source: Botsch & Kobbelt, "A remeshing approach to multiresolution modeling", SGP 2004;
+ * sizes as in Dunyach et al., "Adaptive remeshing for real-time mesh deformation", 2013. */
+apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *original,
+                        const apsm_remesh_options *opt, apsm_mesh *out,
+                        apsm_remesh_report *report) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,199 @@
+/* Quality of a triangle with sides l: q = 4 sqrt(3) area / (l1^2 + l2^2 + l3^2), 1 if equilateral,
+ * 0 if flat (Bank).  Area vectors are kept unnormalised where only signs matter. */
+#include "groom/fan.h"
+
+#include <math.h>
+
+#include "geometry/vec3.h"
+
+static const double needle = 0.1;                   /* quality below which a face is a needle */
+static const double turn_cos = 0.5;                 /* a face may turn by 60 degrees */
+static const double two_root3 = 3.4641016151377544; /* 2 sqrt(3): area vectors hold 2 area */
+
+static void area_vector(const double a[3], const double b[3], const double c[3], double n[3])
+{
+    double u[3], v[3];
+    vec3_sub(b, a, u);
+    vec3_sub(c, a, v);
+    vec3_cross(u, v, n);
+}
+
+static double quality(const double a[3], const double b[3], const double c[3])
+{
+    double n[3];
+    area_vector(a, b, c, n);
+    const double l2 = vec3_distance2(a, b) + vec3_distance2(b, c) + vec3_distance2(c, a);
+    return l2 > 0.0 ? two_root3 * vec3_norm(n) / l2 : 0.0;
+}
+
+void fan_face_normal(const surgery *s, uint32_t h, double n[3])
+{
+    const uint32_t *c = s->F + (h - h % 3);
+    area_vector(s->V + 3 * c[0], s->V + 3 * c[1], s->V + 3 * c[2], n);
+}
+
+static void fan_area(const surgery *s, uint32_t v, double sum[3])
+{
+    sum[0] = sum[1] = sum[2] = 0.0;
+    uint32_t h = s->out[v];
+    do {
+        double n[3];
+        fan_face_normal(s, h, n);
+        vec3_add_scaled(sum, 1.0, n);
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+}
+
+/* One face of the test below: old corner at o, new one at x, the other two p, q. */
+static bool keeps_facing(const double o[3], const double x[3], const double p[3], const double q[3],
+                         const double fan[3])
+{
+    double was[3], is[3];
+    area_vector(o, p, q, was);
+    area_vector(x, p, q, is);
+    const double before = quality(o, p, q), after = quality(x, p, q);
+    if (after < needle && after <= before) return false;
+    if (before < needle) return vec3_dot(is, fan) > 0.0; /* its own normal means little */
+    const double c = vec3_dot(was, is);
+    return c > 0.0 && c * c > turn_cos * turn_cos * vec3_dot(was, was) * vec3_dot(is, is);
+}
+
+bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t skip1,
+                      uint32_t skip2)
+{
+    double fan[3];
+    fan_area(s, v, fan);
+    uint32_t h = s->out[v];
+    do {
+        const double *p = s->V + 3 * he_to(s, h), *q = s->V + 3 * he_apex(s, h);
+        if (h / 3 != skip1 && h / 3 != skip2 && !keeps_facing(s->V + 3 * v, x, p, q, fan))
+            return false;
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+    return true;
+}
+
+static double segment_distance2(const double x[3], const double p[3], const double q[3])
+{
+    double d[3], e[3];
+    vec3_sub(q, p, d);
+    vec3_sub(x, p, e);
+    const double l2 = vec3_dot(d, d), along = vec3_dot(d, e);
+    const double t = l2 > 0.0 ? fmin(fmax(along / l2, 0.0), 1.0) : 0.0;
+    vec3_add_scaled(e, -t, d);
+    return vec3_dot(e, e);
+}
+
+/* Inside the prism over the triangle: distance to its plane; else to its sides. */
+static double triangle_distance2(const double x[3], const double a[3], const double b[3],
+                                 const double c[3])
+{
+    const double *corner[3] = { a, b, c };
+    double n[3], best = INFINITY;
+    area_vector(a, b, c, n);
+    bool inside = vec3_dot(n, n) > 0.0;
+    for (int k = 0; k < 3; k++) {
+        const double *p = corner[k], *q = corner[(k + 1) % 3];
+        double side[3];
+        area_vector(p, q, x, side);
+        if (vec3_dot(side, n) < 0.0) {
+            inside = false;
+            best = fmin(best, segment_distance2(x, p, q));
+        }
+    }
+    if (inside) {
+        double e[3];
+        vec3_sub(x, a, e);
+        const double along = vec3_dot(e, n);
+        return along * along / vec3_dot(n, n);
+    }
+    if (!(best < INFINITY)) /* no area */
+        for (int k = 0; k < 3; k++)
+            best = fmin(best, segment_distance2(x, corner[k], corner[(k + 1) % 3]));
+    return best;
+}
+
+double fan_distance2(const surgery *s, uint32_t v, const double x[3], const double p[3],
+                     uint32_t skip1, uint32_t skip2)
+{
+    double best = INFINITY;
+    uint32_t h = s->out[v];
+    do {
+        if (h / 3 != skip1 && h / 3 != skip2)
+            best = fmin(best,
+                        triangle_distance2(p, x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+    return best;
+}
+
+double fan_quality(const surgery *s, uint32_t v, const double x[3])
+{
+    double least = 1.0;
+    uint32_t h = s->out[v];
+    do {
+        least = fmin(least, quality(x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+    return least;
+}
+
+bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3])
+{
+    double total = 0.0;
+    g[0] = g[1] = g[2] = n[0] = n[1] = n[2] = 0.0;
+    uint32_t h = s->out[v];
+    do {
+        const uint32_t a = he_to(s, h), b = he_apex(s, h);
+        double m[3];
+        fan_face_normal(s, h, m);
+        vec3_add_scaled(n, 1.0, m);
+        const double edge = (s->size[v] + s->size[a] + s->size[b]) / 3.0;
+        const double w = vec3_norm(m) / (edge * edge);
+        for (int c = 0; c < 3; c++)
+            g[c] += w *
+                    (s->V[3 * v + (uint32_t)c] + s->V[3 * a + (uint32_t)c] +
+                     s->V[3 * b + (uint32_t)c]) /
+                    3.0;
+        total += w;
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+    if (!(total > 0.0) || !(vec3_normalise(n) > 0.0)) return false;
+    for (int c = 0; c < 3; c++) g[c] /= total;
+    return true;
+}
+
+double fan_flip_quality(const surgery *s, uint32_t h)
+{
+    const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
+    const double *c = s->V + 3 * he_apex(s, h), *d = s->V + 3 * he_apex(s, s->twin[h]);
+    const double before = fmin(quality(a, b, c), quality(b, a, d));
+    const double after = fmin(quality(a, d, c), quality(d, b, c));
+    if (before > 0.0) return after / before;
+    return after > 0.0 ? INFINITY : 0.0;
+}
+
+static bool within_turn(const double a[3], const double b[3])
+{
+    const double c = vec3_dot(a, b);
+    return c > 0.0 && c * c > turn_cos * turn_cos * vec3_dot(a, a) * vec3_dot(b, b);
+}
+
+bool fan_flip_is_flat(const surgery *s, uint32_t h, double away)
+{
+    const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
+    const double *c = s->V + 3 * he_apex(s, h), *d = s->V + 3 * he_apex(s, s->twin[h]);
+    double n1[3], n2[3], m1[3], m2[3], ab[3], dc[3], across[3], gap[3];
+    area_vector(a, b, c, n1);
+    area_vector(b, a, d, n2);
+    area_vector(a, d, c, m1);
+    area_vector(d, b, c, m2);
+    vec3_add_scaled(n1, 1.0, n2); /* of both */
+    if (!within_turn(m1, n1) || !within_turn(m2, n1)) return false;
+    vec3_sub(b, a, ab);
+    vec3_sub(c, d, dc);
+    vec3_sub(c, a, gap);
+    vec3_cross(ab, dc, across);
+    const double along = vec3_dot(gap, across);
+    return along * along <= away * away * vec3_dot(across, across);
+}

@@ -1,0 +1,36 @@
+/* fan.h -- geometry of the faces around a vertex or an edge, for the decisions of remeshing. */
+#ifndef APSM_GROOM_FAN_H
+#define APSM_GROOM_FAN_H
+
+#include "apsm/remesh.h"
+#include "groom/surgery.h"
+
+/* Area vector (twice the area times the normal) of h's face. */
+void fan_face_normal(const surgery *s, uint32_t h, double n[3]);
+
+/* If v were at x: whether every face around it (but skip1, skip2) still faces its way and has
+ * not become a needle. */
+bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t skip1,
+                      uint32_t skip2);
+/* If v were at x: squared distance of p to the faces around it (but skip1, skip2). */
+double fan_distance2(const surgery *s, uint32_t v, const double x[3], const double p[3],
+                     uint32_t skip1, uint32_t skip2);
+
+/* If v were at x: lowest quality of the faces around it. */
+double fan_quality(const surgery *s, uint32_t v, const double x[3]);
+
+/* Middle g of v's fan (area-weighted, areas counted in local edges) and its unit normal n; false
+ * if the fan has no area. */
+bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3]);
+
+/* Smaller quality of the two faces after a flip over that before. */
+double fan_flip_quality(const surgery *s, uint32_t h);
+/* Whether the edge's two diagonals pass within `away` and the new faces keep facing the way of
+ * the old ones. */
+bool fan_flip_is_flat(const surgery *s, uint32_t h, double away);
+
+/* Fills all of report but edge. */
+apsm_status remesh_measure(const apsm_mesh *before, const apsm_bvh *original,
+                           const apsm_mesh *after, apsm_remesh_report *report) APSM_NODISCARD;
+
+#endif

@@ -1,0 +1,432 @@
+/* Near-isotropic incremental remeshing.
+ * [BK04] Botsch & Kobbelt, "A remeshing approach to multiresolution modeling", SGP 2004:
+ *   split edges longer than 4/3 s, collapse edges shorter than 4/5 s, flip edges, move vertices
+ *   within the surface to the middle of their neighbours, project them to the original; repeat.
+ * s is the local edge length (edge_size.c).  Added to it, so that sheets, tips and creases live:
+ *   - a collapse, flip or move is refused if a point of the old surface would then be farther
+ *     than fidelity * s from the new faces, or if a face would turn over;
+ *   - vertices only ever lie on the original surface, projected to a side that faces the same
+ *     way, so that the two sides of a sheet cannot be taken for each other;
+ *   - a mesh far too fine is coarsened in stages, each 1.4 times the last;
+ *   - at the end, points of the original still too far from the result draw the nearest vertex
+ *     to them.
+ * Loops run in the order of indices, so the result is reproducible. */
+#include "apsm/remesh.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geometry/vec3.h"
+#include "groom/edge_size.h"
+#include "groom/fan.h"
+#include "groom/surgery.h"
+
+static const double longest = 4.0 / 3.0, least = 4.0 / 5.0;
+static const double stage_growth = 1.4;
+static const double recovered_quality = 0.4;
+static const double split_reach = 0.2; /* a split edge's middle is projected within this length */
+static const double facing_cos = 0.2;  /* projection accepts normals within 78 degrees */
+enum { MOST_VALENCE = 10, RECOVERIES = 2 };
+
+apsm_remesh_options apsm_remesh_defaults(void)
+{
+    return (apsm_remesh_options){ .target_faces = 10000,
+                                  .refine = true,
+                                  .iterations = 6,
+                                  .turn = 0.6,
+                                  .shortest = 0.3,
+                                  .fidelity = 0.1 };
+}
+
+/* What the steps share. */
+typedef struct job {
+    surgery s;
+    const apsm_bvh *original;
+    const double *original_size; /* of the original's vertices */
+    apsm_remesh_options opt;
+    double scale; /* of all sizes, to meet the number of faces */
+} job;
+
+static double edge_length2(const surgery *s, uint32_t h)
+{
+    return vec3_distance2(s->V + 3 * he_from(s, h), s->V + 3 * he_to(s, h));
+}
+
+static double edge_size_at(const job *j, uint32_t h)
+{
+    return j->scale * fmin(j->s.size[he_from(&j->s, h)], j->s.size[he_to(&j->s, h)]);
+}
+
+/* Projects x, with normal n, to the original; false if nothing near faces the same way. */
+static bool project(const job *j, const double x[3], const double n[3], double reach, double on[3],
+                    double *size)
+{
+    apsm_closest hit;
+    apsm_bvh_closest_facing(j->original, x, n, facing_cos, reach * reach, &hit);
+    if (!(hit.distance2 < INFINITY)) return false;
+    const uint32_t *c = apsm_bvh_mesh(j->original)->F + 3 * hit.on.face;
+    *size = 0.0;
+    for (int k = 0; k < 3; k++) *size += hit.on.weight[k] * j->original_size[c[k]];
+    memcpy(on, hit.x, sizeof hit.x);
+    return true;
+}
+
+/* Splits h at its middle, put on the original if that is near. */
+static apsm_status split_edge(job *j, uint32_t h)
+{
+    surgery *s = &j->s;
+    const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
+    const double length2 = vec3_distance2(a, b);
+    double x[3], n[3], m[3], size;
+    for (int c = 0; c < 3; c++) x[c] = 0.5 * (a[c] + b[c]);
+    fan_face_normal(s, h, n);
+    fan_face_normal(s, s->twin[h], m);
+    vec3_add_scaled(n, 1.0, m);
+    const bool found =
+        vec3_normalise(n) > 0.0 && project(j, x, n, split_reach * sqrt(length2), m, &size);
+    uint32_t made;
+    APSM_TRY(surgery_split(s, h, found ? m : x, &made));
+    if (found) s->size[made] = size;
+    return APSM_OK;
+}
+
+/* Step 1: split long edges, the longest first so that no needles are made: edges longer than
+ * 2^k times the limit for k = ..., 1, 0. */
+static apsm_status split_long(job *j)
+{
+    surgery *s = &j->s;
+    double over = 1.0; /* largest ratio of an edge to its limit */
+    for (uint32_t h = 0; h < 3 * s->nf; h++)
+        if (he_live(s, h))
+            over = fmax(over, sqrt(edge_length2(s, h)) / (longest * edge_size_at(j, h)));
+    int k;
+    frexp(over, &k);
+    for (; k >= 0; k--) {
+        const uint32_t end = (uint32_t)(3 * s->nf); /* new edges wait for the next round */
+        for (uint32_t h = 0; h < end; h++) {
+            if (!he_live(s, h) || h > s->twin[h]) continue;
+            const double most = ldexp(longest * edge_size_at(j, h), k);
+            if (edge_length2(s, h) > most * most) APSM_TRY(split_edge(j, h));
+        }
+    }
+    return APSM_OK;
+}
+
+/* Whether vertex b = to(h) may be pulled into a = from(h): faces keep facing their way and do
+ * not get thin, edges do not get too long, b stays close to the new faces. */
+static bool may_collapse(const job *j, uint32_t h, double limit)
+{
+    const surgery *s = &j->s;
+    const uint32_t a = he_from(s, h), b = he_to(s, h);
+    const uint32_t skip1 = h / 3, skip2 = s->twin[h] / 3;
+    const double *x = s->V + 3 * a;
+    uint32_t k = s->out[b];
+    do {
+        const uint32_t v = he_to(s, k);
+        if (v != a) {
+            const double most = longest * fmin(limit, j->scale * fmin(s->size[a], s->size[v]));
+            if (vec3_distance2(x, s->V + 3 * v) > most * most) return false;
+        }
+        k = he_turn(s, k);
+    } while (k != s->out[b]);
+    const double away = j->opt.fidelity * j->scale * fmin(s->size[a], s->size[b]);
+    return fan_keeps_facing(s, b, x, skip1, skip2) &&
+           fan_distance2(s, b, x, s->V + 3 * b, skip1, skip2) <= away * away;
+}
+
+/* Collapses h if it is short, preferably into the end that wants shorter edges. */
+static void try_collapse(job *j, uint32_t h, double limit)
+{
+    surgery *s = &j->s;
+    const double want = fmin(limit, edge_size_at(j, h));
+    if (!(edge_length2(s, h) < least * least * want * want)) return;
+    const uint32_t a = he_from(s, h), b = he_to(s, h);
+    if (surgery_valence(s, a) + surgery_valence(s, b) - 4 > MOST_VALENCE) return;
+    if (!surgery_collapsible(s, h)) return;
+    if (s->size[b] < s->size[a]) h = s->twin[h];
+    if (may_collapse(j, h, limit))
+        surgery_collapse(s, h);
+    else if (may_collapse(j, s->twin[h], limit))
+        surgery_collapse(s, s->twin[h]);
+}
+
+/* Step 2; limit: no edge is wanted longer than this at the present stage. */
+static void collapse_short(job *j, double limit)
+{
+    for (uint32_t h = 0; h < 3 * j->s.nf; h++)
+        if (he_live(&j->s, h) && h < j->s.twin[h]) try_collapse(j, h, limit);
+}
+
+/* Whether the edge can be flipped without leaving the surface or folding it. */
+static bool may_flip(const job *j, uint32_t h)
+{
+    const surgery *s = &j->s;
+    const uint32_t a = he_from(s, h), b = he_to(s, h);
+    const uint32_t c = he_apex(s, h), d = he_apex(s, s->twin[h]);
+    if (surgery_valence(s, a) <= 3 || surgery_valence(s, b) <= 3 || surgery_joined(s, c, d))
+        return false;
+    const double away = j->opt.fidelity * j->scale *
+                        fmin(fmin(s->size[a], s->size[b]), fmin(s->size[c], s->size[d]));
+    return fan_flip_is_flat(s, h, away);
+}
+
+static int excess2(size_t valence)
+{
+    const int e = (int)valence - 6;
+    return e * e;
+}
+
+/* Step 3a: flips that bring valences nearer to 6 without spoiling the shapes. */
+static void flip_to_valence(job *j)
+{
+    surgery *s = &j->s;
+    for (uint32_t h = 0; h < 3 * s->nf; h++) {
+        if (!he_live(s, h) || h > s->twin[h]) continue;
+        const size_t a = surgery_valence(s, he_from(s, h)), b = surgery_valence(s, he_to(s, h));
+        const size_t c = surgery_valence(s, he_apex(s, h));
+        const size_t d = surgery_valence(s, he_apex(s, s->twin[h]));
+        const int before = excess2(a) + excess2(b) + excess2(c) + excess2(d);
+        const int after = excess2(a - 1) + excess2(b - 1) + excess2(c + 1) + excess2(d + 1);
+        if (after < before && fan_flip_quality(s, h) > 0.6 && may_flip(j, h)) surgery_flip(s, h);
+    }
+}
+
+/* Step 3b: flips that raise the smaller of the two faces' qualities. */
+static void flip_to_shape(job *j)
+{
+    surgery *s = &j->s;
+    for (uint32_t h = 0; h < 3 * s->nf; h++)
+        if (he_live(s, h) && h < s->twin[h] && fan_flip_quality(s, h) > 1.0 + 1e-9 &&
+            may_flip(j, h))
+            surgery_flip(s, h);
+}
+
+/* Moves v to x if no face turns over and the old place stays close. */
+static bool try_move(job *j, uint32_t v, const double x[3], double away)
+{
+    surgery *s = &j->s;
+    if (!fan_keeps_facing(s, v, x, APSM_NONE, APSM_NONE)) return false;
+    if (fan_distance2(s, v, x, s->V + 3 * v, APSM_NONE, APSM_NONE) > away * away) return false;
+    memcpy(s->V + 3 * v, x, 3 * sizeof *x);
+    return true;
+}
+
+/* Steps 4 and 5: every vertex to the middle of its fan, within the surface, and back on it. */
+static void relax(job *j)
+{
+    surgery *s = &j->s;
+    for (uint32_t v = 0; v < s->nv; v++) {
+        if (s->out[v] == APSM_NONE) continue;
+        double g[3], n[3], step[3];
+        if (!fan_middle(s, v, g, n)) continue;
+        vec3_sub(g, s->V + 3 * v, step);
+        vec3_add_scaled(step, -vec3_dot(step, n), n);
+        const double local = j->scale * s->size[v];
+        for (double part = 1.0; part > 0.2; part *= 0.5) { /* shorter steps where it is tight */
+            double x[3], on[3], size;
+            memcpy(x, s->V + 3 * v, sizeof x);
+            vec3_add_scaled(x, part, step);
+            if (project(j, x, n, local, on, &size) && try_move(j, v, on, j->opt.fidelity * local)) {
+                s->size[v] = size;
+                break;
+            }
+        }
+    }
+}
+
+static double mean_edge(const surgery *s)
+{
+    double sum = 0.0;
+    size_t n = 0;
+    for (uint32_t h = 0; h < 3 * s->nf; h++)
+        if (he_live(s, h)) {
+            sum += sqrt(edge_length2(s, h));
+            n++;
+        }
+    return sum / (double)n;
+}
+
+/* A mesh far too fine, to about the edge length wanted. */
+static void coarsen(job *j, double common)
+{
+    for (double limit = stage_growth * mean_edge(&j->s); limit < common; limit *= stage_growth) {
+        collapse_short(j, limit);
+        flip_to_shape(j);
+    }
+}
+
+static apsm_status iterate(apsm_context *ctx, job *j, size_t faces)
+{
+    for (int i = 0; i < j->opt.iterations; i++) {
+        if (ctx && apsm_interrupted(ctx)) return APSM_ERR_INTERRUPTED;
+        APSM_TRY(split_long(j));
+        collapse_short(j, INFINITY);
+        if (2 * i < j->opt.iterations) flip_to_valence(j);
+        flip_to_shape(j);
+        relax(j);
+        /* Meet the number of faces; sizes rest in the last iterations. */
+        if (i + 2 < j->opt.iterations) {
+            const double off = sqrt((double)j->s.live_f / (double)faces);
+            j->scale *= fmin(fmax(off, 0.7), 1.4);
+        }
+    }
+    flip_to_shape(j);
+    relax(j);
+    return APSM_OK;
+}
+
+/* A point of the original that the result misses. */
+typedef struct missed {
+    double off; /* distance in local edges */
+    uint32_t vertex, face;
+} missed;
+
+static int by_size(const void *a, const void *b)
+{
+    const missed *p = a, *q = b;
+    if (p->off != q->off) return p->off < q->off ? 1 : -1;
+    return p->vertex < q->vertex ? -1 : p->vertex > q->vertex;
+}
+
+/* Fills list (one entry for each vertex of the original at most) with what lies farther than
+ * fidelity edges from the result; returns how many. */
+static size_t find_missed(const job *j, const apsm_bvh *result, missed *list)
+{
+    const apsm_mesh *from = apsm_bvh_mesh(j->original);
+    size_t n = 0;
+    for (size_t v = 0; v < from->nv; v++) {
+        apsm_closest hit;
+        apsm_bvh_closest(result, from->V + 3 * v, INFINITY, &hit);
+        const double off = sqrt(hit.distance2) / (j->scale * j->original_size[v]);
+        if (off > j->opt.fidelity) list[n++] = (missed){ off, (uint32_t)v, hit.on.face };
+    }
+    qsort(list, n, sizeof *list, by_size);
+    return n;
+}
+
+/* Draws the corner of `face` nearest to x to it, if it has not moved already. */
+static bool draw_corner(job *j, const double x[3], const uint32_t corner[3], bool *fixed)
+{
+    surgery *s = &j->s;
+    uint32_t v = corner[0];
+    for (int k = 1; k < 3; k++)
+        if (vec3_distance2(x, s->V + 3 * corner[k]) < vec3_distance2(x, s->V + 3 * v))
+            v = corner[k];
+    if (fixed[v] || fan_quality(s, v, x) < recovered_quality ||
+        !try_move(j, v, x, j->opt.fidelity * j->scale * s->size[v]))
+        return false;
+    fixed[v] = true;
+    return true;
+}
+
+/* Tips and creases cut off by collapses or slid from by relaxation: vertices go back to them.
+ * No relaxation may follow. */
+static apsm_status recover(job *j)
+{
+    const apsm_mesh *from = apsm_bvh_mesh(j->original);
+    apsm_mesh now = { 0 };
+    apsm_bvh *tree = NULL;
+    missed *list = malloc(from->nv * sizeof *list);
+    bool *fixed = calloc(j->s.nv, sizeof *fixed);
+    uint32_t *name = malloc(j->s.nv * sizeof *name); /* of the result's vertices in s */
+    apsm_status status = list && fixed && name ? surgery_result(&j->s, &now) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_bvh_build(&now, &tree);
+    if (status == APSM_OK) {
+        size_t n = 0;
+        for (uint32_t v = 0; v < j->s.nv; v++)
+            if (j->s.out[v] != APSM_NONE) name[n++] = v;
+        n = find_missed(j, tree, list);
+        for (size_t i = 0; i < n; i++) {
+            const uint32_t *c = now.F + 3 * list[i].face;
+            const uint32_t corner[3] = { name[c[0]], name[c[1]], name[c[2]] };
+            draw_corner(j, from->V + 3 * list[i].vertex, corner, fixed);
+        }
+    }
+    apsm_bvh_free(tree);
+    apsm_mesh_free(&now);
+    free(list);
+    free(fixed);
+    free(name);
+    return status;
+}
+
+/* float32 coordinates, where that turns no face over (it never does on sane coordinates). */
+static void round_coordinates(job *j)
+{
+    surgery *s = &j->s;
+    for (size_t i = 0; i < 3 * s->nv; i++) s->V[i] = (double)(float)s->V[i];
+}
+
+/* Edge lengths for the vertices of mesh, from those of the original. */
+static void take_sizes(job *j, const apsm_mesh *mesh)
+{
+    const apsm_mesh *from = apsm_bvh_mesh(j->original);
+    for (size_t v = 0; v < mesh->nv; v++) {
+        if (mesh == from) {
+            j->s.size[v] = j->original_size[v];
+            continue;
+        }
+        apsm_closest hit;
+        apsm_bvh_closest(j->original, mesh->V + 3 * v, INFINITY, &hit);
+        j->s.size[v] = 0.0;
+        for (int k = 0; k < 3; k++)
+            j->s.size[v] +=
+                hit.on.weight[k] * j->original_size[from->F[3 * hit.on.face + (uint32_t)k]];
+    }
+}
+
+static apsm_status run(apsm_context *ctx, job *j, const apsm_mesh *mesh, size_t faces,
+                       double common, apsm_mesh *out)
+{
+    take_sizes(j, mesh);
+    j->scale = 1.0;
+    coarsen(j, common);
+    APSM_TRY(iterate(ctx, j, faces));
+    for (int i = 0; i < RECOVERIES; i++) APSM_TRY(recover(j));
+    flip_to_shape(j);
+    round_coordinates(j);
+    return surgery_result(&j->s, out);
+}
+
+static apsm_status check_mesh(apsm_context *ctx, const apsm_mesh *mesh)
+{
+    apsm_mesh_defects d;
+    APSM_TRY(apsm_mesh_inspect(mesh, &d));
+    if (d.components != 1 || d.border_edges || d.nonmanifold_edges || d.nonmanifold_vertices ||
+        d.flipped_edges || d.unused_vertices)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                         "remesh: not one closed, oriented surface; repair it first");
+    return APSM_OK;
+}
+
+apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *original,
+                        const apsm_remesh_options *options, apsm_mesh *out,
+                        apsm_remesh_report *report)
+{
+    job j = { .original = original, .opt = options ? *options : apsm_remesh_defaults() };
+    const apsm_remesh_options *o = &j.opt;
+    *out = (apsm_mesh){ 0 };
+    if (o->target_faces < 4 || o->iterations < 1 || !(o->turn >= 0.0) || !(o->shortest > 0.0) ||
+        !(o->shortest <= 1.0) || !(o->fidelity > 0.0))
+        return apsm_fail(ctx, APSM_ERR_ARG, "remesh: an option is out of range");
+    APSM_TRY(check_mesh(ctx, mesh));
+    const apsm_mesh *from = apsm_bvh_mesh(original);
+    const size_t faces = !o->refine && mesh->nf < o->target_faces ? mesh->nf : o->target_faces;
+    double common, *size = malloc(from->nv * sizeof *size);
+    if (!size) return APSM_ERR_MEMORY;
+    j.original_size = size;
+    apsm_status status = edge_size(from, o, faces, size, &common);
+    if (status == APSM_OK) status = surgery_begin(&j.s, mesh);
+    if (status == APSM_OK) {
+        status = run(ctx, &j, mesh, faces, common, out);
+        surgery_free(&j.s);
+    }
+    free(size);
+    if (status == APSM_OK && report) {
+        report->edge = common * j.scale;
+        status = remesh_measure(mesh, original, out, report);
+        if (status != APSM_OK) apsm_mesh_free(out);
+    }
+    return status;
+}
