@@ -1,0 +1,68 @@
+/* args.h -- the command line as a struct. */
+#ifndef APSM_CLI_ARGS_H
+#define APSM_CLI_ARGS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+/* One bit a verb, for tables that say which verb takes what. */
+typedef enum cli_verb {
+    CLI_RUN = 1 << 0,
+    CLI_GROOM = 1 << 1,
+    CLI_INITIALIZE = 1 << 2,
+    CLI_OPTIMIZE = 1 << 3,
+    CLI_EVALUATE = 1 << 4,
+    CLI_CHECK = 1 << 5,
+    CLI_INFO = 1 << 6
+} cli_verb;
+
+typedef struct cli_verb_info {
+    cli_verb verb;
+    const char *name, *operands, *summary;
+    const char *text; /* a paragraph for --help */
+} cli_verb_info;
+
+/* By name; NULL if there is none. */
+const cli_verb_info *cli_find_verb(const char *name);
+/* All, in the order of the work; *n is how many. */
+const cli_verb_info *cli_verbs(size_t *n);
+
+typedef enum cli_progress_mode {
+    CLI_PROGRESS_AUTO,
+    CLI_PROGRESS_PLAIN,
+    CLI_PROGRESS_JSON
+} cli_progress_mode;
+
+/* A key of apsm/options.h, "preset", or one of the texts "labels", "reflect_match", "exclude",
+ * "template", "original_frame", "seed"; both owned. */
+typedef struct cli_pair {
+    char *key, *value;
+} cli_pair;
+
+typedef struct cli_args {
+    const cli_verb_info *verb; /* NULL with help or version only */
+    bool help, help_all, version;
+    size_t n_inputs;
+    const char **inputs; /* array owned, texts of argv */
+    const char *out_dir; /* MODEL_DIR, however given; NULL if not */
+    const char *config;  /* already in set; here for messages */
+    /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
+    size_t n_set;
+    cli_pair *set;
+    int threads; /* >= 1 */
+    cli_progress_mode progress;
+    bool resume, overwrite, dry_run, quiet;
+} cli_args;
+
+/* Understands argv (kept, borrowed; its order may change).  args is overwritten.  Anything unknown,
+ * incomplete, out of range or contradictory is APSM_ERR_ARG with a line that names the nearest that
+ * exists; a configuration file that cannot be read gives its own status. */
+apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *args) APSM_NODISCARD;
+void cli_args_free(cli_args *args);
+
+/* Value of a key in set, or NULL. */
+const char *cli_args_get(const cli_args *args, const char *key);
+
+#endif

@@ -1,0 +1,112 @@
+/* The program: understand the command line, set the context up, call the verb, tell how it ended.
+ */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "help.h"
+#include "signals.h"
+#include "verbs.h"
+
+enum { EXIT_USAGE = 2, EXIT_INTERRUPTED = 130 };
+
+static apsm_status call_verb(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    switch (args->verb->verb) {
+    case CLI_RUN:
+        return apsm_cli_run(ctx, args, ui);
+    case CLI_GROOM:
+        return apsm_cli_groom(ctx, args, ui);
+    case CLI_INITIALIZE:
+        return apsm_cli_initialize(ctx, args, ui);
+    case CLI_OPTIMIZE:
+        return apsm_cli_optimize(ctx, args, ui);
+    case CLI_EVALUATE:
+        return apsm_cli_evaluate(ctx, args, ui);
+    case CLI_CHECK:
+        return apsm_cli_check(ctx, args, ui);
+    case CLI_INFO:
+        return apsm_cli_info(ctx, args, ui);
+    }
+    return APSM_ERR_ARG;
+}
+
+static int exit_code(apsm_status status)
+{
+    if (status == APSM_ERR_INTERRUPTED) return EXIT_INTERRUPTED;
+    if (status == APSM_ERR_ARG) return EXIT_USAGE;
+    return status == APSM_OK ? EXIT_SUCCESS : EXIT_FAILURE;
+}
+
+static void tell_interrupted(const cli_args *args, cli_ui *ui)
+{
+    char line[1024];
+    const char *verb = args->verb->name;
+    if (args->out_dir && (args->verb->verb & (CLI_RUN | CLI_OPTIMIZE)))
+        snprintf(line, sizeof line, "interrupted; go on with: apsm %s --resume -o %s", verb,
+                 args->out_dir);
+    else
+        snprintf(line, sizeof line, "interrupted; %s can be started again", verb);
+    cli_error(ui, APSM_ERR_INTERRUPTED, line);
+}
+
+static void tell_failure(apsm_context *ctx, apsm_status status, const cli_args *args, cli_ui *ui)
+{
+    const char *line = apsm_error_text(ctx);
+    if (status == APSM_ERR_INTERRUPTED)
+        tell_interrupted(args, ui);
+    else
+        cli_error(ui, status, *line ? line : apsm_status_text(status));
+}
+
+static int work(apsm_context *ctx, const cli_args *args)
+{
+    cli_ui *ui = cli_ui_new(args->progress, args->quiet, stdout, stderr, cli_clock);
+    if (!ui) return EXIT_FAILURE;
+    cli_ui_attach(ui, ctx);
+    apsm_context_set_threads(ctx, args->threads);
+    apsm_context_set_interrupt(ctx, cli_catch_signals());
+    const apsm_status status = call_verb(ctx, args, ui);
+    if (status != APSM_OK) tell_failure(ctx, status, args, ui);
+    cli_ui_free(ui);
+    return exit_code(status);
+}
+
+static int refuse_usage(apsm_context *ctx, apsm_status status, const cli_args *args)
+{
+    fprintf(stderr, "apsm: %s\n", apsm_error_text(ctx));
+    if (args->verb) fprintf(stderr, "Try: apsm %s --help\n", args->verb->name);
+    return exit_code(status);
+}
+
+/* Output that could not be written (a full disk) is a failure, whatever else went well. */
+static int flush_output(int code)
+{
+    if (fflush(stdout) == 0 && !ferror(stdout)) return code;
+    fprintf(stderr, "apsm: standard output could not be written: %s\n", strerror(errno));
+    return code ? code : EXIT_FAILURE;
+}
+
+int main(int argc, char **argv)
+{
+    cli_args args;
+    apsm_context *ctx = apsm_context_new();
+    if (!ctx) {
+        fputs("apsm: out of memory\n", stderr);
+        return EXIT_FAILURE;
+    }
+    int code = EXIT_SUCCESS;
+    const apsm_status status = cli_args_parse(ctx, argc, argv, &args);
+    if (status != APSM_OK)
+        code = refuse_usage(ctx, status, &args);
+    else if (args.help)
+        cli_help(stdout, args.verb, args.help_all);
+    else if (args.version)
+        cli_version(stdout);
+    else
+        code = work(ctx, &args);
+    cli_args_free(&args);
+    apsm_context_free(ctx);
+    return flush_output(code);
+}

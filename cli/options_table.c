@@ -1,0 +1,172 @@
+/* The options of the command line.  Those of the method come from the table in apsm/options.h: each
+ * is --name-with-dashes, a switch also --no-name. */
+#include "options_table.h"
+
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
+    GROOMS = CLI_RUN | CLI_GROOM,
+    READS = GROOMS | CLI_CHECK,
+    ALL = STEPS | CLI_CHECK | CLI_INFO
+};
+
+static const cli_option own[] = {
+    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS, "DIR", NULL, NULL,
+      "the model folder; made if it does not exist", NULL },
+    { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
+      "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
+      NULL },
+    { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "reflect_match", NULL,
+      "mirror the inputs whose file name matches (left sides among right ones)", NULL },
+    { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
+      "leave out the inputs whose file name matches", NULL },
+    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS, "NAME", "template", NULL,
+      "the shape that neighbours and meshes are taken from; auto: the most typical one (default "
+      "auto)",
+      NULL },
+    { "original-frame", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, NULL, "original_frame", "true",
+      "also write particles in the frame of the input files, with mirrored shapes mirrored back",
+      NULL },
+    { "preset", 0, CLI_SETS, CLI_GROUP_MODEL, STEPS, "NAME", "preset", NULL,
+      "a named set of options: default, paper-literal-femur, paper-literal-liver or "
+      "paper-literal-hip; other options change it",
+      NULL },
+    { "config", 0, CLI_CONFIG, CLI_GROUP_MODEL, STEPS, "FILE", NULL, NULL,
+      "options from a JSON file, {\"particles\": 256, ...}, or from the manifest.json of an "
+      "earlier "
+      "run",
+      NULL },
+    { "set", 0, CLI_SET_PAIR, CLI_GROUP_MODEL, STEPS, "KEY=VALUE", NULL, NULL,
+      "any option of the method (see --help-all)", NULL },
+    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS, "N", "seed", NULL,
+      "seed of all random numbers (default 0); the result depends on it, not on the threads",
+      NULL },
+    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK, "N", NULL, NULL,
+      "threads to use (default: one for each processor)", NULL },
+    { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
+      "go on with an unfinished run in the model folder", NULL },
+    { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
+      "replace a model that is in the folder already", NULL },
+    { "dry-run", 0, CLI_FLAG_DRY_RUN, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
+      "tell what would be done, write nothing", NULL },
+    { "progress", 0, CLI_PROGRESS, CLI_GROUP_RUN, ALL, "MODE", NULL, NULL,
+      "auto (a bar on a terminal, lines elsewhere), plain or json (default auto)", NULL },
+    { "quiet", 'q', CLI_FLAG_QUIET, CLI_GROUP_RUN, ALL, NULL, NULL, NULL,
+      "only warnings, errors and what was asked for", NULL },
+    { "help", 'h', CLI_FLAG_HELP, CLI_GROUP_RUN, ALL, NULL, NULL, NULL, "this text", NULL },
+    { "help-all", 0, CLI_FLAG_HELP_ALL, CLI_GROUP_RUN, ALL, NULL, NULL, NULL,
+      "this text with all options of the method", NULL },
+    { "version", 'V', CLI_FLAG_VERSION, CLI_GROUP_RUN, ALL, NULL, NULL, NULL, "print the version",
+      NULL },
+};
+enum { OWN = sizeof own / sizeof *own };
+
+/* Method options that everybody needs stand in the short help. */
+static const struct {
+    const char *name;
+    char letter;
+    cli_group group;
+} core[] = {
+    { "particles", 'J', CLI_GROUP_MODEL },   { "adaptivity", 0, CLI_GROUP_MODEL },
+    { "alpha", 0, CLI_GROUP_MODEL },         { "beta", 0, CLI_GROUP_MODEL },
+    { "gamma", 0, CLI_GROUP_MODEL },         { "stage1_epochs", 0, CLI_GROUP_MODEL },
+    { "stage2_epochs", 0, CLI_GROUP_MODEL }, { "align", 0, CLI_GROUP_INPUT },
+};
+
+static void dashed(const char *prefix, const char *key, char name[48])
+{
+    snprintf(name, 48, "%s%s", prefix, key);
+    for (char *c = name; *c; c++)
+        if (*c == '_') *c = '-';
+}
+
+static cli_option method_option(const apsm_option_info *m)
+{
+    static const char *const arguments[] = { "N", "X", NULL, "WORD" };
+    cli_option o = { .action = CLI_SETS,
+                     .group = CLI_GROUP_METHOD,
+                     .verbs = STEPS,
+                     .argument = arguments[m->kind],
+                     .key = m->name,
+                     .value = "true",
+                     .doc = m->doc,
+                     .method = m };
+    dashed("", m->name, o.name);
+    for (size_t i = 0; i < sizeof core / sizeof *core; i++)
+        if (strcmp(core[i].name, m->name) == 0) {
+            o.letter = core[i].letter;
+            o.group = core[i].group;
+        }
+    return o;
+}
+
+cli_option *cli_options_list(size_t *n)
+{
+    size_t n_method;
+    const apsm_option_info *method = apsm_options_table(&n_method);
+    cli_option *list = malloc((OWN + 2 * n_method) * sizeof *list);
+    *n = 0;
+    if (!list) return NULL;
+    memcpy(list, own, sizeof own);
+    *n = OWN;
+    for (size_t i = 0; i < n_method; i++) {
+        list[(*n)++] = method_option(&method[i]);
+        if (method[i].kind != APSM_OPTION_BOOL) continue;
+        list[*n] = list[*n - 1];
+        list[*n].value = "false";
+        dashed("no-", method[i].name, list[(*n)++].name);
+    }
+    return list;
+}
+
+/* ---- Names ---- */
+
+static const char *const texts[] = { "preset",   "labels",         "reflect_match", "exclude",
+                                     "template", "original_frame", "seed" };
+enum { TEXTS = sizeof texts / sizeof *texts };
+
+bool cli_is_key(const char *key)
+{
+    size_t n;
+    const apsm_option_info *method = apsm_options_table(&n);
+    for (size_t i = 0; i < n; i++)
+        if (strcmp(method[i].name, key) == 0) return true;
+    for (size_t i = 0; i < TEXTS; i++)
+        if (strcmp(texts[i], key) == 0) return true;
+    return false;
+}
+
+/* Edits, but the beginning of a name is nearer than any other name. */
+static size_t distance(const char *word, const char *name)
+{
+    const size_t length = strlen(word);
+    return length > 0 && strncmp(word, name, length) == 0 ? 0 : apsm_edit_distance(word, name);
+}
+
+const char *cli_nearest_option(const cli_option *options, size_t n, const char *word)
+{
+    const char *best = "help";
+    size_t least = SIZE_MAX;
+    for (size_t i = 0; i < n; i++) {
+        const size_t d = distance(word, options[i].name);
+        if (d < least) least = d, best = options[i].name;
+    }
+    return best;
+}
+
+const char *cli_nearest_key(const char *word)
+{
+    size_t n, least = SIZE_MAX;
+    const apsm_option_info *method = apsm_options_table(&n);
+    const char *best = "particles";
+    for (size_t i = 0; i < n + TEXTS; i++) {
+        const char *key = i < n ? method[i].name : texts[i - n];
+        const size_t d = distance(word, key);
+        if (d < least) least = d, best = key;
+    }
+    return best;
+}

@@ -1,0 +1,55 @@
+/* options_table.h -- all options of the command line: our own and those of the method, in one list
+ * that parsing, help and suggestions share. */
+#ifndef APSM_CLI_OPTIONS_TABLE_H
+#define APSM_CLI_OPTIONS_TABLE_H
+
+#include "apsm/options.h"
+#include "args.h"
+
+/* What an option does when it is met. */
+typedef enum cli_action {
+    CLI_SETS,     /* adds the pair key = argument (or = value if it takes none) */
+    CLI_SET_PAIR, /* --set key=value */
+    CLI_OUT,
+    CLI_CONFIG,
+    CLI_THREADS,
+    CLI_PROGRESS,
+    CLI_FLAG_RESUME,
+    CLI_FLAG_OVERWRITE,
+    CLI_FLAG_DRY_RUN,
+    CLI_FLAG_QUIET,
+    CLI_FLAG_HELP,
+    CLI_FLAG_HELP_ALL,
+    CLI_FLAG_VERSION
+} cli_action;
+
+typedef enum cli_group {
+    CLI_GROUP_INPUT,
+    CLI_GROUP_MODEL,
+    CLI_GROUP_RUN,
+    CLI_GROUP_METHOD
+} cli_group;
+
+typedef struct cli_option {
+    char name[48]; /* as written behind "--" */
+    char letter;   /* short form, or 0 */
+    cli_action action;
+    cli_group group;
+    unsigned verbs;       /* bits of the verbs that take it */
+    const char *argument; /* "N", "DIR", ...; NULL: takes none */
+    const char *key;      /* of CLI_SETS */
+    const char *value;    /* of CLI_SETS without argument */
+    const char *doc;
+    const apsm_option_info *method; /* row of apsm/options.h, or NULL */
+} cli_option;
+
+/* A new list of *n options (free() it), NULL if out of memory. */
+cli_option *cli_options_list(size_t *n);
+
+/* Whether key can stand in --set and configuration files. */
+bool cli_is_key(const char *key);
+/* The option name (or key, or verb) nearest to word: borrowed from the tables. */
+const char *cli_nearest_option(const cli_option *options, size_t n, const char *word);
+const char *cli_nearest_key(const char *word);
+
+#endif

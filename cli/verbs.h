@@ -1,0 +1,17 @@
+/* verbs.h -- one function a verb.  Each says its results through ui; a failure is returned with its
+ * line in ctx, main shows it and chooses the exit code. */
+#ifndef APSM_CLI_VERBS_H
+#define APSM_CLI_VERBS_H
+
+#include "args.h"
+#include "ui.h"
+
+apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_groom(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_initialize(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+
+#endif
