@@ -140,14 +140,14 @@ APSM_KERNEL static void sum_poles(size_t n, const double *pole, const double *ta
     size_t k = 0;
     for (; k + LANES <= n; k += LANES)
         for (size_t l = 0; l < LANES; l++) {
-            const double delta = (pole[k + l] - base) - mu, term = tau2[k + l] / delta;
+            const double inverse = 1.0 / ((pole[k + l] - base) - mu), term = tau2[k + l] * inverse;
             s[l] += term;
-            q[l] += term / delta;
+            q[l] += term * inverse;
         }
     for (; k < n; k++) {
-        const double delta = (pole[k] - base) - mu, term = tau2[k] / delta;
+        const double inverse = 1.0 / ((pole[k] - base) - mu), term = tau2[k] * inverse;
         s[0] += term;
-        q[0] += term / delta;
+        q[0] += term * inverse;
     }
     *sum = (s[0] + s[2]) + (s[1] + s[3]);
     *sum2 = (q[0] + q[2]) + (q[1] + q[3]);
@@ -173,10 +173,11 @@ static secular secular_at(const interval *v, double mu)
     double above, above2, below, below2;
     sum_poles(up, pole, tau2, v->base, mu, &above, &above2);
     sum_poles(v->A - up, pole + up, tau2 + up, v->base, mu, &below, &below2);
+    const double terms = 1.0 + v->rho * (above - below), slope = v->rho * (above2 + below2);
     return (secular){ .f = 1.0 - v->rho * (above + below),
                       .above1 = -v->rho * above2,
                       .below1 = -v->rho * below2,
-                      .noise = 4 * DBL_EPSILON * (1.0 + v->rho * (above - below)) };
+                      .noise = DBL_EPSILON * (16.0 * terms + fabs(mu) * slope) };
 }
 
 /* Step of the "middle way" (Li, LAPACK Working Note 89, 1994): to the root of
@@ -190,7 +191,7 @@ static double step_from(const interval *v, const secular *s, double mu)
     const double c = s->f - d1 * s->above1 - d2 * s->below1;
     const double p = (d1 + d2) * s->f - d1 * d2 * f1, q = d1 * d2 * s->f;
     const double root = sqrt(fmax(p * p - 4.0 * q * c, 0.0));
-    return p <= 0.0 ? (p - root) / (2.0 * c) : 2.0 * q / (p + root);
+    return p >= 0.0 ? (p + root) / (2.0 * c) : 2.0 * q / (p - root); /* the one in between */
 }
 
 /* Offset of root a from v->base, which is set to the nearer pole.  f falls from + to - between two
