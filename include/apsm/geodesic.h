@@ -22,6 +22,7 @@ apsm_status apsm_geodesic_build(const apsm_mesh *mesh, const apsm_topology *topo
                                 apsm_geodesic **g) APSM_NODISCARD;
 void apsm_geodesic_free(apsm_geodesic *g);
 const apsm_mesh *apsm_geodesic_mesh(const apsm_geodesic *g);
+const apsm_topology *apsm_geodesic_topology(const apsm_geodesic *g);
 
 /* Scratch that fits g (and any other mesh with no more vertices). */
 apsm_status apsm_geodesic_work_new(const apsm_geodesic *g, apsm_geodesic_work **w) APSM_NODISCARD;

@@ -122,6 +122,11 @@ const apsm_mesh *apsm_geodesic_mesh(const apsm_geodesic *g)
     return g->mesh;
 }
 
+const apsm_topology *apsm_geodesic_topology(const apsm_geodesic *g)
+{
+    return g->topology;
+}
+
 apsm_status apsm_geodesic_work_new(const apsm_geodesic *g, apsm_geodesic_work **out)
 {
     const size_t nv = g->mesh->nv;
