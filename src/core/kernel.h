@@ -1,11 +1,12 @@
 /* kernel.h -- marks the few loops that are worth compiling for AVX2 as well.  The arithmetic is
  * the same (no contraction, no reassociation beyond what the source asks for), so results agree
- * between the two versions wherever the source fixes the order of summation. */
+ * between the two versions wherever the source fixes the order of summation.  The clone is named
+ * by the feature: "arch=haswell" would be taken on Intel's Haswell alone. */
 #ifndef APSM_CORE_KERNEL_H
 #define APSM_CORE_KERNEL_H
 
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(APSM_SANITIZE)
-#define APSM_KERNEL __attribute__((target_clones("arch=haswell", "default")))
+#define APSM_KERNEL __attribute__((target_clones("avx2", "default")))
 #else
 #define APSM_KERNEL
 #endif
