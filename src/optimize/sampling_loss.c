@@ -21,6 +21,14 @@
 #include "core/exp.h"
 #include "core/kernel.h"
 
+/* Into the versions of the kernel: a function of its own would be compiled for the oldest machine
+ * only. */
+#ifdef __GNUC__
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+
 enum { LANES = 8, GROUP = 16, AXIS_BITS = 7, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
 
 apsm_sampling_options apsm_sampling_defaults(void)
@@ -225,10 +233,11 @@ static void make_blocks(cells *c, const double *P, double reach)
 }
 
 /* Squared distances of x from n points by columns. */
-static inline void squared_distances(size_t n, size_t stride, const double *restrict p,
-                                     const double x[3], double *restrict d2)
+INLINE void squared_distances(size_t n, size_t stride, const double *restrict p, const double x[3],
+                              double *restrict d2)
 {
     const double a = x[0], b = x[1], c = x[2];
+#pragma omp simd
     for (size_t j = 0; j < n; j++) {
         const double dx = p[j] - a, dy = p[stride + j] - b, dz = p[2 * stride + j] - c;
         d2[j] = dx * dx + dy * dy + dz * dz;
@@ -261,78 +270,96 @@ APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, d
 
 /* ---- one point ---- */
 
-static inline double sum_lanes(const double v[LANES])
+INLINE double lesser(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+INLINE double sum_lanes(const double v[LANES])
 {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
 /* Squared distances of x to the blocks' particles into d2, block by block; returns the least. */
-static inline double distances(const cells *c, size_t found, const double x[3])
+INLINE double distances(const cells *c, size_t found, const double x[3])
 {
     double least[LANES];
     for (size_t l = 0; l < LANES; l++) least[l] = INFINITY;
     for (size_t i = 0; i < found; i++) {
         double *d2 = c->d2 + i * LANES;
         squared_distances(LANES, c->Jp, c->p + (size_t)c->block[i] * LANES, x, d2);
+#pragma omp simd
         for (size_t l = 0; l < LANES; l++) least[l] = d2[l] < least[l] ? d2[l] : least[l];
     }
     for (size_t l = 1; l < LANES; l++) least[0] = least[l] < least[0] ? least[l] : least[0];
     return least[0];
 }
 
-/* Keeps in d2 and block the blocks with a particle within sqrt(limit2). */
-static inline size_t keep_near(const cells *c, size_t found, double limit2, uint32_t *near)
+/* near: which of the found blocks have a particle within sqrt(limit2); returns their number. */
+INLINE size_t keep_near(const cells *c, size_t found, double limit2)
 {
     size_t kept = 0;
     for (size_t i = 0; i < found; i++) {
         const double *d2 = c->d2 + i * LANES;
-        int any = 0;
-        for (size_t l = 0; l < LANES; l++) any |= d2[l] <= limit2;
-        near[kept] = (uint32_t)i;
-        kept += any != 0;
+        const double a = lesser(d2[0], d2[4]), b = lesser(d2[1], d2[5]), e = lesser(d2[2], d2[6]),
+                     f = lesser(d2[3], d2[7]);
+        c->near[kept] = (uint32_t)i;
+        kept += lesser(lesser(a, b), lesser(e, f)) <= limit2;
     }
     return kept;
 }
 
-/* k and unnormalised weights e of (3) for the near blocks; their sum, and kbar times the sum. */
-static inline void soften(const cells *c, size_t kept, const uint32_t *near, double kmin,
-                          double reach, double sharpness, double *sum, double *sum_k)
+/* k and unnormalised e of (3) for one block; adds to the lanes' sums of e and of e k. */
+INLINE void soften(const double *restrict d2, double kmin, double reach, double sharpness,
+                   double *restrict k, double *restrict e, double *restrict s0, double *restrict s1)
 {
-    double s0[LANES] = { 0 }, s1[LANES] = { 0 };
-    for (size_t i = 0; i < kept; i++) {
-        const double *d2 = c->d2 + (size_t)near[i] * LANES;
-        double *k = c->k + i * LANES, *e = c->e + i * LANES;
-        for (size_t l = 0; l < LANES; l++) {
-            k[l] = sqrt(d2[l]);
-            const double w = apsm_exp((kmin - k[l]) * sharpness);
-            e[l] = k[l] - kmin <= reach ? w : 0.0;
-            s0[l] += e[l];
-            s1[l] += e[l] * k[l];
-        }
+#pragma omp simd
+    for (size_t l = 0; l < LANES; l++) {
+        const double r = sqrt(d2[l]), beyond = r - kmin, w = apsm_exp(-beyond * sharpness);
+        const double v = beyond <= reach ? w : 0.0;
+        k[l] = r;
+        e[l] = v;
+        s0[l] += v;
+        s1[l] += v * r;
     }
-    *sum = sum_lanes(s0);
-    *sum_k = sum_lanes(s1);
 }
 
-/* Adds the point's share of (7) and of the mass to the near particles. */
-static inline void pull(const cells *c, size_t kept, const uint32_t *near, const double x[3],
-                        double kbar, double sharpness, double g_over_sum)
+/* Adds a point's share of (7) and of the mass to one block. */
+INLINE void pull(size_t Jp, const double *restrict p, const double *restrict k,
+                 const double *restrict e, const double x[3], double kbar, double sharpness,
+                 double g_over_sum, double *restrict grad)
 {
-    const size_t Jp = c->Jp;
-    for (size_t i = 0; i < kept; i++) {
-        const size_t first = (size_t)c->block[near[i]] * LANES;
-        const double *p = c->p + first, *k = c->k + i * LANES, *e = c->e + i * LANES;
-        double *grad = c->grad + first;
-        for (size_t l = 0; l < LANES; l++) {
-            const double w = g_over_sum * e[l];
-            const double t = w * (1.0 - (k[l] - kbar) * sharpness);
-            const double f = k[l] > 0.0 ? t / k[l] : 0.0;
-            grad[l] += f * (p[l] - x[0]);
-            grad[Jp + l] += f * (p[Jp + l] - x[1]);
-            grad[2 * Jp + l] += f * (p[2 * Jp + l] - x[2]);
-            grad[3 * Jp + l] += w;
-        }
+    const double a = x[0], b = x[1], c = x[2];
+#pragma omp simd
+    for (size_t l = 0; l < LANES; l++) {
+        const double w = g_over_sum * e[l], r = k[l];
+        const double t = w * (1.0 - (r - kbar) * sharpness);
+        const double f = r > 0.0 ? t / r : 0.0;
+        grad[l] += f * (p[l] - a);
+        grad[Jp + l] += f * (p[Jp + l] - b);
+        grad[2 * Jp + l] += f * (p[2 * Jp + l] - c);
+        grad[3 * Jp + l] += w;
     }
+}
+
+/* One point x with weight g; returns its kbar. */
+INLINE double do_point(const cells *c, size_t found, const double x[3], double g, double tau,
+                       double reach)
+{
+    const double sharpness = 1.0 / tau;
+    const double kmin = sqrt(distances(c, found, x)), limit = (kmin + reach) * (1.0 + 1e-12);
+    const size_t kept = keep_near(c, found, limit * limit);
+    double s0[LANES] = { 0 }, s1[LANES] = { 0 };
+    for (size_t i = 0; i < kept; i++)
+        soften(c->d2 + (size_t)c->near[i] * LANES, kmin, reach, sharpness, c->k + i * LANES,
+               c->e + i * LANES, s0, s1);
+    const double sum = sum_lanes(s0), kbar = sum_lanes(s1) / sum;
+    for (size_t i = 0; i < kept; i++) {
+        const size_t first = (size_t)c->block[c->near[i]] * LANES;
+        pull(c->Jp, c->p + first, c->k + i * LANES, c->e + i * LANES, x, kbar, sharpness, g / sum,
+             c->grad + first);
+    }
+    return kbar;
 }
 
 /* Points X (3 x GROUP by columns) with weights g; writes their kbar. */
@@ -340,15 +367,9 @@ APSM_KERNEL static void do_group(const cells *c, size_t found, size_t count,
                                  const double X[3 * GROUP], const double g[GROUP], double tau,
                                  double reach, double kbar[GROUP])
 {
-    const double sharpness = 1.0 / tau;
     for (size_t i = 0; i < count; i++) {
         const double x[3] = { X[i], X[GROUP + i], X[2 * GROUP + i] };
-        const double kmin = sqrt(distances(c, found, x)), limit = (kmin + reach) * (1.0 + 1e-12);
-        const size_t kept = keep_near(c, found, limit * limit, c->near);
-        double sum, sum_k;
-        soften(c, kept, c->near, kmin, reach, sharpness, &sum, &sum_k);
-        kbar[i] = sum_k / sum;
-        pull(c, kept, c->near, x, kbar[i], sharpness, g[i] / sum);
+        kbar[i] = do_point(c, found, x, g[i], tau, reach);
     }
 }
 
