@@ -8,6 +8,7 @@
  * std::cerr: one lock around their calls makes them usable from all threads.  Conversion to
  * labels is outside of it. */
 #include <algorithm>
+#include <cerrno>
 #include <cstring>
 #include <filesystem>
 #include <iostream>
@@ -97,32 +98,69 @@ void check_size(const apsm_volume &volume, const itk::ImageIOBase &io, const std
         damaged("its header promises more voxels than the file can hold; export it again");
 }
 
-/* niftiio fills up with zeros what a NIfTI file lacks, and does not look at gzip's check sum. */
-void check_nifti_complete(const std::string &path, size_t voxel_bytes)
+/* A value of a NIfTI-1 header, whose byte order shows in its first value, 348 = 256 + 92. */
+template <class T> T nifti_value(const std::vector<char> &header, size_t at)
+{
+    T value;
+    char raw[sizeof value];
+    for (size_t b = 0; b < sizeof value; b++)
+        raw[b] = header[at + (header[0] == 92 ? b : sizeof value - 1 - b)];
+    std::memcpy(&value, raw, sizeof value);
+    return value;
+}
+
+/* Where the last voxel of a NIfTI-1 file ends. */
+double nifti_size(const std::vector<char> &header)
+{
+    const int dimensions = nifti_value<int16_t>(header, 40);
+    double voxels = 1.0;
+    if (nifti_value<int32_t>(header, 0) != 348 || dimensions < 1 || dimensions > 7)
+        damaged("has no NIfTI-1 header; export it again");
+    for (int d = 1; d <= dimensions; d++) {
+        const int n = nifti_value<int16_t>(header, 40 + 2 * static_cast<size_t>(d));
+        if (n < 1) damaged("has " + std::to_string(n) + " voxels along an axis; export it again");
+        voxels *= n;
+    }
+    const int type = nifti_value<int16_t>(header, 70), bits = nifti_value<int16_t>(header, 72);
+    const struct {
+        int type, bits;
+    } known[] = { { 2, 8 },   { 4, 16 },   { 8, 32 },   { 16, 32 },   { 64, 64 },
+                  { 256, 8 }, { 512, 16 }, { 768, 32 }, { 1024, 64 }, { 1280, 64 } };
+    for (const auto &k : known)
+        if (k.type == type && k.bits == bits)
+            return static_cast<double>(nifti_value<float>(header, 108)) + voxels * bits / 8.0;
+    damaged("voxels are of NIfTI type " + std::to_string(type) + "; save them as integers");
+}
+
+/* niftiio prints what is wrong with a header, fills up with zeros what a file lacks, and does not
+ * look at gzip's check sum: so all of that is looked at before. */
+void check_nifti(const std::string &path)
 {
     const std::unique_ptr<gzFile_s, int (*)(gzFile)> file(gzopen(path.c_str(), "rb"), gzclose);
-    if (!file) throw failure{ APSM_ERR_IO, "cannot be read; check your right to read it" };
+    if (!file) throw failure{ APSM_ERR_IO, "cannot be read; check its name and your right to it" };
     std::vector<char> bytes(1 << 16);
-    size_t total = 0;
-    float offset = 0.0f; /* of the voxels; at byte 108, in the byte order of the first value, 348 */
+    double wanted = 0.0, total = 0.0;
     for (int n; (n = gzread(file.get(), bytes.data(), static_cast<unsigned>(bytes.size()))) != 0;
-         total += static_cast<size_t>(n)) {
+         total += n) {
         if (n < 0) damaged("its compressed data are cut short or wrong; copy or export it again");
-        if (total || n < 112) continue;
-        if (bytes[0] != 92) std::reverse(&bytes[108], &bytes[112]); /* 348 = 256 + 92 */
-        std::memcpy(&offset, &bytes[108], sizeof offset);
+        if (total > 0.0) continue;
+        if (n < 348) break;
+        wanted = nifti_size(bytes);
     }
-    if (gzeof(file.get()) != 1 || !(offset >= 0.0f) ||
-        static_cast<double>(total) < static_cast<double>(offset) + static_cast<double>(voxel_bytes))
+    if (!(wanted >= 348.0) || !(total >= wanted))
         damaged("ends before its last voxel; copy or export it again");
 }
 
 void read_volume(const std::string &path, apsm_volume *volume)
 {
     const format &f = format_of(path);
+    if (access(path.c_str(), R_OK))
+        throw failure{ APSM_ERR_IO, std::string(std::strerror(errno)) +
+                                        "; check its name and your right to read it" };
     apsm_volume v{};
     std::vector<char> raw;
     itk::ImageIOBase::IOComponentEnum type;
+    if (f.make == make_io<itk::NiftiImageIO>) check_nifti(path);
     {
         const std::lock_guard<std::mutex> lock(itk_lock);
         const quiet silence;
@@ -140,8 +178,6 @@ void read_volume(const std::string &path, apsm_volume *volume)
         io->SetIORegion(region);
         raw.resize(v.n[0] * v.n[1] * v.n[2] * io->GetComponentSize());
         type = io->GetComponentType();
-        if (std::string(f.extension).compare(0, 4, ".nii") == 0)
-            check_nifti_complete(path, raw.size());
         io->Read(raw.data());
     }
     label_array labels = allocate_labels(v.n[0] * v.n[1] * v.n[2]);

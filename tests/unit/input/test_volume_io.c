@@ -230,7 +230,7 @@ static void grids_must_be_proper(void **state)
     apsm_volume_free(&v);
     expect_failure(f->ctx, read_text(f, "x.png", "x", &v), APSM_ERR_UNSUPPORTED, ".nrrd", "x.png");
     expect_failure(f->ctx, apsm_itk_read_volume(f->ctx, scratch_path(f->folder, "none.nrrd"), &v),
-                   APSM_ERR_FORMAT, "none.nrrd", "");
+                   APSM_ERR_IO, "none.nrrd", "");
 }
 
 static void truncated_files_are_refused(void **state)
@@ -269,7 +269,7 @@ static apsm_status read_job(apsm_context *ctx, size_t i, int worker, void *user)
     apsm_volume_free(&v);
     apsm_volume_free(&wanted);
     snprintf(path, sizeof path, "%s/none%zu.nrrd", f->folder, i);
-    const bool failed = apsm_itk_read_volume(ctx, path, &v) == APSM_ERR_FORMAT;
+    const bool failed = apsm_itk_read_volume(ctx, path, &v) == APSM_ERR_IO;
     const bool named = strstr(apsm_error_text(ctx), strrchr(path, '/')) != NULL;
     return same && failed && named
                ? APSM_OK

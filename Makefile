@@ -1,0 +1,58 @@
+# What a user types.  CMake does the work; this says what there is: see `make help`.
+BUILD  ?= build
+PREFIX ?= /usr/local
+JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
+
+.PHONY: all deps configure test demo demo-segmentations check sanitize bench install package clean help
+
+all: configure ## build build/apsm (the default)
+	@cmake --build $(BUILD) -j$(JOBS)
+
+configure:
+	@scripts/setup --check || { echo "make: run 'make deps' to install what is missing" >&2; exit 1; }
+	@test -f $(BUILD)/Makefile || cmake -S . -B $(BUILD) $(CMAKE_FLAGS)
+
+deps: ## install what the build needs (says what before it does)
+	@scripts/setup
+
+test: deps ## deps, build, then all tests
+	@$(MAKE) --no-print-directory all
+	@cd $(BUILD) && ctest -j2 --output-on-failure
+
+demo: deps ## a model of the 27 tali in data/talus
+	@$(MAKE) --no-print-directory all
+	$(BUILD)/apsm run data/talus -o $(BUILD)/demo-talus --reflect-match '_L_'
+	@echo "The model of the tali is in $(BUILD)/demo-talus:"; ls $(BUILD)/demo-talus
+
+demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocampus
+	@$(MAKE) --no-print-directory all
+	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2
+	@echo "The model of the hippocampi is in $(BUILD)/demo-hippocampus:"; ls $(BUILD)/demo-hippocampus
+
+check: ## format, lint, rules between rooms, goldens
+	@scripts/check-format
+	@scripts/check-lint
+	@scripts/check-rooms
+	@scripts/check-golden
+
+sanitize: deps ## all tests with address and undefined-behaviour sanitizers
+	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-sanitize -j$(JOBS)
+	@cd $(BUILD)-sanitize && ctest -j2 --output-on-failure
+
+bench: deps ## benchmarks, one line of JSON each
+	@cmake -S . -B $(BUILD) -DAPSM_BENCHMARKS=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD) -j$(JOBS)
+	@set -e; for b in $(BUILD)/bench_*; do [ -x "$$b" ] && "$$b"; done
+
+install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
+	cmake --install $(BUILD) --prefix $(PREFIX)
+
+package: all ## build/apsm_VERSION_ARCH.deb
+	@cd $(BUILD) && cpack -G DEB
+
+clean: ## remove everything that was built
+	rm -rf $(BUILD) $(BUILD)-sanitize
+
+help: ## this list
+	@sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile

@@ -1,0 +1,181 @@
+/* Readers on random damage: whatever the bytes, they return, with a mesh or volume that is
+ * sound or with one line that names the file. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#include "apsm/adapters.h"
+#include "apsm/random.h"
+#include "scratch.h"
+#include "shapes.h"
+
+enum { ROUNDS = 300 };
+
+typedef struct fixture {
+    apsm_context *ctx;
+    char folder[SCRATCH_LENGTH];
+} fixture;
+
+static int setup(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    f->ctx = apsm_context_new();
+    scratch_make(f->folder);
+    *state = f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *const f = *state;
+    scratch_remove(f->folder);
+    apsm_context_free(f->ctx);
+    free(f);
+    return 0;
+}
+
+/* Flips some bits, overwrites some bytes, or cuts the end off; returns the new size. */
+static size_t damage(apsm_random *rng, const char *bytes, size_t size, char *out)
+{
+    memcpy(out, bytes, size);
+    /* Half of the damage hits the header. */
+    const size_t range = apsm_random_below(rng, 2) && size > 400 ? 400 : size;
+    const uint64_t times = 1 + apsm_random_below(rng, 4);
+    for (uint64_t k = 0; k < times; k++) {
+        char *const at = out + apsm_random_below(rng, range);
+        switch (apsm_random_below(rng, 4)) {
+        case 0:
+            *at = (char)(*at ^ (1 << apsm_random_below(rng, 8)));
+            break;
+        case 1:
+            *at = (char)apsm_random_below(rng, 256);
+            break;
+        case 2:
+            *at = "0123456789-.e \n\377"[apsm_random_below(rng, 16)];
+            break;
+        default:
+            *at = '\0';
+            break;
+        }
+    }
+    return apsm_random_below(rng, 8) ? size : apsm_random_below(rng, size);
+}
+
+static void expect_sound_mesh(const apsm_mesh *mesh, const char *path)
+{
+    assert_true(mesh->nf > 0);
+    for (size_t i = 0; i < 3 * mesh->nv; i++)
+        if (!isfinite(mesh->V[i])) fail_msg("%s: not finite", path);
+    for (size_t i = 0; i < 3 * mesh->nf; i++)
+        if (mesh->F[i] >= mesh->nv) fail_msg("%s: index out of range", path);
+}
+
+static void read_and_check(fixture *f, const char *path, bool is_mesh)
+{
+    apsm_mesh mesh = { 0 };
+    apsm_volume volume = { 0 };
+    const apsm_status status = is_mesh ? apsm_vtk_read_mesh(f->ctx, path, &mesh)
+                                       : apsm_itk_read_volume(f->ctx, path, &volume);
+    if (status != APSM_OK) {
+        expect_failure(f->ctx, status, status, strrchr(path, '/'), "");
+        assert_true(!mesh.V && !volume.label);
+    } else if (is_mesh) {
+        expect_sound_mesh(&mesh, path);
+    } else {
+        int32_t sum = 0;
+        for (size_t i = 0; i < volume.n[0] * volume.n[1] * volume.n[2]; i++) sum ^= volume.label[i];
+        assert_true(volume.spacing[0] > 0.0 && (sum == 0 || sum != 0));
+    }
+    apsm_mesh_free(&mesh);
+    apsm_volume_free(&volume);
+}
+
+static void survive_damage(fixture *f, const char *name, bool is_mesh)
+{
+    const char *const path = scratch_path(f->folder, name);
+    size_t size;
+    char *const bytes = scratch_read(path, &size), *const out = malloc(size);
+    char bad[SCRATCH_LENGTH * 2];
+    for (uint64_t round = 0; round < ROUNDS; round++) {
+        snprintf(bad, sizeof bad, "%s/bad%u-%s", f->folder, (unsigned)round, name);
+        apsm_random rng = apsm_random_stream(strlen(name), APSM_STREAM_TEST, round, 0);
+        scratch_write(bad, out, damage(&rng, bytes, size, out));
+        read_and_check(f, bad, is_mesh);
+        unlink(bad);
+    }
+    free(bytes);
+    free(out);
+}
+
+static void damaged_meshes_are_survived(void **state)
+{
+    fixture *const f = *state;
+    const char *const names[] = { "m.ply", "m.stl", "m.obj", "m.vtk", "m.vtp" };
+    apsm_mesh mesh = shape_cube(2, 1.5);
+    for (int k = 0; k < 5; k++) {
+        assert_int_equal(apsm_vtk_write_mesh(f->ctx, scratch_path(f->folder, names[k]), &mesh),
+                         APSM_OK);
+        survive_damage(f, names[k], true);
+    }
+    apsm_mesh_free(&mesh);
+}
+
+static void damaged_text_is_survived(void **state)
+{
+    fixture *const f = *state;
+    const struct {
+        const char *name, *text;
+    } files[] = {
+        { "t.ply",
+          "ply\nformat ascii 1.0\nelement a 2\nproperty list uint8 int8 b\nelement vertex 4"
+          "\nproperty float x\nproperty float y\nproperty float z\nelement face 2\nproperty "
+          "list uchar int vertex_indices\nproperty int p\nend_header\n1 0\n2 3 4\n0 0 0\n1 0 "
+          "0\n1 1 0\n0 1 0\n4 0 1 2 3 0\n3 0 1 2 7\n" },
+        { "t.stl",
+          "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "
+          "0\nendloop\nendfacet\nendsolid a\n" },
+        { "t.vtk",
+          "# vtk DataFile Version 4.2\nt\nASCII\nDATASET POLYDATA\nFIELD FieldData 1\nT 1 1 "
+          "double\n0\nPOINTS 4 float\n0 0 0 1 0 0 1 1 0 0 1 0\nLINES 1 3\n2 0 1\nPOLYGONS 1 "
+          "5\n4 0 1 2 3\nTRIANGLE_STRIPS 1 5\n4 0 1 2 3\n" },
+    };
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        scratch_write(scratch_path(f->folder, files[k].name), files[k].text, strlen(files[k].text));
+        apsm_mesh mesh = { 0 };
+        if (apsm_vtk_read_mesh(f->ctx, scratch_path(f->folder, files[k].name), &mesh) != APSM_OK)
+            fail_msg("%s", apsm_error_text(f->ctx));
+        apsm_mesh_free(&mesh);
+        survive_damage(f, files[k].name, true);
+    }
+}
+
+static void damaged_volumes_are_survived(void **state)
+{
+    fixture *const f = *state;
+    const char *const names[] = { "v.nrrd", "v.nii", "v.nii.gz", "v.mha" };
+    int32_t label[60];
+    for (int i = 0; i < 60; i++) label[i] = i % 5;
+    const apsm_volume v = { .n = { 5, 4, 3 },
+                            .spacing = { 1, 1, 1 },
+                            .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                            .label = label };
+    for (int k = 0; k < 4; k++) {
+        assert_int_equal(apsm_itk_write_volume(f->ctx, scratch_path(f->folder, names[k]), &v),
+                         APSM_OK);
+        survive_damage(f, names[k], false);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(damaged_meshes_are_survived),
+        cmocka_unit_test(damaged_text_is_survived),
+        cmocka_unit_test(damaged_volumes_are_survived),
+    };
+    return cmocka_run_group_tests_name("damaged", tests, setup, teardown);
+}

@@ -1,0 +1,264 @@
+/* INPUT arguments to cases, and labels to masks. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include "apsm/adapters.h"
+#include "apsm/input.h"
+#include "scratch.h"
+#include "shapes.h"
+
+/* What the log received. */
+typedef struct fixture {
+    apsm_context *ctx;
+    char folder[SCRATCH_LENGTH];
+    char log[1024];
+} fixture;
+
+static void keep_log(void *user, apsm_log_level level, const char *text)
+{
+    fixture *const f = user;
+    const size_t used = strlen(f->log);
+    snprintf(f->log + used, sizeof f->log - used, "%d:%s\n", level, text);
+}
+
+static int setup(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    f->ctx = apsm_context_new();
+    apsm_context_set_log(f->ctx, keep_log, f);
+    scratch_make(f->folder);
+    *state = f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *const f = *state;
+    scratch_remove(f->folder);
+    apsm_context_free(f->ctx);
+    free(f);
+    return 0;
+}
+
+/* Files and folders ("x/") of these names. */
+static void make_files(fixture *f, const char *const *names)
+{
+    for (; *names; names++) {
+        const char *const path = scratch_path(f->folder, *names);
+        if (path[strlen(path) - 1] == '/')
+            assert_int_equal(mkdir(path, 0777), 0);
+        else
+            scratch_write(path, "x", 1);
+    }
+}
+
+static apsm_status expand(fixture *f, const char *const *names, const char *exclude,
+                          const char *reflect, apsm_input_list *list)
+{
+    const char *paths[8];
+    size_t n = 0;
+    for (; names[n]; n++) paths[n] = scratch_path(f->folder, names[n]);
+    f->log[0] = '\0';
+    return apsm_input_expand(f->ctx, n, paths, exclude, reflect, list);
+}
+
+static void expect_names(fixture *f, apsm_status status, const apsm_input_list *list,
+                         const char *wanted)
+{
+    char names[256] = "";
+    if (status != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    for (size_t i = 0; i < list->n; i++)
+        snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s ", list->cases[i].name,
+                 list->cases[i].reflect ? "*" : "");
+    assert_string_equal(names, wanted);
+}
+
+#define NAMES(...)                                                                                 \
+    (const char *const[])                                                                          \
+    {                                                                                              \
+        __VA_ARGS__, NULL                                                                          \
+    }
+
+static void folders_and_files_mix_in_order_of_names(void **state)
+{
+    fixture *const f = *state;
+    make_files(f, NAMES("d/", "d/b.ply", "d/a.nii.gz", "d/B.STL", "d/a-b.obj", "d/notes.txt",
+                        "d/.hidden.ply", "d/sub/", "d/sub/c.ply", "z.vtp", "Y.mha"));
+    apsm_input_list list;
+    apsm_status status = expand(f, NAMES("z.vtp", "d/", "Y.mha"), NULL, "", &list);
+    expect_names(f, status, &list, "B Y a a-b b z ");
+    assert_int_equal(list.cases[1].kind, APSM_INPUT_VOLUME);
+    assert_int_equal(list.cases[2].kind, APSM_INPUT_VOLUME);
+    assert_int_equal(list.cases[3].kind, APSM_INPUT_MESH);
+    assert_int_equal(list.skipped, 1);
+    assert_non_null(strstr(f->log, "0:1 file skipped"));
+    apsm_input_list_free(&list);
+}
+
+static void expressions_choose_by_file_name(void **state)
+{
+    fixture *const f = *state;
+    make_files(f, NAMES("d/", "d/k_L_1.ply", "d/k_R_1.ply", "d/k_L_2.stl", "d/bad.ply"));
+    apsm_input_list list;
+    apsm_status status = expand(f, NAMES("d"), "^bad|[.]stl$", "_L_", &list);
+    expect_names(f, status, &list, "k_L_1* k_R_1 ");
+    assert_int_equal(list.excluded, 2);
+    assert_string_equal(f->log, "");
+    apsm_input_list_free(&list);
+    status = expand(f, NAMES("d"), "nosuch", "x{2}", &list);
+    expect_names(f, status, &list, "bad k_L_1 k_L_2 k_R_1 ");
+    assert_non_null(strstr(f->log, "1:--exclude 'nosuch' matches none"));
+    assert_non_null(strstr(f->log, "1:--reflect-match 'x{2}' matches none"));
+    apsm_input_list_free(&list);
+    expect_failure(f->ctx, expand(f, NAMES("d"), "(", NULL, &list), APSM_ERR_ARG, "--exclude '('",
+                   "regular expression");
+    expect_failure(f->ctx, expand(f, NAMES("d"), NULL, "[", &list), APSM_ERR_ARG,
+                   "--reflect-match '['", "regular expression");
+    expect_failure(f->ctx, expand(f, NAMES("d"), ".", NULL, &list), APSM_ERR_ARG, "4 input files",
+                   "--exclude");
+}
+
+static void bad_inputs_are_refused(void **state)
+{
+    fixture *const f = *state;
+    make_files(f, NAMES("e/", "t/", "t/readme.txt", "d/", "d/a.ply", "a.nii.gz", "x.png"));
+    apsm_input_list list;
+    expect_failure(f->ctx, expand(f, NAMES("e"), NULL, NULL, &list), APSM_ERR_IO, "no shapes",
+                   "/e");
+    expect_failure(f->ctx, expand(f, NAMES("t"), NULL, NULL, &list), APSM_ERR_IO, "no shapes",
+                   "/t");
+    expect_failure(f->ctx, expand(f, NAMES("d", "a.nii.gz"), NULL, NULL, &list), APSM_ERR_ARG,
+                   "case 'a'", "a.nii.gz");
+    expect_failure(f->ctx, expand(f, NAMES("d", "d/a.ply"), NULL, NULL, &list), APSM_ERR_ARG,
+                   "case 'a'", "a.ply");
+    expect_failure(f->ctx, expand(f, NAMES("none.ply"), NULL, NULL, &list), APSM_ERR_IO,
+                   "No such file", "none.ply");
+    expect_failure(f->ctx, expand(f, NAMES("x.png"), NULL, NULL, &list), APSM_ERR_UNSUPPORTED,
+                   "x.png", ".nrrd");
+    const char *const null = "/dev/null";
+    expect_failure(f->ctx, apsm_input_expand(f->ctx, 1, &null, NULL, NULL, &list), APSM_ERR_IO,
+                   "/dev/null", "neither");
+    expect_failure(f->ctx, apsm_input_expand(f->ctx, 0, NULL, NULL, NULL, &list), APSM_ERR_ARG,
+                   "no inputs", "");
+    assert_int_equal(list.n, 0);
+    assert_null(list.cases);
+}
+
+static void dicom_folders_are_cases(void **state)
+{
+    fixture *const f = *state;
+    char slice[200] = { 0 };
+    memcpy(slice + 128, "DICM", 4);
+    make_files(f, NAMES("all/", "all/p1/", "all/p2/", "all/none/", "all/none/x.txt"));
+    const char *const slices[] = { "all/p1/1", "all/p1/2.dcm", "all/p2/1" };
+    for (int k = 0; k < 3; k++)
+        scratch_write(scratch_path(f->folder, slices[k]), slice, sizeof slice);
+    apsm_input_list list;
+    apsm_status status = expand(f, NAMES("all/p1/"), NULL, NULL, &list);
+    expect_names(f, status, &list, "p1 ");
+    assert_int_equal(list.cases[0].kind, APSM_INPUT_DICOM);
+    apsm_input_list_free(&list);
+    status = expand(f, NAMES("all"), NULL, "2", &list);
+    expect_names(f, status, &list, "p1 p2* ");
+    apsm_input_list_free(&list);
+}
+
+static void labels_are_parsed(void **state)
+{
+    fixture *const f = *state;
+    apsm_labels l;
+    assert_int_equal(apsm_labels_parse(f->ctx, "7,-2,7,1", &l), APSM_OK);
+    assert_int_equal(l.n, 3);
+    assert_int_equal(l.label[0], -2);
+    assert_int_equal(l.label[2], 7);
+    apsm_labels_free(&l);
+    assert_int_equal(apsm_labels_parse(f->ctx, "all", &l), APSM_OK);
+    assert_true(l.all);
+    assert_int_equal(apsm_labels_parse(f->ctx, "", &l), APSM_OK);
+    assert_int_equal(apsm_labels_parse(f->ctx, NULL, &l), APSM_OK);
+    assert_true(!l.all && l.n == 0);
+    const char *const bad[] = { "0", "1,", ",1", "1,,2", "one", "1 2", "1.5", "3000000000", "1,0" };
+    for (size_t k = 0; k < sizeof bad / sizeof *bad; k++)
+        expect_failure(f->ctx, apsm_labels_parse(f->ctx, bad[k], &l), APSM_ERR_ARG, bad[k],
+                       "--label");
+}
+
+static apsm_status unite(fixture *f, const char *labels, const int32_t values[8], char mask[9])
+{
+    int32_t voxels[8];
+    memcpy(voxels, values, sizeof voxels);
+    apsm_volume v = { .n = { 2, 2, 2 }, .label = voxels };
+    apsm_labels l;
+    f->log[0] = '\0';
+    assert_int_equal(apsm_labels_parse(f->ctx, labels, &l), APSM_OK);
+    const apsm_status status = apsm_label_union(f->ctx, "file.nrrd", &l, &v);
+    for (int i = 0; i < 8; i++) mask[i] = (char)('0' + voxels[i]);
+    mask[8] = '\0';
+    apsm_labels_free(&l);
+    return status;
+}
+
+static void labels_are_united(void **state)
+{
+    fixture *const f = *state;
+    const int32_t several[8] = { 0, 5, 3, 3, 0, -1, 5, 0 }, one[8] = { 0, 4, 4 }, none[8] = { 0 };
+    char mask[9];
+    assert_int_equal(unite(f, "", one, mask), APSM_OK);
+    assert_string_equal(mask, "01100000");
+    assert_int_equal(unite(f, "3,5", several, mask), APSM_OK);
+    assert_string_equal(mask, "01110010");
+    assert_string_equal(f->log, "");
+    assert_int_equal(unite(f, "all", several, mask), APSM_OK);
+    assert_string_equal(mask, "01110110");
+    assert_int_equal(unite(f, "3,9", several, mask), APSM_OK);
+    assert_string_equal(mask, "00110000");
+    assert_non_null(strstr(f->log, "file.nrrd: label 9"));
+    expect_failure(f->ctx, unite(f, "", several, mask), APSM_ERR_GEOMETRY, "-1, 3, 5", "file.nrrd");
+    expect_failure(f->ctx, unite(f, "9", several, mask), APSM_ERR_GEOMETRY, "-1, 3, 5", "none of");
+    expect_failure(f->ctx, unite(f, "", none, mask), APSM_ERR_GEOMETRY, "every voxel is 0", "");
+    expect_failure(f->ctx, unite(f, "all", none, mask), APSM_ERR_GEOMETRY, "every voxel is 0", "");
+}
+
+static void cases_are_read(void **state)
+{
+    fixture *const f = *state;
+    const char *const paths[] = { APSM_TEST_DATA "/KSBL_R_01_talus.ply",
+                                  APSM_DATA "/hippocampus/hippocampus_001.nii.gz" };
+    apsm_input_list list;
+    apsm_input_shape shape;
+    apsm_labels none = { 0 }, both;
+    assert_int_equal(apsm_input_expand(f->ctx, 2, paths, NULL, NULL, &list), APSM_OK);
+    assert_string_equal(list.cases[1].name, "hippocampus_001");
+    assert_int_equal(apsm_input_read(f->ctx, &list.cases[0], &none, &shape), APSM_OK);
+    assert_true(shape.is_mesh && shape.mesh.nf == 40000 && !shape.volume.label);
+    apsm_input_shape_free(&shape);
+    expect_failure(f->ctx, apsm_input_read(f->ctx, &list.cases[1], &none, &shape),
+                   APSM_ERR_GEOMETRY, "1, 2", "hippocampus_001.nii.gz");
+    assert_null(shape.volume.label);
+    assert_int_equal(apsm_labels_parse(f->ctx, "1,2", &both), APSM_OK);
+    assert_int_equal(apsm_input_read(f->ctx, &list.cases[1], &both, &shape), APSM_OK);
+    assert_true(!shape.is_mesh && shape.volume.label && !shape.mesh.V);
+    apsm_input_shape_free(&shape);
+    apsm_labels_free(&both);
+    apsm_input_list_free(&list);
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, setup, teardown)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(folders_and_files_mix_in_order_of_names),
+        TEST(expressions_choose_by_file_name),
+        TEST(bad_inputs_are_refused),
+        TEST(dicom_folders_are_cases),
+        TEST(labels_are_parsed),
+        TEST(labels_are_united),
+        TEST(cases_are_read),
+    };
+    return cmocka_run_group_tests_name("expand", tests, NULL, NULL);
+}
