@@ -181,6 +181,18 @@ static json_t *number_or_null(double x)
     return isfinite(x) ? json_real(x) : json_null();
 }
 
+/* File names need not be UTF-8, JSON must be: then '?' stands for what is not ASCII. */
+static json_t *json_text(const char *line)
+{
+    json_t *text = json_string(line);
+    if (text) return text;
+    char copy[1024];
+    snprintf(copy, sizeof copy, "%s", line);
+    for (char *c = copy; *c; c++)
+        if ((unsigned char)*c > 126) *c = '?';
+    return json_string(copy);
+}
+
 static void print_json(const cli_ui *ui)
 {
     const apsm_progress *p = &ui->last;
@@ -241,8 +253,8 @@ void cli_ui_log(void *user, apsm_log_level level, const char *line)
     const bool warning = level == APSM_LOG_WARNING, drawn = ui->drawn;
     if (ui->quiet && !warning) return;
     if (ui->style == STYLE_JSON) {
-        put_json(ui, json_pack("{s:s, s:s+}", "event", warning ? "warning" : "message", "text",
-                               line, ""));
+        put_json(ui, json_pack("{s:s, s:o}", "event", warning ? "warning" : "message", "text",
+                               json_text(line)));
         return;
     }
     wipe_bar(ui);
@@ -260,7 +272,7 @@ void cli_say(cli_ui *ui, const char *format, ...)
     vsnprintf(line, sizeof line, format, args);
     va_end(args);
     if (ui->style == STYLE_JSON) {
-        put_json(ui, json_pack("{s:s, s:s}", "event", "result", "text", line));
+        put_json(ui, json_pack("{s:s, s:o}", "event", "result", "text", json_text(line)));
         return;
     }
     wipe_bar(ui);
@@ -271,8 +283,8 @@ void cli_error(cli_ui *ui, apsm_status status, const char *line)
 {
     end_stage(ui);
     if (ui->style == STYLE_JSON)
-        put_json(ui, json_pack("{s:s, s:s, s:s}", "event", "error", "kind",
-                               apsm_status_text(status), "text", line));
+        put_json(ui, json_pack("{s:s, s:s, s:o}", "event", "error", "kind",
+                               apsm_status_text(status), "text", json_text(line)));
     fflush(ui->out);
     fprintf(ui->err, "apsm: %s\n", line);
 }

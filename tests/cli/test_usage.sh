@@ -1,0 +1,49 @@
+#!/bin/bash
+# The program from outside: exit codes, where its words go, and that no mistake in the command line
+# leaves anything behind.  $1 is the program.
+set -u
+apsm=$1
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failed=0
+
+# expect CODE WORDS ARGUMENT...: exit code, and words in what it says (both streams).
+expect() {
+    local code=$1 words=$2
+    shift 2
+    local said
+    said=$("$apsm" "$@" 2>&1 </dev/null)
+    local got=$?
+    if [ $got -ne "$code" ]; then
+        echo "apsm $*: exit code $got, not $code: $said"
+        failed=1
+    elif ! grep -qF -- "$words" <<<"$said"; then
+        echo "apsm $*: does not say '$words': $said"
+        failed=1
+    fi
+}
+
+expect 0 "apsm 0." --version
+expect 0 "Usage: apsm VERB" --help
+for verb in run groom initialize optimize evaluate check info; do
+    expect 0 "Usage: apsm $verb" $verb --help
+    expect 0 "Usage: apsm $verb" help $verb
+    expect 2 "the nearest is --help" $verb --hel
+done
+expect 2 "apsm --help"
+expect 2 "the nearest is 'optimize'" optimise
+expect 2 "the nearest is --particles" run x -o "$folder/m" --partcles 3
+expect 2 "contradict" run x -o "$folder/m" --resume --overwrite
+expect 2 "particles = 2" run x -o "$folder/m" -J 2
+expect 2 "alpha is given twice" run x -o "$folder/m" --alpha 1 --set alpha=2
+[ -e "$folder/m" ] && echo "a mistake made a folder" && failed=1
+
+# Help goes to standard output, mistakes to standard error.
+[ -n "$("$apsm" --help 2>/dev/null)" ] || { echo "no help on standard output"; failed=1; }
+[ -z "$("$apsm" nonsense 2>/dev/null)" ] || { echo "a mistake on standard output"; failed=1; }
+
+# Output that is lost is a failure.
+if [ -e /dev/full ]; then
+    "$apsm" --help >/dev/full 2>/dev/null && { echo "a full disk passed for success"; failed=1; }
+fi
+exit $failed
