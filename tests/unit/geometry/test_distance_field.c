@@ -224,36 +224,46 @@ static void cube_faces_are_exact(void **state)
     drop(f);
 }
 
-/* A plate two voxels thick has an inside; one thinner than a voxel still has the right sign
- * beyond the cells it passes through, and draws end. */
+/* A plate two voxels thick has an inside, one much thinner than a voxel at least two sides. */
 static void thin_plates_have_two_sides(void **state)
 {
     (void)state;
     for (int thin = 0; thin < 2; thin++) {
-        const double thickness = thin ? 1e-3 : 0.2, voxel = 0.1, band = thin ? 0.01 : 0.3;
+        const double thickness = thin ? 1e-3 : 0.2, height = 0.5 * thickness + (thin ? 0.25 : 0.15);
         fixture *f =
-            make(shape_box((size_t[3]){ 6, 5, 1 }, (double[3]){ 3, 2, thickness }), voxel, band);
-        apsm_random rng = apsm_random_stream(4, APSM_STREAM_TEST, 0, 0);
-        double x[3 * 200], D[200];
+            make(shape_box((size_t[3]){ 6, 5, 1 }, (double[3]){ 3, 2, thickness }), 0.1, 0.3);
+        double D, N[3];
         for (int i = 0; i < 200; i++) {
-            const double z = (i % 2 ? 1.0 : -1.0) * (0.5 * thickness + (thin ? 0.25 : 0.15)),
-                         y = 0.3;
-            double N[3];
-            const double p[3] = { 0.01 * (i - 100), y, z };
-            apsm_field_sample(f->field, 1, p, D, N);
-            assert_near(D[0], fabs(z) - 0.5 * thickness, 1e-6);
-            assert_near(N[2], z > 0.0 ? 1.0 : -1.0, 1e-6);
+            const double x[3] = { 0.01 * (i - 100), 0.3, i % 2 ? height : -height };
+            apsm_field_sample(f->field, 1, x, &D, N);
+            assert_near(D, height - 0.5 * thickness, 1e-6);
+            assert_near(N[2], i % 2 ? 1.0 : -1.0, 1e-6);
         }
         const double middle[3] = { 0.2, 0.3, 0.0 };
-        apsm_field_sample(f->field, 1, middle, D, NULL);
-        if (!thin) assert_near(D[0], -0.1, 0.05);
-        apsm_field_draw(f->field, &rng, band, thin ? 20 : 200, x, D);
-        for (int i = 0; i < (thin ? 20 : 200); i++) {
-            assert_true(fabs(D[i]) <= band);
-            assert_true(fabs(x[3 * i + 2]) <= 0.5 * thickness + band + 0.5 * voxel);
-        }
+        apsm_field_sample(f->field, 1, middle, &D, NULL);
+        if (!thin) assert_near(D, -0.1, 1e-6);
         drop(f);
     }
+}
+
+/* Between nodes a slanted sheet thinner than a voxel has no stored distance near 0: draws from a
+ * narrow band must end all the same, and lie in it. */
+static void draws_end_on_a_thin_sheet(void **state)
+{
+    (void)state;
+    enum { COUNT = 5 };
+    double X[3 * COUNT], D[COUNT];
+    apsm_mesh sheet = shape_box((size_t[3]){ 1, 1, 1 }, (double[3]){ 1.07, 1.07, 1e-3 });
+    for (size_t v = 0; v < sheet.nv; v++)
+        sheet.V[3 * v + 2] += 0.31 * sheet.V[3 * v] - 0.17 * sheet.V[3 * v + 1];
+    fixture *f = make(sheet, 0.2, 0.2);
+    apsm_random rng = apsm_random_stream(4, APSM_STREAM_TEST, 0, 0);
+    apsm_field_draw(f->field, &rng, 2e-3, COUNT, X, D);
+    for (int i = 0; i < COUNT; i++) {
+        assert_true(fabs(D[i]) <= 2e-3);
+        assert_near(D[i], apsm_bvh_signed_distance(f->bvh, X + 3 * i, NULL), 0.1);
+    }
+    drop(f);
 }
 
 /* Far from the surface the answer is the tree's, bit for bit. */
@@ -308,12 +318,17 @@ static void draws_are_uniform(void **state)
         const double band = bands[b];
         apsm_random rng = apsm_random_stream(6, APSM_STREAM_TEST, (uint64_t)b, 0);
         double shell[SHELLS] = { 0 }, octant[8] = { 0 }, share[SHELLS], eighth[8];
+        double within[3][8] = { { 0 } }; /* place along each axis in steps of 8 half voxels */
         apsm_field_draw(f->field, &rng, band, COUNT, X, D);
         for (int i = 0; i < COUNT; i++) {
             const double *x = X + 3 * i;
             assert_true(fabs(D[i]) <= band);
             const int k = (int)((D[i] + band) / (2.0 * band) * SHELLS);
             shell[k < SHELLS ? k : SHELLS - 1] += 1.0;
+            for (int c = 0; c < 3; c++) {
+                const double u = (x[c] + 3.0) / (4.0 * 0.03);
+                within[c][(int)(8.0 * (u - floor(u)))] += 1.0;
+            }
             octant[(x[0] > 0.0) + 2 * (x[1] > 0.0) + 4 * (x[2] > 0.0)] += 1.0;
         }
         const double all = pow(1.0 + band, 3.0) - pow(1.0 - band, 3.0);
@@ -324,6 +339,7 @@ static void draws_are_uniform(void **state)
         for (int k = 0; k < 8; k++) eighth[k] = 0.125;
         check_uniform(SHELLS, shell, share);
         check_uniform(8, octant, eighth);
+        for (int c = 0; c < 3; c++) check_uniform(8, within[c], eighth);
     }
     drop(f);
 }
@@ -439,6 +455,7 @@ int main(void)
         cmocka_unit_test(sphere_distance_and_normal),
         cmocka_unit_test(cube_faces_are_exact),
         cmocka_unit_test(thin_plates_have_two_sides),
+        cmocka_unit_test(draws_end_on_a_thin_sheet),
         cmocka_unit_test(outside_the_band_is_exact),
         cmocka_unit_test(draws_are_uniform),
         cmocka_unit_test(draws_repeat_with_the_stream),
