@@ -19,6 +19,9 @@ extern "C" {
 typedef struct apsm_eigenshape_options {
     double reg;      /* > 0 */
     bool relative;   /* reg is multiplied by trace(G) / K, else it is a squared length */
+    double least;    /* reg is at least this squared length; 0: no bound.  A step of size b along
+                        the gradient takes at most b / least of a deviation away: without a bound the
+                        directions of least variance are overshot when the shapes are many */
     bool times_size; /* multiply loss and gradient by 3JK: independent of J and K */
 } apsm_eigenshape_options;
 

@@ -78,6 +78,12 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
                         const apsm_options *options, size_t J, long epochs,
                         double *P) APSM_NODISCARD;
 
+/* First particles P (I x J x 3, out, world frame): a farthest-point sample of the template, spread,
+ * then carried to every shape as options->initialize says.  METHOD 7.  APSM_ERR_GEOMETRY names a
+ * shape with fewer vertices than particles. */
+apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
+                                 const apsm_options *options, size_t J, double *P) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

@@ -67,6 +67,9 @@ extern "C" {
          "let the template follow the gradient of its own targets (paper)")                        \
     REAL(eigen_reg, 0.02, 0, 1e6, "reg in (9), relative to trace(G)/K")                            \
     REAL(eigen_reg_absolute, 0, 0, 1e300, "reg in (9) in squared input units; 0: use eigen_reg")   \
+    REAL(eigen_share, 0.2, 0, 1e6,                                                                 \
+         "largest share of a deviation that the eigenshape loss removes in an epoch (bounds reg "  \
+         "from below); 0: no bound")                                                               \
     ENUM(eigen_scale, "full|none", "factor of (10): 3JK, or 1 (paper)")                            \
     /* step and schedule */                                                                        \
     ENUM(step, "scaled|literal",                                                                   \

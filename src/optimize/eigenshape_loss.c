@@ -41,7 +41,7 @@ apsm_status apsm_eigenshape_loss(size_t K, size_t J, const double *Y,
     double trace = 0.0;
     apsm_gram(K, 3 * J, 1.0 / size_of(K, J), Y, L);
     for (size_t k = 0; k < K; k++) trace += L[k * K + k];
-    const double reg = opt->relative ? opt->reg * trace / (double)K : opt->reg;
+    const double reg = fmax(opt->relative ? opt->reg * trace / (double)K : opt->reg, opt->least);
     for (size_t k = 0; k < K; k++) L[k * K + k] += reg;
     APSM_TRY(apsm_cholesky(K, L));
     *loss = 0.5 * apsm_cholesky_logdet(K, L) * (opt->times_size ? size_of(K, J) : 1.0);

@@ -72,6 +72,7 @@ typedef struct optimizer {
     const apsm_options *o;
     apsm_optimizer_state *state;
     size_t I, J, R, K; /* K: most shapes in a batch */
+    bool quiet;        /* no progress: a step of something larger */
     schedule schedule;
     weights w;
     long epoch_seed; /* names the epoch's random streams */
@@ -118,9 +119,14 @@ static apsm_correspondence_options correspondence_options(const apsm_options *o)
     return c;
 }
 
-static apsm_eigenshape_options eigenshape_options(const apsm_options *o)
+/* The step of (11) is beta (h/8)^2 (G + reg I)^-1 Y: reg keeps it below a share of Y. */
+static apsm_eigenshape_options eigenshape_options(const optimizer *op)
 {
+    const apsm_options *o = op->o;
+    const double h8 = op->state->h / 8;
     apsm_eigenshape_options e = apsm_eigenshape_defaults();
+    if (o->eigen_share > 0 && o->step == APSM_STEP_SCALED)
+        e.least = op->w.beta * h8 * h8 / o->eigen_share;
     e.relative = o->eigen_reg_absolute == 0;
     e.reg = e.relative ? o->eigen_reg : o->eigen_reg_absolute;
     e.times_size = o->eigen_scale == 0;
@@ -361,7 +367,7 @@ static apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_in
     APSM_TRY(sampling_gradient(&op, i, P, N, w));
     if (op.w.gamma > 0) APSM_TRY(correspondence_gradient(&op, i, k, P, N, w));
     if (op.w.beta > 0) {
-        const apsm_eigenshape_options eo = eigenshape_options(op.o);
+        const apsm_eigenshape_options eo = eigenshape_options(&op);
         apsm_eigenshape_gradient(op.batch_size, op.J, op.Y, op.L, &eo, k, w->ge, w->eigen_work);
     }
     add_up(&op, k, w);
@@ -441,7 +447,7 @@ static apsm_status eigenshape_of_batch(optimizer *op)
         memcpy(op->mean, op->state->mean, op->J * 3 * sizeof *op->mean);
     if (!(op->w.beta > 0)) return APSM_OK;
     apsm_cohort_centre(op->batch_size, op->J, op->Y, op->mean, op->Y);
-    const apsm_eigenshape_options eo = eigenshape_options(op->o);
+    const apsm_eigenshape_options eo = eigenshape_options(op);
     const apsm_status status =
         apsm_eigenshape_loss(op->batch_size, op->J, op->Y, &eo, &op->eigenshape, op->L, NULL);
     if (status != APSM_ERR_SINGULAR) return status;
@@ -592,12 +598,28 @@ static apsm_status run_stages(optimizer *op, double *entry, apsm_epoch_fn on_epo
                 memcpy(s->P, entry, bytes);
                 return status;
             }
-            tell_progress(op, &r);
+            if (!op->quiet) tell_progress(op, &r);
             if (on_epoch) APSM_TRY(on_epoch(user, s, &r));
             if (apsm_interrupted(op->ctx)) return APSM_ERR_INTERRUPTED;
         }
     }
     return APSM_OK;
+}
+
+static apsm_status optimize(apsm_context *ctx, const apsm_cohort *cohort,
+                            const apsm_options *options, apsm_optimizer_state *state, bool quiet,
+                            apsm_epoch_fn on_epoch, void *user)
+{
+    apsm_linalg_single_thread();
+    optimizer op;
+    APSM_TRY(optimizer_alloc(ctx, cohort, options, state, &op));
+    op.quiet = quiet;
+    if (state->epochs_run == 0) apsm_cohort_mean(state->I, state->J, state->P, state->mean);
+    double *entry = doubles(state->I * state->J * 3);
+    const apsm_status status = entry ? run_stages(&op, entry, on_epoch, user) : APSM_ERR_MEMORY;
+    free(entry);
+    optimizer_free(&op);
+    return status;
 }
 
 apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
@@ -607,15 +629,7 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const ap
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "%zu shapes in the state, %zu in the cohort; at least 7 particles needed",
                          state->I, cohort->I);
-    apsm_linalg_single_thread();
-    optimizer op;
-    APSM_TRY(optimizer_alloc(ctx, cohort, options, state, &op));
-    if (state->epochs_run == 0) apsm_cohort_mean(state->I, state->J, state->P, state->mean);
-    double *entry = doubles(state->I * state->J * 3);
-    const apsm_status status = entry ? run_stages(&op, entry, on_epoch, user) : APSM_ERR_MEMORY;
-    free(entry);
-    optimizer_free(&op);
-    return status;
+    return optimize(ctx, cohort, options, state, false, on_epoch, user);
 }
 
 /* ---- spreading the particles of one shape ---- */
@@ -634,7 +648,7 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
     o.batch = 0;
     state.mean = doubles(3 * J);
     if (!state.mean) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_optimize(ctx, &one, &o, &state, NULL, NULL);
+    const apsm_status status = optimize(ctx, &one, &o, &state, true, NULL, NULL);
     free(state.mean);
     return status;
 }

@@ -1,0 +1,153 @@
+/* First particles of a cohort.  METHOD 7: farthest points on the template, spread evenly, then
+ * projected onto the aligned shapes (7c), or matched to samples of every shape (7b, the paper). */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/assignment.h"
+#include "apsm/correspondence_loss.h"
+#include "apsm/farthest_point.h"
+#include "apsm/optimizer.h"
+#include "apsm/projection.h"
+
+enum { SPREAD_EPOCHS = 60 };
+
+/* The vertex farthest from the surface's centroid: the same whatever the order of the vertices,
+ * but for ties. */
+static uint32_t outermost_vertex(const apsm_mesh *mesh)
+{
+    double c[3], best = -1;
+    uint32_t vertex = 0;
+    apsm_mesh_centroid(mesh, c);
+    for (size_t v = 0; v < mesh->nv; v++) {
+        const double *x = mesh->V + 3 * v;
+        const double d2 = (x[0] - c[0]) * (x[0] - c[0]) + (x[1] - c[1]) * (x[1] - c[1]) +
+                          (x[2] - c[2]) * (x[2] - c[2]);
+        if (d2 > best) best = d2, vertex = (uint32_t)v;
+    }
+    return vertex;
+}
+
+/* J farthest points of a shape, as surface points. */
+static apsm_status sample_shape(apsm_context *ctx, const apsm_shape *shape, size_t J,
+                                apsm_surface_point *S)
+{
+    apsm_geodesic_work *w = NULL;
+    uint32_t *order = malloc(J * sizeof *order);
+    double *nearest = malloc(shape->mesh.nv * sizeof *nearest);
+    apsm_status status = order && nearest ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &w);
+    if (status == APSM_OK)
+        status = apsm_farthest_vertices(shape->geodesic, w, outermost_vertex(&shape->mesh), J,
+                                        order, NULL, nearest);
+    if (status == APSM_ERR_GEOMETRY)
+        status =
+            apsm_fail(ctx, status, "%s: %zu vertices are too few for %zu particles; raise faces",
+                      shape->name, shape->mesh.nv, J);
+    for (size_t j = 0; j < J && status == APSM_OK; j++)
+        status = apsm_surface_vertex(&shape->topology, order[j], &S[j]);
+    apsm_geodesic_work_free(w);
+    free(order);
+    free(nearest);
+    return status;
+}
+
+/* What the tasks share: the template's particles and normals. */
+typedef struct carry {
+    const apsm_cohort *cohort;
+    const apsm_options *options;
+    size_t J;
+    double h;
+    const double *T, *TN; /* J x 3 */
+    double *P;            /* I x J x 3, out */
+} carry;
+
+static void positions(const apsm_shape *shape, size_t J, const apsm_surface_point *S, double *P)
+{
+    for (size_t j = 0; j < J; j++) apsm_surface_position(&shape->mesh, &S[j], P + 3 * j);
+}
+
+static void project(const carry *c, const apsm_shape *shape, apsm_surface_point *S, double *P)
+{
+    const apsm_projection_options po = apsm_projection_defaults(c->h);
+    apsm_project_particles(shape->bvh, c->J, c->T, c->TN, &po, S, P, NULL);
+}
+
+/* The paper's way: the shape's own samples get the names of the projected reference particles. */
+static apsm_status match(apsm_context *ctx, const carry *c, const apsm_shape *shape,
+                         apsm_surface_point *S, double *P)
+{
+    apsm_geodesic_work *w = NULL;
+    apsm_surface_point *samples = malloc(2 * c->J * sizeof *samples);
+    void *work = malloc(apsm_match_samples_work_size(c->J));
+    apsm_status status = samples && work ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        project(c, shape, S, P);
+        status = sample_shape(ctx, shape, c->J, samples);
+    }
+    if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &w);
+    if (status == APSM_OK)
+        status = apsm_match_samples(shape->geodesic, w, c->J, S, samples, samples + c->J, work);
+    if (status == APSM_OK) positions(shape, c->J, samples + c->J, P);
+    apsm_geodesic_work_free(w);
+    free(samples);
+    free(work);
+    return status;
+}
+
+static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const carry *c = user;
+    double *P = c->P + i * c->J * 3;
+    if (i == c->cohort->template_index) {
+        memcpy(P, c->T, c->J * 3 * sizeof *P);
+        return APSM_OK;
+    }
+    const apsm_shape *shape = &c->cohort->shape[i];
+    apsm_surface_point *S = malloc(c->J * sizeof *S);
+    if (!S) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    if (c->options->initialize == APSM_INIT_PROJECTION)
+        project(c, shape, S, P);
+    else
+        status = match(ctx, c, shape, S, P);
+    free(S);
+    return status;
+}
+
+/* Particles T, normals TN (J x 3 each) and spacing h of the template. */
+static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
+                                 const apsm_options *options, size_t J, double *T, double *TN,
+                                 double *h)
+{
+    const apsm_shape *shape = &cohort->shape[cohort->template_index];
+    apsm_surface_point *S = malloc(J * sizeof *S);
+    uint32_t *N6 = malloc(J * APSM_NEIGHBOURS * sizeof *N6);
+    apsm_status status = S && N6 ? sample_shape(ctx, shape, J, S) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        positions(shape, J, S, T);
+        status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
+    }
+    if (status == APSM_OK) {
+        apsm_shape_look_up(shape, J, T, S, NULL, TN);
+        status = apsm_neighbours6(J, T, N6);
+    }
+    if (status == APSM_OK) *h = apsm_spacing(J, T, N6, NULL);
+    free(S);
+    free(N6);
+    return status;
+}
+
+apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
+                                 const apsm_options *options, size_t J, double *P)
+{
+    double *T = malloc(6 * J * sizeof *T);
+    if (!T) return APSM_ERR_MEMORY;
+    carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
+    apsm_status status = seed_template(ctx, cohort, options, J, T, T + 3 * J, &c.h);
+    if (status == APSM_OK)
+        status = apsm_parallel_for(ctx, cohort->I, carry_to_shape, &c, "initialize");
+    free(T);
+    return status;
+}
