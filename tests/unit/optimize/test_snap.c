@@ -76,7 +76,7 @@ static void do_correspondence(epoch *e)
 
 static void do_eigenshape(epoch *e)
 {
-    const apsm_eigenshape_options opt = { golden_number(e->options, "reg"), false, false };
+    const apsm_eigenshape_options opt = { .reg = golden_number(e->options, "reg") };
     double mean[N3], Y[I * N3], L[I * I], work[I];
     apsm_cohort_mean(I, J, e->P, mean);
     apsm_cohort_centre(I, J, e->P, mean, Y);
