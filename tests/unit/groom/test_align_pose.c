@@ -1,0 +1,314 @@
+/* Registration of two surfaces: clouds, ICP, pose search. */
+#include "align_shapes.h"
+
+enum { POINTS = 300 };
+
+static double *new_work(void)
+{
+    double *work = malloc(apsm_icp_work_size(POINTS) * sizeof *work);
+    if (!work) abort();
+    return work;
+}
+
+static void cloud_stands_for_the_surface(void **state)
+{
+    (void)state;
+    align_surface s;
+    align_open(&s, align_bone(0.2, 0.3), POINTS);
+    double sum = 0.0, c[3], mean[3] = { 0 };
+    for (size_t k = 0; k < POINTS; k++) {
+        apsm_closest at;
+        apsm_bvh_closest(s.bvh, s.cloud.x + 3 * k, INFINITY, &at);
+        assert_true(sqrt(at.distance2) <= 1e-12 * s.cloud.radius);
+        assert_true(s.cloud.w[k] > 0.0);
+        sum += s.cloud.w[k];
+        for (size_t i = 0; i < 3; i++) mean[i] += s.cloud.w[k] * s.cloud.x[3 * k + i];
+    }
+    assert_float_equal(sum, 1.0, 1e-12);
+    apsm_mesh_centroid(&s.mesh, c);
+    for (size_t i = 0; i < 3; i++) /* 2400 stratified points err by about radius / 100 */
+        if (!(fabs(mean[i] - c[i]) < 0.02 * s.cloud.radius &&
+              fabs(s.cloud.centre[i] - c[i]) < 0.02 * s.cloud.radius))
+            fail_msg("centre[%zu] = %g, weighted mean %g, centroid %g", i, s.cloud.centre[i],
+                     mean[i], c[i]);
+    align_close(&s);
+}
+
+static void moved_mesh_gets_the_moved_cloud(void **state)
+{
+    (void)state;
+    align_surface s, t;
+    double M[16], x[3];
+    align_random_pose(4, 100.0, M);
+    align_open(&s, align_bone(0.2, 0.3), POINTS);
+    apsm_mesh moved = align_bone(0.2, 0.3);
+    apsm_mesh_transform(&moved, M);
+    align_open(&t, moved, POINTS);
+    for (size_t k = 0; k < POINTS; k++) {
+        apsm_affine_apply(M, 1, s.cloud.x + 3 * k, x);
+        for (size_t i = 0; i < 3; i++) assert_true(fabs(x[i] - t.cloud.x[3 * k + i]) < 1e-10);
+    }
+    align_close(&s);
+    align_close(&t);
+}
+
+static void mesh_without_area_is_refused(void **state)
+{
+    (void)state;
+    apsm_mesh flat = align_bone(0, 0);
+    apsm_cloud cloud;
+    for (size_t i = 0; i < 3 * flat.nv; i++) flat.V[i] = 1.0;
+    assert_int_equal(apsm_cloud_sample(&flat, POINTS, 0, 0, &cloud), APSM_ERR_GEOMETRY);
+    flat.V[0] = NAN;
+    assert_int_equal(apsm_cloud_sample(&flat, POINTS, 0, 0, &cloud), APSM_ERR_GEOMETRY);
+    assert_int_equal(apsm_cloud_sample(&flat, 3, 0, 0, &cloud), APSM_ERR_ARG);
+    apsm_mesh_free(&flat);
+}
+
+/* Concentric spheres: every distance is the difference of the radii, whatever the rotation. */
+static void residual_of_spheres_is_known(void **state)
+{
+    (void)state;
+    align_surface a, b;
+    double M[16], residual, *work = new_work();
+    apsm_icp_options opt = apsm_icp_defaults();
+    opt.max_iterations = 0;
+    align_open(&a, shape_sphere(4, 10.0), POINTS);
+    align_open(&b, shape_sphere(4, 12.0), POINTS);
+    align_random_pose(1, 0.0, M);
+    apsm_icp(&a.surface, &b.surface, &opt, M, &residual, work);
+    /* The facets of a level 4 icosphere lie up to 0.1 % inside the sphere. */
+    if (!(fabs(residual - 2.0) < 0.02)) fail_msg("rigid: %g", residual);
+    opt.scale = true;
+    opt.max_iterations = 20;
+    apsm_icp(&a.surface, &b.surface, &opt, M, &residual, work);
+    if (!(residual < 0.02)) fail_msg("similarity: %g", residual);
+    if (!(fabs(cbrt(apsm_affine_det(M)) - 1.2) < 0.002))
+        fail_msg("scale^3: %g", apsm_affine_det(M));
+    align_close(&a);
+    align_close(&b);
+    free(work);
+}
+
+/* Registers `moved`, a copy of a bone moved by pose, back; returns the largest error. */
+static double recover(const apsm_mesh *bone, const align_surface *moved, const align_surface *fixed,
+                      const double pose[16], const apsm_icp_options *opt, double *work)
+{
+    apsm_pose found;
+    double there[16];
+    apsm_pose_search(&moved->surface, &fixed->surface, false, opt, &found, work);
+    apsm_affine_multiply(found.M, pose, there);
+    const double identity[16] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    return align_difference(bone, there, identity);
+}
+
+static void pose_and_scale_are_recovered(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double pose[16], *work = new_work();
+    apsm_icp_options opt = apsm_icp_defaults();
+    opt.tolerance = 1e-6;
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    for (uint64_t k = 0; k < 10; k++) {
+        opt.scale = k % 2 == 1;
+        align_random_pose(k, 200.0, pose);
+        if (opt.scale) align_scale_pose(k == 1 ? 0.25 : 3.0, pose);
+        apsm_mesh mesh = align_bone(0.2, 0.3);
+        apsm_mesh_transform(&mesh, pose);
+        align_open(&moved, mesh, POINTS);
+        const double error = recover(&fixed.mesh, &moved, &fixed, pose, &opt, work);
+        if (!(error < 1e-3 * fixed.cloud.radius)) fail_msg("pose %d: error %g mm", (int)k, error);
+        align_close(&moved);
+    }
+    align_close(&fixed);
+    free(work);
+}
+
+/* A different individual in 100 poses: always the same registration. */
+static void every_initial_pose_gives_the_same_result(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double pose[16], first[16], there[16], least = INFINITY, most = 0.0, *work = new_work();
+    const apsm_icp_options opt = apsm_icp_defaults();
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    apsm_mesh bone = align_shape(3, 30, 19, 15, 0.1, 0.4);
+    for (uint64_t k = 0; k < 100; k++) {
+        apsm_mesh mesh;
+        apsm_pose found;
+        assert_int_equal(apsm_mesh_copy(&bone, &mesh), APSM_OK);
+        align_random_pose(k, 300.0, pose);
+        apsm_mesh_transform(&mesh, pose);
+        align_open(&moved, mesh, POINTS);
+        apsm_pose_search(&moved.surface, &fixed.surface, false, &opt, &found, work);
+        apsm_affine_multiply(found.M, pose, there);
+        if (k == 0) memcpy(first, there, sizeof first);
+        least = fmin(least, found.residual);
+        most = fmax(most, found.residual);
+        const double error = align_difference(&bone, there, first);
+        if (!(error < 0.05 * fixed.cloud.radius)) fail_msg("pose %d: off by %g", (int)k, error);
+        align_close(&moved);
+    }
+    if (!(most <= 1.01 * least)) fail_msg("residuals from %g to %g", least, most);
+    apsm_mesh_free(&bone);
+    align_close(&fixed);
+    free(work);
+}
+
+/* The starts are a grid relative to principal frames; with those frames turned at random the
+ * search must still find the best pose. */
+static void grid_of_starts_is_dense_enough(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double turn[16], axes[9], *work = new_work();
+    const apsm_icp_options opt = apsm_icp_defaults();
+    apsm_pose best, found;
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    align_open(&moved, align_shape(3, 30, 19, 15, 0.1, 0.4), POINTS);
+    apsm_pose_search(&moved.surface, &fixed.surface, false, &opt, &best, work);
+    memcpy(axes, moved.cloud.axes, sizeof axes);
+    for (uint64_t k = 0; k < 20; k++) {
+        align_random_pose(k, 0.0, turn);
+        for (size_t i = 0; i < 9; i++) {
+            moved.cloud.axes[i] = 0.0;
+            for (size_t c = 0; c < 3; c++)
+                moved.cloud.axes[i] += turn[4 * (i / 3) + c] * axes[3 * c + i % 3];
+        }
+        apsm_pose_search(&moved.surface, &fixed.surface, false, &opt, &found, work);
+        if (!(fabs(found.residual - best.residual) <= 0.01 * best.residual))
+            fail_msg("turn %d: residual %g instead of %g", (int)k, found.residual, best.residual);
+    }
+    align_close(&fixed);
+    align_close(&moved);
+    free(work);
+}
+
+static void mirror_image_is_told(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double pose[16], *work = new_work();
+    const apsm_icp_options opt = apsm_icp_defaults();
+    apsm_pose as_is, mirrored;
+    align_open(&fixed, align_bone(0.2, 0.5), POINTS);
+    align_random_pose(8, 100.0, pose);
+    for (size_t i = 0; i < 12; i += 4) pose[i] = -pose[i]; /* reflects x */
+    apsm_mesh mesh = align_bone(0.1, 0.55);
+    apsm_mesh_transform(&mesh, pose);
+    align_open(&moved, mesh, POINTS);
+    apsm_pose_search(&moved.surface, &fixed.surface, false, &opt, &as_is, work);
+    apsm_pose_search(&moved.surface, &fixed.surface, true, &opt, &mirrored, work);
+    assert_true(apsm_affine_det(as_is.M) > 0.0);
+    assert_true(apsm_affine_det(mirrored.M) < 0.0);
+    if (!(mirrored.residual < APSM_MIRROR_RATIO * as_is.residual))
+        fail_msg("mirrored %g, as it is %g", mirrored.residual, as_is.residual);
+    align_close(&fixed);
+    align_close(&moved);
+    free(work);
+}
+
+/* An ellipsoid fits itself in four ways; a bone without symmetry in one. */
+static void ambiguity_is_reported(void **state)
+{
+    (void)state;
+    align_surface fixed, moved, bone;
+    double *work = new_work();
+    const apsm_icp_options opt = apsm_icp_defaults();
+    apsm_pose pose;
+    align_open(&fixed, shape_ellipsoid(3, 30, 20, 10), POINTS);
+    align_open(&moved, shape_ellipsoid(3, 32, 19, 11), POINTS);
+    align_open(&bone, align_bone(0.2, 0.3), POINTS);
+    apsm_pose_search(&moved.surface, &fixed.surface, false, &opt, &pose, work);
+    if (!(pose.runner_up < APSM_AMBIGUOUS_RATIO * pose.residual))
+        fail_msg("ellipsoid: %g, runner-up %g", pose.residual, pose.runner_up);
+    apsm_pose_search(&bone.surface, &bone.surface, false, &opt, &pose, work);
+    if (!(pose.runner_up > 2.0 * pose.residual))
+        fail_msg("bone: %g, runner-up %g", pose.residual, pose.runner_up);
+    align_close(&fixed);
+    align_close(&moved);
+    align_close(&bone);
+    free(work);
+}
+
+/* Drops the faces beyond x > cut. */
+static void cut(apsm_mesh *mesh, double at)
+{
+    size_t kept = 0;
+    for (size_t f = 0; f < mesh->nf; f++) {
+        if (mesh->V[3 * mesh->F[3 * f]] > at) continue;
+        memmove(mesh->F + 3 * kept, mesh->F + 3 * f, 3 * sizeof *mesh->F);
+        kept++;
+    }
+    mesh->nf = kept;
+}
+
+static void cut_bone_is_aligned_with_trimming(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double pose[16], error[2], *work = new_work();
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    for (int trimmed = 0; trimmed < 2; trimmed++) {
+        apsm_icp_options opt = apsm_icp_defaults();
+        opt.trim = trimmed ? 0.25 : 0.0;
+        align_random_pose(2, 100.0, pose);
+        apsm_mesh mesh = align_bone(0.2, 0.3);
+        cut(&mesh, 15.0); /* of -22 .. 33 */
+        apsm_mesh_transform(&mesh, pose);
+        align_open(&moved, mesh, POINTS);
+        error[trimmed] = recover(&fixed.mesh, &moved, &fixed, pose, &opt, work);
+        align_close(&moved);
+    }
+    if (!(error[1] < 0.02 * fixed.cloud.radius && error[1] < 0.2 * error[0]))
+        fail_msg("error %g mm trimmed, %g untrimmed", error[1], error[0]);
+    align_close(&fixed);
+    free(work);
+}
+
+static void powers_of_two_scale_exactly(void **state)
+{
+    (void)state;
+    align_surface fixed[2], moved[2];
+    apsm_pose pose[2];
+    double *work = new_work();
+    const apsm_icp_options opt = apsm_icp_defaults();
+    for (int k = 0; k < 2; k++) {
+        apsm_mesh a = align_bone(0.2, 0.3), b = align_shape(3, 30, 19, 15, 0.1, 0.4);
+        for (size_t i = 0; k && i < 3 * a.nv; i++) {
+            a.V[i] *= 0x1p-20;
+            b.V[i] *= 0x1p-20;
+        }
+        align_open(&fixed[k], a, POINTS);
+        align_open(&moved[k], b, POINTS);
+        apsm_pose_search(&moved[k].surface, &fixed[k].surface, false, &opt, &pose[k], work);
+    }
+    for (size_t i = 0; i < 16; i++)
+        assert_true(pose[1].M[i] == pose[0].M[i] * (i % 4 == 3 && i < 12 ? 0x1p-20 : 1.0));
+    assert_true(pose[1].residual == 0x1p-20 * pose[0].residual);
+    assert_true(pose[1].runner_up == 0x1p-20 * pose[0].runner_up);
+    for (int k = 0; k < 2; k++) {
+        align_close(&fixed[k]);
+        align_close(&moved[k]);
+    }
+    free(work);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(cloud_stands_for_the_surface),
+        cmocka_unit_test(moved_mesh_gets_the_moved_cloud),
+        cmocka_unit_test(mesh_without_area_is_refused),
+        cmocka_unit_test(residual_of_spheres_is_known),
+        cmocka_unit_test(pose_and_scale_are_recovered),
+        cmocka_unit_test(every_initial_pose_gives_the_same_result),
+        cmocka_unit_test(grid_of_starts_is_dense_enough),
+        cmocka_unit_test(mirror_image_is_told),
+        cmocka_unit_test(ambiguity_is_reported),
+        cmocka_unit_test(cut_bone_is_aligned_with_trimming),
+        cmocka_unit_test(powers_of_two_scale_exactly),
+    };
+    return cmocka_run_group_tests_name("align_pose", tests, NULL, NULL);
+}
