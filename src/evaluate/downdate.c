@@ -274,10 +274,9 @@ size_t apsm_downdate_residuals(apsm_downdate *w, const double *d, const double *
         const size_t p = w->active[w->cluster[k]];
         w->t[k] = p == SIZE_MAX ? t[k] : t[k] * sqrt(fmax(w->exact[p], 0.0) / w->tau2[p]);
     }
-    const double first = fmax(A ? w->root[0] : 0.0, n_silent ? w->silent[0].d : 0.0);
     while (m < M && (a < A || s < n_silent)) {
         const bool is_silent = a == A || (s < n_silent && w->silent[s].d >= w->root[a]);
-        if (!((is_silent ? w->silent[s].d : w->root[a]) > zero * first)) break;
+        if (!((is_silent ? w->silent[s].d : w->root[a]) > zero * d[0])) break;
         if (!is_silent)
             subtract_mode(w, A, clusters, a++, rho);
         else if (w->silent[s++].removes)

@@ -14,7 +14,7 @@ void apsm_downdate_free(apsm_downdate *w);
 /* For the matrix diag(d) - rho t t^T, positive semi-definite, with d (r, descending, > 0) and
  * t (r): row m - 1 of C (M x r, out) is t minus its projection on the m eigenvectors of largest
  * eigenvalue, m = 1..M.  Returns how many rows were made: fewer than M if fewer eigenvalues exceed
- * `zero` times the largest.  O(r^2) a root-finding step, O(r^2 + r M) in all. */
+ * zero * d[0].  O(r^2) a root-finding step, O(r^2 + r M) in all. */
 size_t apsm_downdate_residuals(apsm_downdate *w, const double *d, const double *t, double rho,
                                double zero, size_t M, double *C);
 

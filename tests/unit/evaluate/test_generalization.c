@@ -79,6 +79,21 @@ static void agrees_with_refitting_when_modes_run_out(void **state)
     free(P);
 }
 
+/* Without C, three shapes A and two B have one mode, and C lies beside it. */
+static void stays_when_the_others_have_no_more_modes(void **state)
+{
+    (void)state;
+    enum { J = 8, N = 3 * J };
+    double *P = cohort(6, J, 6, 12), gen[4];
+    for (size_t i = 1; i < 3; i++) memcpy(P + i * N, P, N * sizeof *P);
+    memcpy(P + 4 * N, P + 3 * N, N * sizeof *P);
+    check_against_refitting(6, J, P, 1e-11);
+    measure(6, J, P, gen, NULL);
+    assert_true(gen[0] > 0.1 && gen[3] > 0.1);
+    check_against_refitting(4, J, P, 1e-11); /* A A A B: the others of B are all alike */
+    free(P);
+}
+
 /* Shapes at +-e_k: all variances are equal, and each model of the others has k equal ones, so
  * nothing but the whole set of modes is defined. */
 static void survives_equal_variances(void **state)
@@ -157,6 +172,7 @@ int main(void)
         cmocka_unit_test(agrees_with_golden),
         cmocka_unit_test(agrees_with_refitting),
         cmocka_unit_test(agrees_with_refitting_when_modes_run_out),
+        cmocka_unit_test(stays_when_the_others_have_no_more_modes),
         cmocka_unit_test(survives_equal_variances),
         cmocka_unit_test(one_mode_generalizes_exactly),
         cmocka_unit_test(does_not_depend_on_what_it_must_not),

@@ -153,6 +153,7 @@ static void push_sees_what_pull_cannot(void **state)
     size_t raised = 0;
     for (size_t v = 0; v < shape.nv; v++) raised += disagreement[v] == 1 && push[v] < 1;
     assert_int_equal(raised, 3);
+    for (size_t v = 0; v < shape.nv; v++) assert_true(disagreement[v] >= push[v]);
     apsm_mesh_free(&shape);
     apsm_mesh_free(&half);
 }

@@ -162,6 +162,46 @@ static void noisy_shapes_reach_the_same_minimum(void **state)
         }
 }
 
+static void mean_of(const double *P, double *mean)
+{
+    for (size_t k = 0; k < N; k++) {
+        mean[k] = 0;
+        for (size_t i = 0; i < I; i++) mean[k] += P[i * N + k] / I;
+    }
+}
+
+/* Largest entry by which the rigid map that brings a to b differs from the identity. */
+static double turn_between(const double *a, const double *b)
+{
+    double M[16], one[16];
+    apsm_affine_identity(one);
+    apsm_affine_fit(J, a, b, NULL, 0, M);
+    return largest_difference(16, M, one);
+}
+
+/* Every shape has its best pose to the mean, and the frame is the one asked for: that of the
+ * reference, or that of the mean at the start. */
+static void rests_in_the_frame_asked_for(void **state)
+{
+    (void)state;
+    double P[I * N], Q[I * N], M[I * 16], before[N], after[N];
+    moved_copies(5, 0, 12.0, P);
+    apsm_procrustes_options opt = apsm_procrustes_defaults();
+    opt.reference = 3;
+    assert_int_equal(apsm_procrustes(NULL, I, J, P, &opt, M, Q), APSM_OK);
+    assert_true(largest_difference(N, Q + 3 * N, P + 3 * N) < 1e-9);
+    opt.reference = SIZE_MAX;
+    for (size_t i = 0; i < I; i++) /* close to aligned, so that the mean means something */
+        for (size_t k = 0; k < N; k++) P[i * N + k] = Q[i * N + k] + (double)(i * (k % 3));
+    mean_of(P, before);
+    assert_int_equal(apsm_procrustes(NULL, I, J, P, &opt, M, Q), APSM_OK);
+    mean_of(Q, after);
+    if (!(turn_between(after, before) < 1e-7)) fail_msg("%g", turn_between(after, before));
+    for (size_t i = 0; i < I; i++)
+        if (!(turn_between(Q + i * N, after) < 1e-6))
+            fail_msg("shape %zu can still be turned by %g", i, turn_between(Q + i * N, after));
+}
+
 static void refuses_what_has_no_size(void **state)
 {
     (void)state;
@@ -179,6 +219,7 @@ int main(void)
         cmocka_unit_test(undoes_similarities_without_shrinking),
         cmocka_unit_test(size_alone_keeps_place_and_direction),
         cmocka_unit_test(noisy_shapes_reach_the_same_minimum),
+        cmocka_unit_test(rests_in_the_frame_asked_for),
         cmocka_unit_test(refuses_what_has_no_size),
     };
     return cmocka_run_group_tests_name("procrustes", tests, NULL, NULL);
