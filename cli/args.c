@@ -5,16 +5,14 @@
 
 #include <errno.h>
 #include <getopt.h>
-#include <regex.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
 #include "apsm/files.h"
-#include "config.h"
 #include "options_table.h"
+#include "pairs.h"
 
 /* What the steps of parsing share. */
 typedef struct parsing {
@@ -30,144 +28,6 @@ typedef struct parsing {
 static apsm_status out_of_memory(const parsing *p)
 {
     return apsm_fail(p->ctx, APSM_ERR_MEMORY, "out of memory");
-}
-
-/* ---- Verbs ---- */
-
-static const cli_verb_info verbs[] = {
-    { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
-      "the whole job: groom, initialize, optimize, evaluate",
-      "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
-      "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj). An interrupted "
-      "run goes on with --resume, and every step can be repeated on its own." },
-    { CLI_GROOM, "groom", "INPUT... -o MODEL_DIR", "inputs to clean, aligned meshes",
-      "Reads the inputs, makes one closed mesh of each, chooses the template and aligns all to it. "
-      "Without INPUT the inputs named in the folder's project are groomed again." },
-    { CLI_INITIALIZE, "initialize", "MODEL_DIR", "first particles on groomed meshes",
-      "Places the first particles on every groomed mesh." },
-    { CLI_OPTIMIZE, "optimize", "MODEL_DIR", "particles to correspondence",
-      "Moves the particles to correspondence in two stages. With --resume from the last "
-      "checkpoint, else from the first particles." },
-    { CLI_EVALUATE, "evaluate", "MODEL_DIR", "the model, its quality, reconstructed meshes",
-      "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
-      "specificity, the certificate of correspondence, and meshes." },
-    { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
-      "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
-      "there is none." },
-    { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",
-      "Tells in a few lines what a model folder or one of its files holds." },
-};
-enum { VERBS = sizeof verbs / sizeof *verbs };
-
-const cli_verb_info *cli_verbs(size_t *n)
-{
-    *n = VERBS;
-    return verbs;
-}
-
-const cli_verb_info *cli_find_verb(const char *name)
-{
-    for (size_t i = 0; i < VERBS; i++)
-        if (strcmp(verbs[i].name, name) == 0) return &verbs[i];
-    return NULL;
-}
-
-static apsm_status unknown_verb(const parsing *p, const char *word)
-{
-    size_t best = 0, least = SIZE_MAX;
-    for (size_t i = 0; i < VERBS; i++) {
-        const size_t d = apsm_edit_distance(word, verbs[i].name);
-        if (d < least) least = d, best = i;
-    }
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "unknown verb '%s'; the nearest is '%s'", word,
-                     verbs[best].name);
-}
-
-/* ---- Pairs ---- */
-
-static bool append_pair(cli_args *args, const char *key, const char *value)
-{
-    cli_pair *larger = realloc(args->set, (args->n_set + 1) * sizeof *larger);
-    if (!larger) return false;
-    args->set = larger;
-    const cli_pair pair = { strdup(key), strdup(value) };
-    args->set[args->n_set] = pair;
-    if (pair.key && pair.value) return args->n_set++, true;
-    free(pair.key);
-    free(pair.value);
-    return false;
-}
-
-const char *cli_args_get(const cli_args *args, const char *key)
-{
-    for (size_t i = 0; i < args->n_set; i++)
-        if (strcmp(args->set[i].key, key) == 0) return args->set[i].value;
-    return NULL;
-}
-
-static apsm_status check_expression(const parsing *p, const char *key, const char *value)
-{
-    regex_t regex;
-    char why[128];
-    const int error = regcomp(&regex, value, REG_EXTENDED | REG_NOSUB);
-    if (error == 0) {
-        regfree(&regex);
-        return APSM_OK;
-    }
-    regerror(error, &regex, why, sizeof why);
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s = %s: %s; give a POSIX extended regular expression",
-                     key, value, why);
-}
-
-static apsm_status check_seed(const parsing *p, const char *value)
-{
-    char *end;
-    errno = 0;
-    strtoull(value, &end, 10);
-    if (*value >= '0' && *value <= '9' && !*end && !errno) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "seed = %s: give a whole number from 0 to %llu", value,
-                     (unsigned long long)UINT64_MAX);
-}
-
-/* Values are tried out here, so that a mistake is told before anything is read. */
-static apsm_status check_value(const parsing *p, const char *key, const char *value)
-{
-    apsm_options scratch = apsm_options_defaults();
-    if (strcmp(key, "preset") == 0) return apsm_options_preset(p->ctx, &scratch, value);
-    if (strcmp(key, "seed") == 0) return check_seed(p, value);
-    if (strcmp(key, "exclude") == 0 || strcmp(key, "reflect_match") == 0)
-        return check_expression(p, key, value);
-    if (strcmp(key, "labels") == 0) return cli_check_labels(p->ctx, value);
-    if (strcmp(key, "template") == 0 || strcmp(key, "original_frame") == 0)
-        return *value ? APSM_OK : apsm_fail(p->ctx, APSM_ERR_ARG, "%s is empty", key);
-    return apsm_options_set(p->ctx, &scratch, key, value);
-}
-
-/* Adds a pair of the command line; the same key with another value is a contradiction. */
-static apsm_status add_pair(parsing *p, const char *key, const char *value)
-{
-    APSM_TRY(check_value(p, key, value));
-    const char *before = cli_args_get(p->args, key);
-    if (before && strcmp(before, value) != 0)
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "%s is given twice, as %s and as %s; keep one", key,
-                         before, value);
-    if (before) return APSM_OK;
-    return append_pair(p->args, key, value) ? APSM_OK : out_of_memory(p);
-}
-
-static apsm_status add_assignment(parsing *p, const char *text)
-{
-    char key[64];
-    const char *equals = strchr(text, '=');
-    if (!equals || equals == text || (size_t)(equals - text) >= sizeof key)
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "--set %s: give KEY=VALUE", text);
-    snprintf(key, sizeof key, "%.*s", (int)(equals - text), text);
-    for (char *c = key; *c; c++)
-        if (*c == '-') *c = '_';
-    if (!cli_is_key(key))
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "--set %s: unknown option '%s'; the nearest is '%s'",
-                         text, key, cli_nearest_key(key));
-    return add_pair(p, key, equals + 1);
 }
 
 /* ---- Single options ---- */
@@ -212,9 +72,9 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
     cli_args *a = p->args;
     switch (o->action) {
     case CLI_SETS:
-        return add_pair(p, o->key, o->argument ? text : o->value);
+        return cli_pairs_add(p->ctx, a, o->key, o->argument ? text : o->value);
     case CLI_SET_PAIR:
-        return add_assignment(p, text);
+        return cli_pairs_assign(p->ctx, a, text);
     case CLI_OUT:
         return take_path(p, o->name, text, &a->out_dir);
     case CLI_CONFIG:
@@ -405,67 +265,6 @@ static apsm_status refuse_contradictions(const parsing *p)
     return APSM_OK;
 }
 
-/* ---- Priorities ---- */
-
-static void free_pairs(cli_pair *pairs, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        free(pairs[i].key);
-        free(pairs[i].value);
-    }
-    free(pairs);
-}
-
-static const char *value_of(const cli_pair *pairs, size_t n, const char *key)
-{
-    for (size_t i = 0; i < n; i++)
-        if (strcmp(pairs[i].key, key) == 0) return pairs[i].value;
-    return NULL;
-}
-
-/* set <- preset, then the file's pairs that the command line does not replace, then its own. */
-static apsm_status merge_pairs(parsing *p, const cli_pair *file, size_t n_file,
-                               const cli_pair *given, size_t n_given)
-{
-    cli_args *a = p->args;
-    const char *preset = value_of(given, n_given, "preset");
-    if (!preset) preset = value_of(file, n_file, "preset");
-    bool done = !preset || append_pair(a, "preset", preset);
-    for (size_t i = 0; i < n_file && done; i++)
-        if (strcmp(file[i].key, "preset") != 0 && !value_of(given, n_given, file[i].key))
-            done = append_pair(a, file[i].key, file[i].value);
-    for (size_t i = 0; i < n_given && done; i++)
-        if (strcmp(given[i].key, "preset") != 0)
-            done = append_pair(a, given[i].key, given[i].value);
-    return done ? APSM_OK : out_of_memory(p);
-}
-
-static apsm_status check_file_values(const parsing *p, const cli_pair *file, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        const apsm_status status = check_value(p, file[i].key, file[i].value);
-        if (status != APSM_OK)
-            return apsm_fail(p->ctx, status, "%s: %s", p->args->config, apsm_error_text(p->ctx));
-    }
-    return APSM_OK;
-}
-
-static apsm_status settle_pairs(parsing *p)
-{
-    cli_args *a = p->args;
-    cli_pair *given = a->set, *file = NULL;
-    const size_t n_given = a->n_set;
-    size_t n_file = 0;
-    a->set = NULL;
-    a->n_set = 0;
-    apsm_status status = a->config ? cli_config_read(p->ctx, a->config, &file, &n_file) : APSM_OK;
-    if (status == APSM_OK) status = check_file_values(p, file, n_file);
-    if (status == APSM_OK) status = merge_pairs(p, file, n_file, given, n_given);
-    free_pairs(given, n_given);
-    free_pairs(file, n_file);
-    return status;
-}
-
 /* ---- All ---- */
 
 /* "help VERB" is "VERB --help", "help" is "--help". */
@@ -480,7 +279,9 @@ static apsm_status take_verb(parsing *p)
         word = p->argv[2];
     }
     p->args->verb = cli_find_verb(word);
-    if (!p->args->verb) return unknown_verb(p, word);
+    if (!p->args->verb)
+        return apsm_fail(p->ctx, APSM_ERR_ARG, "unknown verb '%s'; the nearest is '%s'", word,
+                         cli_nearest_verb(word));
     const int used = p->args->help ? 2 : 1;
     p->argv += used; /* the verb now stands where the program's name did */
     p->argc -= used;
@@ -501,7 +302,7 @@ static apsm_status parse(parsing *p)
     APSM_TRY(settle_folder(p));
     APSM_TRY(require_operands(p));
     APSM_TRY(refuse_contradictions(p));
-    return settle_pairs(p);
+    return cli_pairs_settle(p->ctx, a);
 }
 
 apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *args)
@@ -517,7 +318,7 @@ apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *a
 
 void cli_args_free(cli_args *args)
 {
-    free_pairs(args->set, args->n_set);
+    cli_pairs_free(args->set, args->n_set);
     free(args->inputs);
     *args = (cli_args){ 0 };
 }

@@ -26,6 +26,7 @@ typedef struct cli_verb_info {
 
 /* By name; NULL if there is none. */
 const cli_verb_info *cli_find_verb(const char *name);
+const char *cli_nearest_verb(const char *word);
 /* All, in the order of the work; *n is how many. */
 const cli_verb_info *cli_verbs(size_t *n);
 

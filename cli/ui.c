@@ -64,13 +64,13 @@ void cli_ui_attach(cli_ui *ui, apsm_context *ctx)
 
 /* ---- Text of a report ---- */
 
-typedef struct text {
+typedef struct buffer {
     char at[512];
     size_t used;
-} text;
+} buffer;
 
-static void add(text *t, const char *format, ...) APSM_PRINTF(2, 3);
-static void add(text *t, const char *format, ...)
+static void add(buffer *t, const char *format, ...) APSM_PRINTF(2, 3);
+static void add(buffer *t, const char *format, ...)
 {
     va_list args;
     va_start(args, format);
@@ -80,7 +80,7 @@ static void add(text *t, const char *format, ...)
         t->used += (size_t)n < sizeof t->at - t->used ? (size_t)n : sizeof t->at - t->used - 1;
 }
 
-static void add_time(text *t, double seconds)
+static void add_time(buffer *t, double seconds)
 {
     const long s = lround(seconds);
     if (s < 60)
@@ -91,7 +91,7 @@ static void add_time(text *t, double seconds)
         add(t, "%ld:%02ld h", s / 3600, s / 60 % 60);
 }
 
-static void add_losses(const cli_ui *ui, text *t)
+static void add_losses(const cli_ui *ui, buffer *t)
 {
     static const char *const names[] = { "sampl.", "corres.", "eigen" };
     if (isfinite(ui->mismatched)) add(t, "  mismatched %.1f %%", 100 * ui->mismatched);
@@ -108,7 +108,7 @@ static double time_left(const cli_ui *ui)
     return elapsed * (double)(p->total - p->done) / (double)(p->done - ui->done_at_start);
 }
 
-static void add_times(const cli_ui *ui, text *t)
+static void add_times(const cli_ui *ui, buffer *t)
 {
     const double left = time_left(ui);
     if (isfinite(left)) {
@@ -142,7 +142,7 @@ static void draw_bar(cli_ui *ui)
     const int width = terminal_width(ui->err) - 1;
     const size_t cells = width < 100 ? NARROW : WIDE;
     const size_t full = p->total ? cells * p->done / p->total : 0;
-    text t = { .used = 0 };
+    buffer t = { .used = 0 };
     add(&t, "%-9s [", p->stage);
     for (size_t i = 0; i < cells; i++) add(&t, "%c", i < full ? '#' : '.');
     add(&t, "] %zu/%zu", p->done, p->total);
@@ -159,7 +159,7 @@ static void draw_bar(cli_ui *ui)
 static void print_line(const cli_ui *ui)
 {
     const apsm_progress *p = &ui->last;
-    text t = { .used = 0 };
+    buffer t = { .used = 0 };
     add(&t, "%s: %zu/%zu", p->stage, p->done, p->total);
     add_times(ui, &t);
     add_losses(ui, &t);

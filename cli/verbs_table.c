@@ -1,0 +1,54 @@
+/* What the program can do. */
+#include <stdint.h>
+#include <string.h>
+
+#include "apsm/options.h"
+#include "args.h"
+
+static const cli_verb_info verbs[] = {
+    { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
+      "the whole job: groom, initialize, optimize, evaluate",
+      "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
+      "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj). An interrupted "
+      "run goes on with --resume, and every step can be repeated on its own." },
+    { CLI_GROOM, "groom", "INPUT... -o MODEL_DIR", "inputs to clean, aligned meshes",
+      "Reads the inputs, makes one closed mesh of each, chooses the template and aligns all to it. "
+      "Without INPUT the inputs named in the folder's project are groomed again." },
+    { CLI_INITIALIZE, "initialize", "MODEL_DIR", "first particles on groomed meshes",
+      "Places the first particles on every groomed mesh." },
+    { CLI_OPTIMIZE, "optimize", "MODEL_DIR", "particles to correspondence",
+      "Moves the particles to correspondence in two stages. With --resume from the last "
+      "checkpoint, else from the first particles." },
+    { CLI_EVALUATE, "evaluate", "MODEL_DIR", "the model, its quality, reconstructed meshes",
+      "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
+      "specificity, the certificate of correspondence, and meshes." },
+    { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
+      "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
+      "there is none." },
+    { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",
+      "Tells in a few lines what a model folder or one of its files holds." },
+};
+enum { VERBS = sizeof verbs / sizeof *verbs };
+
+const cli_verb_info *cli_verbs(size_t *n)
+{
+    *n = VERBS;
+    return verbs;
+}
+
+const cli_verb_info *cli_find_verb(const char *name)
+{
+    for (size_t i = 0; i < VERBS; i++)
+        if (strcmp(verbs[i].name, name) == 0) return &verbs[i];
+    return NULL;
+}
+
+const char *cli_nearest_verb(const char *word)
+{
+    size_t best = 0, least = SIZE_MAX;
+    for (size_t i = 0; i < VERBS; i++) {
+        const size_t d = apsm_edit_distance(word, verbs[i].name);
+        if (d < least) least = d, best = i;
+    }
+    return verbs[best].name;
+}
