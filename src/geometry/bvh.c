@@ -21,6 +21,7 @@
 #include <string.h>
 
 #include "apsm/topology.h"
+#include "core/kernel.h"
 #include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 
@@ -418,50 +419,26 @@ static double closest_on_triangle(const triangle *t, const double x[3], double w
     return best;
 }
 
-typedef struct query {
-    double x[3];
-    float q[3];      /* x in the tree's frame */
-    const double *n; /* NULL: faces of any direction */
-    double min_cos;
-    double best;           /* squared distance, exact */
-    float bound;           /* the same in the tree's frame, rounded up */
-    double to_bound;       /* best * to_bound -> bound */
-    uint32_t slot;         /* the triangle found */
-    apsm_surface_point on; /* face 0 and no weight: nothing yet */
-} query;
+/* Where a search looks and how far: a point or box in the tree's frame. */
+typedef struct probe {
+    float lo[3], hi[3];
+    float bound;     /* squared distance, rounded up */
+    double to_bound; /* distance2 * to_bound -> bound */
+} probe;
 
-static void tighten(query *s, double best)
+static void set_bound(probe *p, double distance2)
 {
-    s->best = best;
-    const double b = best * s->to_bound + (double)FLT_MIN;
-    s->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
+    const double b = distance2 * p->to_bound + (double)FLT_MIN;
+    p->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
 }
 
-static bool faces(const apsm_bvh *bvh, const query *s, uint32_t f)
-{
-    return !s->n || vec3_dot(bvh->face_normal + 3 * (size_t)f, s->n) >= s->min_cos;
-}
-
-static void try_triangle(const apsm_bvh *bvh, query *s, uint32_t slot)
-{
-    double w[3];
-    const uint32_t f = bvh->face[slot];
-    if (!faces(bvh, s, f)) return;
-    const double d2 = closest_on_triangle(&bvh->triangles[slot], s->x, w);
-    if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) return;
-    tighten(s, d2);
-    s->slot = slot;
-    s->on.face = f;
-    memcpy(s->on.weight, w, sizeof w);
-}
-
-/* Squared distances of the query to a node's four boxes. */
-static void box_distances(const node *restrict n, const float q[3], float d2[restrict WIDTH])
+/* Squared distances of the probe to a node's four boxes. */
+static void box_distances(const node *restrict n, const probe *restrict p, float d2[restrict WIDTH])
 {
     for (int k = 0; k < WIDTH; k++) d2[k] = 0.0f;
     for (int c = 0; c < 3; c++)
         for (int k = 0; k < WIDTH; k++) {
-            const float below = n->lo[c][k] - q[c], above = q[c] - n->hi[c][k];
+            const float below = n->lo[c][k] - p->hi[c], above = p->lo[c] - n->hi[c][k];
             const float outside = below > above ? below : above;
             const float d = outside > 0.0f ? outside : 0.0f;
             d2[k] += d * d;
@@ -488,33 +465,64 @@ static int push_children(const node *n, const float key[WIDTH], float bound, ent
     return top;
 }
 
-static void search(const apsm_bvh *bvh, query *s)
+/* Calls visit(bvh, p, slot) for the triangles that may be within p's bound, which visit lowers,
+ * near boxes first.  p is the first member of what visit works on. */
+static inline void search(const apsm_bvh *bvh, probe *p,
+                          void (*visit)(const apsm_bvh *, probe *, uint32_t))
 {
     entry stack[STACK];
     int top = 1;
     stack[0] = (entry){ 0.0f, 0, 0 };
     while (top > 0) {
         const entry e = stack[--top];
-        if (e.key > s->bound) continue;
-        if (e.count > 0) {
-            for (uint32_t i = 0; i < e.count; i++) try_triangle(bvh, s, e.first + i);
-            continue;
-        }
+        if (e.key > p->bound) continue;
+        for (uint32_t i = 0; i < e.count; i++) visit(bvh, p, e.first + i);
+        if (e.count > 0) continue;
         float d2[WIDTH];
-        box_distances(&bvh->nodes[e.first], s->q, d2);
-        top = push_children(&bvh->nodes[e.first], d2, s->bound, stack, top);
+        box_distances(&bvh->nodes[e.first], p, d2);
+        top = push_children(&bvh->nodes[e.first], d2, p->bound, stack, top);
     }
 }
 
+static float to_frame(const apsm_bvh *bvh, double x, int c)
+{
+    return (float)((x - bvh->centre[c]) * bvh->scale);
+}
+
+typedef struct query {
+    probe probe;
+    double x[3];
+    const double *n; /* NULL: faces of any direction */
+    double min_cos;
+    double best;           /* squared distance, exact */
+    uint32_t slot;         /* the triangle found */
+    apsm_surface_point on; /* face 0 and no weight: nothing yet */
+} query;
+
 static query make_query(const apsm_bvh *bvh, const double x[3], double max_distance2)
 {
-    query s = { .to_bound = bvh->scale * bvh->scale * SLACK };
+    query s = { .probe.to_bound = bvh->scale * bvh->scale * SLACK, .best = max_distance2 };
     for (int c = 0; c < 3; c++) {
         s.x[c] = x[c];
-        s.q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
+        s.probe.lo[c] = s.probe.hi[c] = to_frame(bvh, x[c], c);
     }
-    tighten(&s, max_distance2);
+    set_bound(&s.probe, max_distance2);
     return s;
+}
+
+static void visit_triangle(const apsm_bvh *bvh, probe *p, uint32_t slot)
+{
+    query *s = (query *)p;
+    double w[3];
+    const uint32_t f = bvh->face[slot];
+    if (s->n && !(vec3_dot(bvh->face_normal + 3 * (size_t)f, s->n) >= s->min_cos)) return;
+    const double d2 = closest_on_triangle(&bvh->triangles[slot], s->x, w);
+    if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) return;
+    s->best = d2;
+    set_bound(p, d2);
+    s->slot = slot;
+    s->on.face = f;
+    memcpy(s->on.weight, w, sizeof w);
 }
 
 static void finish(const apsm_bvh *bvh, const query *s, apsm_closest *out)
@@ -530,7 +538,7 @@ void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distanc
                       apsm_closest *out)
 {
     query s = make_query(bvh, x, max_distance2);
-    search(bvh, &s);
+    search(bvh, &s.probe, visit_triangle);
     finish(bvh, &s, out);
 }
 
@@ -540,7 +548,7 @@ void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const doubl
     query s = make_query(bvh, x, max_distance2);
     s.n = n;
     s.min_cos = min_cos;
-    search(bvh, &s);
+    search(bvh, &s.probe, visit_triangle);
     finish(bvh, &s, out);
 }
 
@@ -549,10 +557,127 @@ void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distan
 {
     query s = make_query(bvh, x, max_distance2);
     s.slot = *slot;
-    try_triangle(bvh, &s, *slot);
-    search(bvh, &s);
+    visit_triangle(bvh, &s.probe, *slot);
+    search(bvh, &s.probe, visit_triangle);
     finish(bvh, &s, out);
     *slot = s.slot;
+}
+
+/* ---- eight points at once ------------------------------------------------------------------- */
+
+typedef struct packet {
+    probe probe;
+    double x[3][BVH_PACKET];
+    double best[BVH_PACKET];
+    uint32_t slot[BVH_PACKET];
+    bool found[BVH_PACKET];
+} packet;
+
+/* One edge of a triangle against all points: h, |x - p|^2, where the foot lies along it, and the
+ * squared distance to the line. */
+typedef struct edge_lanes {
+    double h[BVH_PACKET], start2[BVH_PACKET], along[BVH_PACKET], line2[BVH_PACKET];
+} edge_lanes;
+
+static inline void fill_lanes(const triangle *restrict t, int k,
+                              const double x[restrict 3][BVH_PACKET], edge_lanes *restrict out)
+{
+    const double *p = t->p[k], *n = t->n;
+    double e[3];
+    vec3_sub(t->p[(k + 1) % 3], p, e);
+#pragma omp simd
+    for (int i = 0; i < BVH_PACKET; i++) {
+        const double a = x[0][i] - p[0], b = x[1][i] - p[1], c = x[2][i] - p[2];
+        out->h[i] = n[0] * (e[1] * c - e[2] * b) + n[1] * (e[2] * a - e[0] * c) +
+                    n[2] * (e[0] * b - e[1] * a);
+        const double s = (a * e[0] + b * e[1] + c * e[2]) * t->inverse_e2[k];
+        const double u = a - s * e[0], v = b - s * e[1], w = c - s * e[2];
+        out->along[i] = s;
+        out->start2[i] = a * a + b * b + c * c;
+        out->line2[i] = u * u + v * v + w * w;
+    }
+}
+
+/* Distance to the edge if the point is not inside of it (or the triangle is flat). */
+static inline double lane_distance2(const edge_lanes *edge, const edge_lanes *next, double flat,
+                                    int i)
+{
+    const double before_end = edge->along[i] >= 1.0 ? next->start2[i] : edge->line2[i];
+    const double d2 = edge->along[i] > 0.0 ? before_end : edge->start2[i];
+    return edge->h[i] > flat ? INFINITY : d2;
+}
+
+/* As closest_on_triangle, bit for bit, but without branches and weights: one triangle against all
+ * points, in the lanes of the processor. */
+APSM_KERNEL static void packet_distances(const triangle *restrict t,
+                                         const double x[restrict 3][BVH_PACKET],
+                                         double d2[restrict BVH_PACKET])
+{
+    const double flat = t->inverse_n2 > 0.0 ? 0.0 : INFINITY;
+    edge_lanes edge[3];
+    for (int k = 0; k < 3; k++) fill_lanes(t, k, x, &edge[k]);
+#pragma omp simd
+    for (int i = 0; i < BVH_PACKET; i++) {
+        const double a = lane_distance2(&edge[0], &edge[1], flat, i),
+                     b = lane_distance2(&edge[1], &edge[2], flat, i),
+                     c = lane_distance2(&edge[2], &edge[0], flat, i);
+        const double height = t->n[0] * (x[0][i] - t->p[2][0]) + t->n[1] * (x[1][i] - t->p[2][1]) +
+                              t->n[2] * (x[2][i] - t->p[2][2]);
+        const double ab = a < b ? a : b, best = ab < c ? ab : c;
+        d2[i] = best == INFINITY ? height * height * t->inverse_n2 : best;
+    }
+}
+
+static void visit_packet(const apsm_bvh *bvh, probe *p, uint32_t slot)
+{
+    packet *s = (packet *)p;
+    double d2[BVH_PACKET], worst = 0.0;
+    packet_distances(&bvh->triangles[slot], (const double(*)[BVH_PACKET])s->x, d2);
+    for (int i = 0; i < BVH_PACKET; i++) {
+        if (d2[i] < s->best[i] ||
+            (d2[i] == s->best[i] && s->found[i] && bvh->face[slot] < bvh->face[s->slot[i]])) {
+            s->best[i] = d2[i];
+            s->slot[i] = slot;
+            s->found[i] = true;
+        }
+        worst = s->best[i] > worst ? s->best[i] : worst;
+    }
+    set_bound(p, worst);
+}
+
+static packet make_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2)
+{
+    packet s = { .probe.to_bound = bvh->scale * bvh->scale * SLACK };
+    memcpy(s.x, x, sizeof s.x);
+    for (int c = 0; c < 3; c++) {
+        s.probe.lo[c] = INFINITY;
+        s.probe.hi[c] = -INFINITY;
+        for (int i = 0; i < BVH_PACKET; i++) {
+            const float q = to_frame(bvh, x[c][i], c);
+            s.probe.lo[c] = q < s.probe.lo[c] ? q : s.probe.lo[c];
+            s.probe.hi[c] = q > s.probe.hi[c] ? q : s.probe.hi[c];
+        }
+    }
+    for (int i = 0; i < BVH_PACKET; i++) s.best[i] = max_distance2;
+    set_bound(&s.probe, max_distance2);
+    return s;
+}
+
+void bvh_closest_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2,
+                        uint32_t *slot, apsm_closest out[BVH_PACKET])
+{
+    packet s = make_packet(bvh, x, max_distance2);
+    visit_packet(bvh, &s.probe, *slot);
+    search(bvh, &s.probe, visit_packet);
+    for (int i = 0; i < BVH_PACKET; i++) {
+        query one = { .x = { x[0][i], x[1][i], x[2][i] } };
+        if (s.found[i]) {
+            *slot = s.slot[i];
+            one.on.face = bvh->face[s.slot[i]];
+            one.best = closest_on_triangle(&bvh->triangles[s.slot[i]], one.x, one.on.weight);
+        }
+        finish(bvh, &one, &out[i]);
+    }
 }
 
 /* ---- sign ----------------------------------------------------------------------------------- */

@@ -3,6 +3,7 @@
 #include "apsm/affine.h"
 #include "apsm/bvh.h"
 #include "apsm/random.h"
+#include "geometry/bvh_guess.h"
 #include "shapes.h"
 
 static apsm_bvh *build(const apsm_mesh *mesh)
@@ -122,6 +123,40 @@ static void closest_equals_brute_force(void **state)
             check_consistent(&meshes[m], x, &c);
             assert_near(sqrt(c.distance2), sqrt(brute_force(&meshes[m], x)),
                         1e-13 * (1.0 + fabs(x[0])));
+        }
+        apsm_bvh_free(bvh);
+        apsm_mesh_free(&meshes[m]);
+    }
+}
+
+/* Neither the guess nor the company of other points changes an answer. */
+static void guesses_and_packets_change_nothing(void **state)
+{
+    (void)state;
+    apsm_random rng = apsm_random_stream(9, APSM_STREAM_TEST, 0, 0);
+    apsm_mesh meshes[] = { soup(&rng, 400), shape_cube(6, 1.0) };
+    for (size_t m = 0; m < 2; m++) {
+        apsm_bvh *bvh = build(&meshes[m]);
+        for (int trial = 0; trial < 1000; trial++) {
+            const double limit2 = trial % 3 ? INFINITY : 0.01;
+            double x[3][BVH_PACKET], start[3];
+            apsm_closest got[BVH_PACKET], want, guessed;
+            random_point(&rng, 1.0, start);
+            for (int i = 0; i < BVH_PACKET; i++) /* on a grid, for ties on the cube */
+                for (int c = 0; c < 3; c++)
+                    x[c][i] = rint(8.0 * start[c]) / 8.0 + (i >> c & 1) * 0.125;
+            uint32_t slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf), other = slot;
+            bvh_closest_packet(bvh, (const double(*)[BVH_PACKET])x, limit2, &slot, got);
+            for (int i = 0; i < BVH_PACKET; i++) {
+                const double p[3] = { x[0][i], x[1][i], x[2][i] };
+                apsm_bvh_closest(bvh, p, limit2, &want);
+                bvh_closest_guess(bvh, p, limit2, &other, &guessed);
+                assert_true(got[i].distance2 == want.distance2);
+                assert_int_equal(got[i].on.face, want.on.face);
+                assert_memory_equal(got[i].x, want.x, sizeof want.x);
+                assert_true(guessed.distance2 == want.distance2);
+                assert_int_equal(guessed.on.face, want.on.face);
+            }
         }
         apsm_bvh_free(bvh);
         apsm_mesh_free(&meshes[m]);
@@ -384,6 +419,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(closest_equals_brute_force),
+        cmocka_unit_test(guesses_and_packets_change_nothing),
         cmocka_unit_test(points_on_the_surface_have_no_distance),
         cmocka_unit_test(ties_go_to_the_smallest_face),
         cmocka_unit_test(bound_hides_what_is_not_nearer),
