@@ -17,7 +17,7 @@ typedef struct apsm_groom_options {
     /* segmentations */
     bool fill_cavities; /* fill background enclosed by the label (default true) */
     double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
-                           0: none, 4: twice the reach.  No voxel's centre changes sides */
+                           0: none, 2: twice its reach.  No inner voxel gets outside */
     /* both */
     bool keep_largest;     /* default true; false: more than one part is an error */
     double max_drop_share; /* dropped parts may have together this share of the area (mesh) or

@@ -1,0 +1,115 @@
+/* The path of a mesh: repair, remesh, report. */
+#include "apsm/groom.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+
+apsm_groom_options apsm_groom_defaults(void)
+{
+    return (apsm_groom_options){ .fill_cavities = true,
+                                 .smoothing = 1.0,
+                                 .keep_largest = true,
+                                 .max_drop_share = 0.2,
+                                 .merge = 1e-7,
+                                 .fill_holes = true,
+                                 .max_cap_share = 0.25,
+                                 .remesh = true,
+                                 .remesh_options = apsm_remesh_defaults() };
+}
+
+/* A line that grows; what does not fit is cut. */
+typedef struct line {
+    char text[600];
+    size_t n;
+} line;
+
+static void add(line *l, const char *format, ...) APSM_PRINTF(2, 3);
+static void add(line *l, const char *format, ...)
+{
+    va_list args;
+    const char *comma = l->n ? "; " : "";
+    l->n += (size_t)snprintf(l->text + l->n, sizeof l->text - l->n, "%s", comma);
+    va_start(args, format);
+    l->n += (size_t)vsnprintf(l->text + l->n, sizeof l->text - l->n, format, args);
+    va_end(args);
+    if (l->n >= sizeof l->text) l->n = sizeof l->text - 1;
+}
+
+static void say_vertices_and_faces(line *l, const apsm_groom_report *r)
+{
+    if (r->merged_vertices) add(l, "%zu coinciding vertices merged", r->merged_vertices);
+    if (r->unused_vertices) add(l, "%zu unused vertices dropped", r->unused_vertices);
+    if (r->degenerate_faces) add(l, "%zu degenerate faces dropped", r->degenerate_faces);
+    if (r->duplicate_faces) add(l, "%zu duplicate faces dropped", r->duplicate_faces);
+    if (r->fin_faces) add(l, "%zu faces of fins and inner walls dropped", r->fin_faces);
+    if (r->split_vertices) add(l, "%zu touching vertices split", r->split_vertices);
+    if (r->flipped_faces) add(l, "%zu faces turned over", r->flipped_faces);
+    if (r->inverted) add(l, "inside out: turned over");
+}
+
+/* One line for all that repair had to do; nothing if that is nothing. */
+static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_report *r)
+{
+    line l = { .n = 0 };
+    say_vertices_and_faces(&l, r);
+    if (r->dropped_components)
+        add(&l, "%zu smaller parts dropped (%zu faces, %.2g %% of the area)", r->dropped_components,
+            r->dropped_faces, 100.0 * r->dropped_area);
+    if (r->holes)
+        add(&l,
+            "%zu holes closed with %zu faces, the largest near %.5g %.5g %.5g, %.2g %% of the area",
+            r->holes, r->hole_faces, r->largest_cap_at[0], r->largest_cap_at[1],
+            r->largest_cap_at[2], 100.0 * r->largest_cap);
+    /* A cap of one per cent is no longer a mend but a guess at the anatomy: worth a look. */
+    const bool grave = r->largest_cap > 0.01 || r->dropped_area > 0.05;
+    if (l.n) apsm_log(ctx, grave ? APSM_LOG_WARNING : APSM_LOG_INFO, "%s: %s", name, l.text);
+    if (r->genus)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: the surface has %ld handle%s (genus)", name, r->genus,
+                 r->genus == 1 ? "" : "s");
+}
+
+static apsm_status remesh_repaired(apsm_context *ctx, const char *name, apsm_mesh *mesh,
+                                   const apsm_remesh_options *opt, apsm_remesh_report *report)
+{
+    apsm_bvh *tree;
+    apsm_mesh fine = *mesh;
+    APSM_TRY(apsm_bvh_build(&fine, &tree));
+    apsm_status status = apsm_remesh(ctx, &fine, tree, opt, mesh, report);
+    apsm_bvh_free(tree);
+    if (status != APSM_OK) {
+        *mesh = fine; /* the caller frees it */
+        return apsm_fail(ctx, status, "%s: %s", name,
+                         status == APSM_ERR_MEMORY ? apsm_status_text(status)
+                                                   : "remeshing failed; try fewer or more faces");
+    }
+    apsm_mesh_free(&fine);
+    return APSM_OK;
+}
+
+apsm_status apsm_groom_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                            const apsm_groom_options *options, apsm_mesh *mesh_out,
+                            apsm_groom_report *report)
+{
+    const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
+    apsm_groom_report own = { 0 }, *r = report ? report : &own;
+    *r = (apsm_groom_report){ 0 };
+    APSM_TRY(apsm_repair(ctx, name, mesh, &opt, mesh_out, r));
+    say_repair(ctx, name, r);
+    if (!opt.remesh) return APSM_OK;
+    const apsm_status status =
+        remesh_repaired(ctx, name, mesh_out, &opt.remesh_options, report ? &r->remesh : NULL);
+    if (status != APSM_OK) apsm_mesh_free(mesh_out);
+    return status;
+}
+
+void apsm_reflect(apsm_mesh *mesh, double M[16])
+{
+    double c[3];
+    apsm_mesh_centroid(mesh, c);
+    const double plane = (double)(float)c[0];
+    const double mirror[16] = { -1, 0, 0, 2.0 * plane, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    memcpy(M, mirror, sizeof mirror);
+    apsm_mesh_transform(mesh, M);
+}

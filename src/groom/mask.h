@@ -1,0 +1,20 @@
+/* mask.h -- the label of a segmentation as a cropped binary mask. */
+#ifndef APSM_GROOM_MASK_H
+#define APSM_GROOM_MASK_H
+
+#include "apsm/groom.h"
+
+typedef struct mask {
+    size_t n[3];         /* of the crop */
+    ptrdiff_t origin[3]; /* of the crop in the volume, in voxels; negative where padded */
+    unsigned char *in;   /* n, x fastest: 1 inside; owned */
+} mask;
+
+/* Largest part, cavities filled if asked, cropped with rim[c] voxels of background on each side.
+ * Adds to the report.  APSM_ERR_GEOMETRY if there is nothing, or several large parts. */
+apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                      const apsm_groom_options *opt, const size_t rim[3], mask *m,
+                      apsm_groom_report *report) APSM_NODISCARD;
+void mask_free(mask *m);
+
+#endif

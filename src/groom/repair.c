@@ -1,0 +1,184 @@
+/* Repair of a triangle mesh: the order of the steps, and what they share.
+ *
+ *   weld      vertices that coincide become one
+ *   faces     degenerate and duplicate faces go
+ *   stitch    edges with more than two faces are resolved, vertices split into their fans
+ *   orient    neighbours agree on what is outside
+ *   parts     the largest part stays
+ *   holes     openings are closed
+ *   slivers   faces without area are edited away
+ *   outward   the volume is positive
+ * No step moves a vertex by more than opt->merge diagonals. */
+#include "groom/repair.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "geometry/vec3.h"
+
+/* A closed surface with less volume than this, over area^(3/2), is a sheet (a ball has 0.094). */
+static const double least_volume = 1e-6;
+
+void repair_area_vector(const apsm_mesh *mesh, size_t f, double n[3])
+{
+    const uint32_t *c = mesh->F + 3 * f;
+    double u[3], v[3];
+    vec3_sub(mesh->V + 3 * c[1], mesh->V + 3 * c[0], u);
+    vec3_sub(mesh->V + 3 * c[2], mesh->V + 3 * c[0], v);
+    vec3_cross(u, v, n);
+}
+
+double repair_face_area(const apsm_mesh *mesh, size_t f)
+{
+    double n[3];
+    repair_area_vector(mesh, f, n);
+    return 0.5 * vec3_norm(n);
+}
+
+void sets_init(uint32_t *parent, size_t n)
+{
+    for (size_t i = 0; i < n; i++) parent[i] = (uint32_t)i;
+}
+
+uint32_t sets_root(uint32_t *parent, uint32_t i)
+{
+    while (parent[i] != i) {
+        parent[i] = parent[parent[i]];
+        i = parent[i];
+    }
+    return i;
+}
+
+void sets_join(uint32_t *parent, uint32_t i, uint32_t j)
+{
+    i = sets_root(parent, i);
+    j = sets_root(parent, j);
+    if (i < j)
+        parent[j] = i;
+    else
+        parent[i] = j;
+}
+
+apsm_status repair_drop(apsm_mesh *mesh, const unsigned char *drop)
+{
+    uint32_t *name = malloc(mesh->nv * sizeof *name + 1);
+    if (!name) return APSM_ERR_MEMORY;
+    memset(name, 0xff, mesh->nv * sizeof *name);
+    size_t nf = 0, nv = 0;
+    for (size_t f = 0; f < mesh->nf; f++) {
+        if (drop && drop[f]) continue;
+        memmove(mesh->F + 3 * nf, mesh->F + 3 * f, 3 * sizeof *mesh->F);
+        for (size_t k = 0; k < 3; k++) name[mesh->F[3 * nf + k]] = 0;
+        nf++;
+    }
+    for (size_t v = 0; v < mesh->nv; v++) {
+        if (name[v] == APSM_NONE) continue;
+        memmove(mesh->V + 3 * nv, mesh->V + 3 * v, 3 * sizeof *mesh->V);
+        name[v] = (uint32_t)nv++;
+    }
+    for (size_t h = 0; h < 3 * nf; h++) mesh->F[h] = name[mesh->F[h]];
+    mesh->nf = nf;
+    mesh->nv = nv;
+    free(name);
+    return APSM_OK;
+}
+
+static apsm_status check_input(const repair *r)
+{
+    const apsm_mesh *m = &r->mesh;
+    if (m->nv == 0 || m->nf == 0)
+        return apsm_fail(r->ctx, APSM_ERR_GEOMETRY, "%s: the mesh is empty", r->name);
+    for (size_t v = 0; v < m->nv; v++)
+        if (!isfinite(m->V[3 * v]) || !isfinite(m->V[3 * v + 1]) || !isfinite(m->V[3 * v + 2]))
+            return apsm_fail(r->ctx, APSM_ERR_NONFINITE,
+                             "%s: vertex %zu has a coordinate that is not a number; export the "
+                             "mesh again",
+                             r->name, v);
+    for (size_t h = 0; h < 3 * m->nf; h++)
+        if (m->F[h] >= m->nv)
+            return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                             "%s: face %zu names vertex %u of %zu; the file is damaged", r->name,
+                             h / 3, m->F[h], m->nv);
+    return APSM_OK;
+}
+
+static apsm_status something_left(const repair *r)
+{
+    if (r->mesh.nf > 0) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                     "%s: no proper face is left after removing degenerate and doubled ones; the "
+                     "mesh encloses no volume",
+                     r->name);
+}
+
+static apsm_status face_outward(repair *r)
+{
+    apsm_mesh *m = &r->mesh;
+    const double volume = apsm_mesh_volume(m), area = apsm_mesh_area(m);
+    if (!(fabs(volume) > least_volume * area * sqrt(area)))
+        return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                         "%s: the surface encloses no volume (a sheet?); give it thickness",
+                         r->name);
+    if (volume < 0.0) {
+        for (size_t f = 0; f < m->nf; f++) {
+            const uint32_t t = m->F[3 * f + 1];
+            m->F[3 * f + 1] = m->F[3 * f + 2];
+            m->F[3 * f + 2] = t;
+        }
+        r->report->inverted = true;
+    }
+    return APSM_OK;
+}
+
+static apsm_status check_result(repair *r)
+{
+    apsm_mesh_defects d;
+    APSM_TRY(apsm_mesh_inspect(&r->mesh, &d));
+    if (!apsm_mesh_is_closed_manifold(&d) || d.components != 1) {
+        const double *at = d.border_edges ? d.border_at : d.nonmanifold_at;
+        return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                         "%s: could not be made one closed surface (%zu border, %zu non-manifold "
+                         "edges, %zu degenerate faces, near %.6g %.6g %.6g); mend it there by hand",
+                         r->name, d.border_edges, d.nonmanifold_edges, d.degenerate_faces, at[0],
+                         at[1], at[2]);
+    }
+    apsm_topology topology;
+    APSM_TRY(apsm_topology_build(&r->mesh, &topology));
+    r->report->genus = (2 - apsm_mesh_euler(&r->mesh, &topology)) / 2;
+    apsm_topology_free(&topology);
+    return APSM_OK;
+}
+
+static apsm_status run(repair *r)
+{
+    APSM_TRY(check_input(r));
+    APSM_TRY(repair_weld(r));
+    APSM_TRY(repair_faces(r));
+    APSM_TRY(something_left(r));
+    APSM_TRY(repair_stitch(r));
+    APSM_TRY(something_left(r));
+    APSM_TRY(repair_orient(r));
+    APSM_TRY(repair_parts(r));
+    APSM_TRY(repair_holes(r));
+    APSM_TRY(repair_slivers(r));
+    APSM_TRY(face_outward(r));
+    return check_result(r);
+}
+
+apsm_status apsm_repair(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                        const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                        apsm_groom_report *report)
+{
+    const apsm_groom_options defaults = apsm_groom_defaults();
+    apsm_groom_report unused = { 0 };
+    repair r = { ctx, name, opt ? opt : &defaults, report ? report : &unused, { 0 } };
+    *mesh_out = (apsm_mesh){ 0 };
+    APSM_TRY(apsm_mesh_copy(mesh, &r.mesh));
+    const apsm_status status = run(&r);
+    if (status == APSM_OK)
+        *mesh_out = r.mesh;
+    else
+        apsm_mesh_free(&r.mesh);
+    return status;
+}

@@ -1,0 +1,163 @@
+/* From a segmentation to a mesh: mask, anti-aliasing, iso-surface, then the path of a mesh.
+ *
+ * Axes along which voxels are much longer than along the finest are refined so that the surface
+ * between slices far apart is interpolated on a grid of nearly cubic cells. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/groom.h"
+#include "groom/antialias.h"
+#include "groom/mask.h"
+
+enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
+static const double volume_tolerance = 0.003;          /* relative */
+static const double first_step = 0.005, outward = 0.3; /* of the level */
+
+static void choose_refinement(const apsm_volume *v, antialias_input *in)
+{
+    const double least = fmin(v->spacing[0], fmin(v->spacing[1], v->spacing[2]));
+    for (int c = 0; c < 3; c++) {
+        const double ratio = floor(v->spacing[c] / least + 0.5);
+        in->refine[c] = ratio < MOST_REFINED ? (int)ratio : MOST_REFINED;
+        in->spacing[c] = v->spacing[c];
+    }
+}
+
+/* The surface, in LPS, of fine-grid values <= level. */
+static apsm_status contour(apsm_context *ctx, const apsm_volume *v, const mask *m,
+                           const antialias_input *in, const float *values, double level,
+                           apsm_mesh *surface)
+{
+    size_t fine[3];
+    double M[16], to_lps[16];
+    antialias_fine(in, fine);
+    APSM_TRY(apsm_vtk_isosurface(ctx, fine, values, level, surface));
+    /* fine index -> voxel index -> LPS */
+    apsm_volume_index_to_lps(v, M);
+    memcpy(to_lps, M, sizeof M);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            to_lps[4 * r + 3] += M[4 * r + c] * (double)m->origin[c];
+            to_lps[4 * r + c] = M[4 * r + c] / in->refine[c];
+        }
+    apsm_mesh_transform(surface, to_lps);
+    return APSM_OK;
+}
+
+/* A mesh of flat triangles has a little more or less volume than the function.  The level is moved
+ * by the secant rule until the mesh has the mask's volume, but not so far inward that an inner
+ * voxel gets out. */
+static apsm_status contour_volume(apsm_context *ctx, const apsm_volume *v, const mask *m,
+                                  const antialias_input *in, const float *values, double inward,
+                                  double wanted, apsm_mesh *surface)
+{
+    double level = 0.0, last = 0.0, last_off = 0.0;
+    for (int i = 0; i < CONTOURS; i++) {
+        apsm_mesh next;
+        APSM_TRY(contour(ctx, v, m, in, values, level, &next));
+        const double off = apsm_mesh_volume(&next) / wanted - 1.0;
+        apsm_mesh_free(surface);
+        *surface = next;
+        if (fabs(off) <= volume_tolerance || in->smoothing <= 0.0) break;
+        const double slope = i > 0 && level != last ? (off - last_off) / (level - last) : 0.0;
+        last = level;
+        last_off = off;
+        level = slope > 0.0 ? level - off / slope : off < 0.0 ? first_step : -first_step;
+        level = fmin(fmax(level, -inward), outward);
+        if (level == last) break;
+    }
+    return APSM_OK;
+}
+
+static apsm_status extract(apsm_context *ctx, const apsm_volume *v, const mask *m,
+                           antialias_input *in, apsm_mesh *surface, apsm_groom_report *r)
+{
+    size_t fine[3];
+    memcpy(in->n, m->n, sizeof in->n);
+    in->mask = m->in;
+    antialias_fine(in, fine);
+    float *values = malloc(fine[0] * fine[1] * fine[2] * sizeof *values);
+    if (!values) return APSM_ERR_MEMORY;
+    double inward;
+    apsm_status status = antialias(in, values, &inward);
+    if (status == APSM_OK)
+        status = contour_volume(ctx, v, m, in, values, inward, r->mask_volume, surface);
+    if (status == APSM_OK) r->smoothing_volume = apsm_mesh_volume(surface) / r->mask_volume - 1.0;
+    free(values);
+    return status;
+}
+
+static void say_mask(apsm_context *ctx, const char *name, const apsm_groom_report *r)
+{
+    if (r->dropped_parts)
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "%s: %zu smaller parts of the label dropped (%zu voxels of %zu)", name,
+                 r->dropped_parts, r->dropped_voxels, r->dropped_voxels + r->voxels);
+    if (r->filled_voxels)
+        apsm_log(ctx, APSM_LOG_INFO, "%s: cavities of %zu voxels filled", name, r->filled_voxels);
+    if (r->border)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: the label touches the image's border (%s%s%s%s%s%s); the surface is closed "
+                 "there",
+                 name, r->border & 1 ? " -i" : "", r->border & 2 ? " +i" : "",
+                 r->border & 4 ? " -j" : "", r->border & 8 ? " +j" : "",
+                 r->border & 16 ? " -k" : "", r->border & 32 ? " +k" : "");
+}
+
+static apsm_status check_volume(apsm_context *ctx, const char *name, const apsm_volume *v)
+{
+    for (int c = 0; c < 3; c++)
+        if (v->n[c] == 0 || !(v->spacing[c] > 0.0) || !isfinite(v->spacing[c]))
+            return apsm_fail(ctx, APSM_ERR_FORMAT,
+                             "%s: the image's spacing or size is not positive", name);
+    return APSM_OK;
+}
+
+static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                                const apsm_groom_options *opt, apsm_mesh *surface,
+                                apsm_groom_report *r)
+{
+    antialias_input in = { .smoothing = opt->smoothing };
+    mask m;
+    size_t rim[3];
+    choose_refinement(volume, &in);
+    antialias_rim(&in, rim);
+    APSM_TRY(mask_make(ctx, name, volume, opt, rim, &m, r));
+    memcpy(r->supersampling, in.refine, sizeof in.refine);
+    r->mask_volume =
+        (double)r->voxels * volume->spacing[0] * volume->spacing[1] * volume->spacing[2];
+    say_mask(ctx, name, r);
+    apsm_status status = APSM_OK;
+    if (r->voxels < LEAST_VOXELS)
+        status = apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
+                           name, r->voxels);
+    if (status == APSM_OK) status = extract(ctx, volume, &m, &in, surface, r);
+    mask_free(&m);
+    return status;
+}
+
+apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                                    const apsm_groom_options *options, apsm_mesh *mesh_out,
+                                    apsm_groom_report *report)
+{
+    const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
+    apsm_groom_report mask_report = { 0 }, own, *r = report ? report : &own;
+    apsm_mesh surface = { 0 };
+    *mesh_out = (apsm_mesh){ 0 };
+    APSM_TRY(check_volume(ctx, name, volume));
+    apsm_status status = make_surface(ctx, name, volume, &opt, &surface, &mask_report);
+    if (status == APSM_OK) status = apsm_groom_mesh(ctx, name, &surface, &opt, mesh_out, r);
+    apsm_mesh_free(&surface);
+    /* What apsm_groom_mesh cleared. */
+    r->voxels = mask_report.voxels;
+    r->dropped_parts = mask_report.dropped_parts;
+    r->dropped_voxels = mask_report.dropped_voxels;
+    r->filled_voxels = mask_report.filled_voxels;
+    r->border = mask_report.border;
+    memcpy(r->supersampling, mask_report.supersampling, sizeof r->supersampling);
+    r->mask_volume = mask_report.mask_volume;
+    r->smoothing_volume = mask_report.smoothing_volume;
+    return status;
+}
