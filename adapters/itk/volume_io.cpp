@@ -11,6 +11,7 @@
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
+#include <fstream>
 #include <iostream>
 #include <mutex>
 #include <unistd.h>
@@ -151,6 +152,92 @@ void check_nifti(const std::string &path)
         damaged("ends before its last voxel; copy or export it again");
 }
 
+/* What of a MetaImage header says where the voxels are. */
+struct meta_header {
+    bool binary = true, compressed = false;
+    double compressed_size = 0.0;
+    std::string data_file; /* LOCAL: after the header */
+    std::streamoff end = 0;
+};
+
+std::string trimmed(const std::string &text)
+{
+    const char *const blanks = " \t\r";
+    const size_t first = text.find_first_not_of(blanks);
+    return first == std::string::npos
+               ? ""
+               : text.substr(first, text.find_last_not_of(blanks) + 1 - first);
+}
+
+meta_header read_meta_header(std::istream &file)
+{
+    meta_header h;
+    for (std::string line; h.data_file.empty() && std::getline(file, line);) {
+        const size_t sign = line.find_first_of("=:");
+        if (sign == std::string::npos) continue;
+        const std::string key = trimmed(line.substr(0, sign)),
+                          value = trimmed(line.substr(sign + 1));
+        const bool yes = !value.empty() && std::strchr("Tt1", value[0]);
+        if (key == "BinaryData") h.binary = yes;
+        if (key == "CompressedData") h.compressed = yes;
+        if (key == "CompressedDataSize") h.compressed_size = std::atof(value.c_str());
+        if (key == "ElementDataFile") h.data_file = value;
+    }
+    h.end = file.tellg();
+    return h;
+}
+
+/* The size of what `packed` unpacks to; damaged if it is not whole. */
+double inflated_size(std::string packed)
+{
+    z_stream z{};
+    std::vector<char> out(1 << 16);
+    if (inflateInit2(&z, 47) != Z_OK) throw std::bad_alloc(); /* 47: zlib or gzip */
+    z.next_in = reinterpret_cast<Bytef *>(&packed[0]);
+    z.avail_in = static_cast<uInt>(packed.size());
+    int state = Z_OK;
+    for (double total = 0.0;;) {
+        z.next_out = reinterpret_cast<Bytef *>(out.data());
+        z.avail_out = static_cast<uInt>(out.size());
+        state = inflate(&z, Z_NO_FLUSH);
+        total += static_cast<double>(out.size() - z.avail_out);
+        if (state == Z_OK && z.avail_out == 0) continue;
+        inflateEnd(&z);
+        if (state == Z_STREAM_END) return total;
+        damaged("its compressed data are cut short or wrong; copy or export it again");
+    }
+}
+
+/* MetaIO asks for as many bytes as the header says that the compressed voxels take, does not
+ * look at their check sum, and leaves voxels that are not there as they are. */
+void check_meta(const std::string &path, size_t voxel_bytes, size_t voxels)
+{
+    namespace fs = std::filesystem;
+    std::ifstream file(path, std::ios::binary);
+    const meta_header h = read_meta_header(file);
+    if (h.data_file == "LIST" || h.data_file.find('%') != std::string::npos)
+        damaged("its slices are in many files; save it in one");
+    if (h.data_file != "LOCAL") {
+        file.close();
+        file.open((fs::path(path).parent_path() / h.data_file).string(), std::ios::binary);
+        if (!file) damaged("its data file '" + h.data_file + "' is not there; copy both files");
+    }
+    file.seekg(0, std::ios::end);
+    const std::streamoff start = h.data_file == "LOCAL" ? h.end : 0, held = file.tellg() - start;
+    double whole = static_cast<double>(held);
+    if (h.compressed_size > whole || !(h.compressed_size >= 0.0))
+        damaged("its header promises more data than there are; copy or export it again");
+    if (h.compressed) {
+        std::string packed(static_cast<size_t>(held), '\0');
+        file.seekg(start);
+        file.read(&packed[0], held);
+        whole = inflated_size(std::move(packed));
+    }
+    const double least =
+        h.binary ? static_cast<double>(voxel_bytes) : 2.0 * static_cast<double>(voxels) - 1.0;
+    if (whole < least) damaged("ends before its last voxel; copy or export it again");
+}
+
 void read_volume(const std::string &path, apsm_volume *volume)
 {
     const format &f = format_of(path);
@@ -172,11 +259,14 @@ void read_volume(const std::string &path, apsm_volume *volume)
         io->ReadImageInformation();
         grid_of(*io, &v);
         check_size(v, *io, path, f.detached);
+        const size_t voxels = v.n[0] * v.n[1] * v.n[2];
+        if (f.make == make_io<itk::MetaImageIO>)
+            check_meta(path, voxels * io->GetComponentSize(), voxels);
         itk::ImageIORegion region(io->GetNumberOfDimensions());
         for (unsigned d = 0; d < io->GetNumberOfDimensions(); d++)
             region.SetSize(d, io->GetDimensions(d));
         io->SetIORegion(region);
-        raw.resize(v.n[0] * v.n[1] * v.n[2] * io->GetComponentSize());
+        raw.resize(voxels * io->GetComponentSize());
         type = io->GetComponentType();
         io->Read(raw.data());
     }

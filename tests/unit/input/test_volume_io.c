@@ -214,6 +214,9 @@ static void grids_must_be_proper(void **state)
         { MHA("3", "2 2 1", "1 1 1", "MET_UCHAR", "\nElementNumberOfChannels = 2"), "components" },
         { MHA("3", "200000 200000 200", "1 1 1", "MET_UCHAR", ""), "promises" },
         { MHA("3", "2000000000 2000000000 2000000000", "1 1 1", "MET_UCHAR", ""), "" },
+        { MHA("3", "2 2 2", "1 1 1", "MET_UCHAR",
+              "\nCompressedData = True\nCompressedDataSize = 9000000000000000000"),
+          "promises" },
         { MHA("3", "2 0 2", "1 1 1", "MET_UCHAR", ""), "" },
         { "garbage", "not a .mha" },
     };
@@ -251,6 +254,32 @@ static void truncated_files_are_refused(void **state)
         }
         free(bytes);
         apsm_volume_free(&v);
+    }
+}
+
+/* Voxels in a file of their own, as some programs write them; complete, cut, gone. */
+static void detached_voxels_are_read(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    const char *const head = "ObjectType = Image\nNDims = 3\nBinaryData = True\nDimSize = 2 2 2\n"
+                             "ElementSpacing = 1 1 1\nElementType = MET_UCHAR\n"
+                             "ElementDataFile = d.raw\n";
+    const char *const nrrd = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 2 2 2\nspacings: 1 1 1\n"
+                             "encoding: raw\ndata file: d.raw\n";
+    const char *const names[] = { "d.mhd", "d.nhdr" };
+    for (int k = 0; k < 2; k++) {
+        scratch_write(scratch_path(f->folder, "d.raw"), "\0\1\2\3\4\5\6\7", 8);
+        if (read_text(f, names[k], k ? nrrd : head, &v) != APSM_OK)
+            fail_msg("%s", apsm_error_text(f->ctx));
+        for (int i = 0; i < 8; i++) assert_int_equal(v.label[i], i);
+        apsm_volume_free(&v);
+        scratch_write(scratch_path(f->folder, "d.raw"), "\0\1\2", 3);
+        expect_failure(f->ctx, read_text(f, names[k], k ? nrrd : head, &v), APSM_ERR_FORMAT,
+                       names[k], "");
+        unlink(scratch_path(f->folder, "d.raw"));
+        expect_failure(f->ctx, read_text(f, names[k], k ? nrrd : head, &v), APSM_ERR_FORMAT,
+                       names[k], "");
     }
 }
 
@@ -303,6 +332,7 @@ int main(void)
         cmocka_unit_test(values_must_be_labels),
         cmocka_unit_test(grids_must_be_proper),
         cmocka_unit_test(truncated_files_are_refused),
+        cmocka_unit_test(detached_voxels_are_read),
         cmocka_unit_test(threads_do_not_disturb_each_other),
     };
     return cmocka_run_group_tests_name("volume_io", tests, setup, teardown);
