@@ -30,7 +30,7 @@ static double *random_particles(size_t count, uint64_t index)
 {
     apsm_random rng = apsm_random_stream(7, APSM_STREAM_TEST, index, 0);
     double *P = malloc(count * sizeof *P);
-    assert_non_null(P);
+    if (!P) abort();
     for (size_t k = 0; k < count; k++) P[k] = 10.0 * apsm_random_normal(&rng);
     return P;
 }
