@@ -27,6 +27,8 @@ typedef struct apsm_run_settings {
     const char *const (*set)[2];
     bool resume;    /* go on with an unfinished run: stored options and inputs must agree */
     bool overwrite; /* groom may replace a model that is already in the folder */
+    bool fresh;     /* a project in the folder does not matter */
+    bool dry;       /* only apsm_run_dry will be called: nothing is made or locked */
 } apsm_run_settings;
 
 typedef struct apsm_run apsm_run;
@@ -53,6 +55,10 @@ apsm_status apsm_run_initialize(apsm_run *run) APSM_NODISCARD;
 apsm_status apsm_run_optimize(apsm_run *run) APSM_NODISCARD;
 /* Particles to model, certificate, figures and reconstructed meshes. */
 apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
+/* Reads and judges everything without writing: report gets one line for each problem, *problems
+ * their number.  With inputs: each is groomed in memory; without: the folder's project. */
+apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line), void *user,
+                           size_t *problems) APSM_NODISCARD;
 /* All four; with settings.resume those that are not yet done. */
 apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
 

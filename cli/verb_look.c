@@ -1,0 +1,202 @@
+/* check and info: look at inputs, a model folder or one file; write nothing. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/files.h"
+#include "apsm/input.h"
+#include "apsm/particles_file.h"
+#include "apsm/project.h"
+#include "apsm/run.h"
+#include "apsm/topology.h"
+#include "verbs.h"
+
+/* ---- check ---- */
+
+static void say_problem(void *ui, const char *line)
+{
+    cli_say(ui, "%s", line);
+}
+
+/* A single folder with a project in it is a model folder. */
+static bool is_model_folder(const char *path)
+{
+    if (!apsm_is_folder(path)) return false;
+    char *project = apsm_path_join(path, "project.swproj");
+    const bool is = project && apsm_file_exists(project);
+    free(project);
+    return is;
+}
+
+static apsm_status open_for_check(apsm_context *ctx, const cli_args *args, apsm_run **run)
+{
+    const bool model = args->n_inputs == 1 && is_model_folder(args->inputs[0]);
+    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
+    if (!pairs) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < args->n_set; k++) {
+        pairs[k][0] = args->set[k].key;
+        pairs[k][1] = args->set[k].value;
+    }
+    const apsm_run_settings settings = { .folder = model ? args->inputs[0] : ".",
+                                         .n_inputs = model ? 0 : args->n_inputs,
+                                         .inputs = args->inputs,
+                                         .n_set = args->n_set,
+                                         .set = (const char *const(*)[2])pairs,
+                                         .fresh = !model,
+                                         .dry = true };
+    const apsm_status status = apsm_run_open(ctx, &settings, run);
+    free(pairs);
+    return status;
+}
+
+apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_run *run = NULL;
+    size_t problems = 0;
+    APSM_TRY(open_for_check(ctx, args, &run));
+    const apsm_status status = apsm_run_check(run, say_problem, ui, &problems);
+    apsm_run_close(run);
+    if (status != APSM_OK) return status;
+    if (problems == 0) cli_say(ui, "no problems found");
+    return problems == 0 ? APSM_OK
+                         : apsm_fail(ctx, APSM_ERR_GEOMETRY, "%zu problem%s", problems,
+                                     problems == 1 ? "" : "s");
+}
+
+/* ---- info ---- */
+
+static void say_mesh(cli_ui *ui, const apsm_mesh *mesh, const apsm_mesh_defects *d)
+{
+    double lo[3], hi[3];
+    apsm_mesh_bounds(mesh, lo, hi);
+    cli_say(ui, "mesh: %zu vertices, %zu faces", mesh->nv, mesh->nf);
+    cli_say(ui, "bounds: %.6g %.6g %.6g to %.6g %.6g %.6g", lo[0], lo[1], lo[2], hi[0], hi[1],
+            hi[2]);
+    cli_say(ui, "area %.6g, volume %.6g", apsm_mesh_area(mesh), apsm_mesh_volume(mesh));
+    cli_say(ui,
+            "components %zu, border edges %zu, non-manifold edges %zu and vertices %zu, "
+            "degenerate faces %zu%s",
+            d->components, d->border_edges, d->nonmanifold_edges, d->nonmanifold_vertices,
+            d->degenerate_faces, apsm_mesh_is_closed_manifold(d) ? " (closed surface)" : "");
+}
+
+static apsm_status info_mesh(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    apsm_mesh mesh = { 0 };
+    apsm_mesh_defects defects;
+    APSM_TRY(apsm_vtk_read_mesh(ctx, path, &mesh));
+    const apsm_status status = apsm_mesh_inspect(&mesh, &defects);
+    if (status == APSM_OK) say_mesh(ui, &mesh, &defects);
+    apsm_mesh_free(&mesh);
+    return status;
+}
+
+/* Labels with their voxel counts; masks have few, and a map of hundreds is cut short. */
+static void say_labels(cli_ui *ui, const apsm_volume *v)
+{
+    enum { MOST = 32 };
+    int32_t label[MOST];
+    size_t count[MOST], n = 0, others = 0;
+    for (size_t k = 0; k < v->n[0] * v->n[1] * v->n[2]; k++) {
+        size_t l = 0;
+        if (v->label[k] == 0) continue;
+        while (l < n && label[l] != v->label[k]) l++;
+        if (l == n && n == MOST) {
+            others++;
+            continue;
+        }
+        if (l == n) label[n] = v->label[k], count[n++] = 0;
+        count[l]++;
+    }
+    for (size_t l = 0; l < n; l++) cli_say(ui, "label %d: %zu voxels", (int)label[l], count[l]);
+    if (others) cli_say(ui, "further labels: %zu voxels", others);
+}
+
+static apsm_status info_volume(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    apsm_volume v = { 0 };
+    APSM_TRY(apsm_itk_read_volume(ctx, path, &v));
+    cli_say(ui, "segmentation: %zu x %zu x %zu voxels of %.6g x %.6g x %.6g mm", v.n[0], v.n[1],
+            v.n[2], v.spacing[0], v.spacing[1], v.spacing[2]);
+    cli_say(ui, "origin (LPS): %.6g %.6g %.6g", v.origin[0], v.origin[1], v.origin[2]);
+    say_labels(ui, &v);
+    apsm_volume_free(&v);
+    return APSM_OK;
+}
+
+static apsm_status info_particles(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    size_t n;
+    double *P = NULL;
+    APSM_TRY(apsm_particles_read(ctx, path, &n, &P));
+    cli_say(ui, "particles: %zu", n);
+    free(P);
+    return APSM_OK;
+}
+
+static void say_options(cli_ui *ui, const apsm_project *project)
+{
+    size_t n;
+    const apsm_option_info *table = apsm_options_table(&n);
+    const apsm_options defaults = apsm_options_defaults();
+    for (size_t k = 0; k < n; k++) {
+        char text[64];
+        const char *value = apsm_project_get(project, "apsm", table[k].name);
+        if (!value || apsm_options_get(&defaults, table[k].name, text) != APSM_OK) continue;
+        if (strcmp(text, value) != 0) cli_say(ui, "%s = %s", table[k].name, value);
+    }
+}
+
+static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    apsm_project project = { 0 };
+    size_t groomed = 0, with_particles = 0, mirrored = 0;
+    APSM_TRY(apsm_project_read(ctx, path, &project));
+    for (size_t i = 0; i < project.n; i++) {
+        groomed += project.subjects[i].groomed != NULL;
+        with_particles += project.subjects[i].world_particles != NULL;
+        mirrored += project.subjects[i].mirrored;
+    }
+    cli_say(ui, "project: %zu shapes, %zu groomed (%zu mirrored), %zu with particles", project.n,
+            groomed, mirrored, with_particles);
+    const char *particles = apsm_project_get(&project, "apsm", "particles");
+    const char *template_name = apsm_project_get(&project, "apsm", "template_used");
+    if (particles) cli_say(ui, "particles a shape: %s", particles);
+    if (template_name) cli_say(ui, "template: %s", template_name);
+    say_options(ui, &project);
+    apsm_project_free(&project);
+    return APSM_OK;
+}
+
+static bool ends_with(const char *text, const char *end)
+{
+    const size_t n = strlen(text), m = strlen(end);
+    return n >= m && strcmp(text + n - m, end) == 0;
+}
+
+static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    apsm_input_kind kind;
+    if (ends_with(path, ".swproj")) return info_project(ctx, path, ui);
+    if (ends_with(path, ".particles") || ends_with(path, ".lpts") || ends_with(path, ".wpts"))
+        return info_particles(ctx, path, ui);
+    if (!apsm_input_kind_of(path, &kind))
+        return apsm_fail(ctx, APSM_ERR_FORMAT,
+                         "%s: unknown kind of file; give a model folder, a project, a mesh, a "
+                         "segmentation or particles",
+                         path);
+    return kind == APSM_INPUT_MESH ? info_mesh(ctx, path, ui) : info_volume(ctx, path, ui);
+}
+
+apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    const char *path = args->inputs[0];
+    if (!apsm_is_folder(path)) return info_file(ctx, path, ui);
+    if (!is_model_folder(path))
+        return apsm_fail(ctx, APSM_ERR_STATE, "%s: no project.swproj in this folder", path);
+    char *project = apsm_path_join(path, "project.swproj");
+    if (!project) return APSM_ERR_MEMORY;
+    const apsm_status status = info_project(ctx, project, ui);
+    free(project);
+    return status;
+}

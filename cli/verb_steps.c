@@ -1,0 +1,69 @@
+/* run, groom, initialize, optimize, evaluate: open the model folder, do the step. */
+#include <stdlib.h>
+
+#include "apsm/run.h"
+#include "verbs.h"
+
+typedef apsm_status (*step_fn)(apsm_run *);
+
+static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **run)
+{
+    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
+    if (!pairs) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < args->n_set; k++) {
+        pairs[k][0] = args->set[k].key;
+        pairs[k][1] = args->set[k].value;
+    }
+    const apsm_run_settings settings = { .folder = args->out_dir,
+                                         .n_inputs = args->n_inputs,
+                                         .inputs = args->inputs,
+                                         .n_set = args->n_set,
+                                         .set = (const char *const(*)[2])pairs,
+                                         .resume = args->resume,
+                                         .overwrite = args->overwrite,
+                                         .dry = args->dry_run };
+    const apsm_status status = apsm_run_open(ctx, &settings, run);
+    free(pairs);
+    return status;
+}
+
+static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step)
+{
+    apsm_run *run = NULL;
+    APSM_TRY(open_run(ctx, args, &run));
+    const apsm_status status = args->dry_run ? apsm_run_dry(run) : step(run);
+    apsm_run_close(run);
+    return status;
+}
+
+apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    APSM_TRY(do_step(ctx, args, apsm_run_all));
+    if (!args->dry_run) apsm_log(ctx, APSM_LOG_INFO, "model in %s", args->out_dir);
+    return APSM_OK;
+}
+
+apsm_status apsm_cli_groom(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    return do_step(ctx, args, apsm_run_groom);
+}
+
+apsm_status apsm_cli_initialize(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    return do_step(ctx, args, apsm_run_initialize);
+}
+
+apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    return do_step(ctx, args, apsm_run_optimize);
+}
+
+apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    return do_step(ctx, args, apsm_run_evaluate);
+}

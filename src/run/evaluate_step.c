@@ -1,0 +1,358 @@
+/* From particles to everything that is said about them: model.json, scores.csv, meshes/,
+ * evaluation.json and .csv, certificate.json. */
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/affine.h"
+#include "apsm/particles_file.h"
+#include "run/certify.h"
+#include "run/manifest.h"
+#include "run/session.h"
+
+enum { MODEL_VERSION = 1, EVALUATION_VERSION = 1 };
+
+/* Modes whose meshes are written: those that make up this share of the variance, at most. */
+static const double shown_share = 0.95;
+enum { MOST_SHOWN = 10 };
+
+typedef struct evaluation_work {
+    apsm_run *run;
+    size_t I, J;
+    double *P; /* I x J x 3, world */
+    apsm_shape_model model;
+    apsm_evaluation evaluation;
+    apsm_warp warp; /* of the template's mesh */
+    cohort_certificate certificate;
+} evaluation_work;
+
+static const char *name_of(const evaluation_work *w, size_t i)
+{
+    return w->run->project.subjects[i].name;
+}
+
+/* ---- particles in ---- */
+
+static apsm_status read_first(apsm_run *run, evaluation_work *w)
+{
+    double *P = NULL;
+    char *path = apsm_project_path(&run->project, run->project.subjects[0].world_particles);
+    if (!path)
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: no particles yet; run `apsm optimize -o %s` first", run->folder,
+                         run->folder);
+    const apsm_status status = apsm_particles_read(run->ctx, path, &w->J, &P);
+    free(path);
+    free(P);
+    return status;
+}
+
+static apsm_status read_particles(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    evaluation_work *w = user;
+    const apsm_subject *s = &w->run->project.subjects[i];
+    char *path = apsm_project_path(&w->run->project, s->world_particles);
+    if (!path)
+        return apsm_fail(ctx, APSM_ERR_STATE, "%s: has no particles; run `apsm optimize -o %s`",
+                         s->name, w->run->folder);
+    const apsm_status status = apsm_particles_read_n(ctx, path, w->J, w->P + i * w->J * 3);
+    free(path);
+    return status;
+}
+
+static apsm_status load_particles(apsm_run *run, evaluation_work *w)
+{
+    w->I = run->project.n;
+    APSM_TRY(read_first(run, w));
+    w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
+    if (!w->P) return APSM_ERR_MEMORY;
+    return apsm_parallel_for(run->ctx, w->I, read_particles, w, NULL);
+}
+
+/* ---- figures ---- */
+
+static apsm_status lend_shape(apsm_context *ctx, size_t i, const apsm_mesh **mesh,
+                              const apsm_bvh **bvh, void *user)
+{
+    (void)ctx;
+    const apsm_cohort *cohort = user;
+    *mesh = &cohort->shape[i].mesh;
+    *bvh = cohort->shape[i].bvh;
+    return APSM_OK;
+}
+
+static apsm_status compute(evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    const size_t t = run->cohort.template_index;
+    const apsm_mesh *mesh = &run->cohort.shape[t].mesh;
+    const apsm_mesh_source shapes = { lend_shape, NULL, &run->cohort };
+    const apsm_evaluate_input input = {
+        .I = w->I,
+        .J = w->J,
+        .P = w->P,
+        .definition = (apsm_definition)run->options.definition,
+        .samples = (size_t)run->options.specificity_samples,
+        .shape = run->options.surface_distance ? &shapes : NULL,
+        .template_mesh = mesh,
+        .template_index = t,
+    };
+    APSM_TRY(apsm_shape_model_fit(run->ctx, w->I, w->J, w->P, &w->model));
+    APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
+                             &w->warp));
+    APSM_TRY(apsm_evaluate(run->ctx, &input, &w->evaluation));
+    return certify_cohort(run->ctx, &run->cohort, w->J, w->P, &w->certificate);
+}
+
+/* ---- model.json, scores.csv ---- */
+
+static apsm_status write_json(apsm_run *run, const char *name, json_t *root)
+{
+    char *path = run_path(run, name);
+    const apsm_status status = path ? apsm_json_write(run->ctx, path, root) : APSM_ERR_MEMORY;
+    json_decref(root);
+    free(path);
+    return status;
+}
+
+static json_t *json_modes(const apsm_shape_model *m)
+{
+    json_t *modes = json_array();
+    for (size_t k = 0; k < m->modes; k++)
+        json_array_append_new(modes, apsm_json_matrix(m->J, 3, m->mode + k * m->J * 3));
+    return modes;
+}
+
+static apsm_status write_model(const evaluation_work *w)
+{
+    const apsm_shape_model *m = &w->model;
+    json_t *root = json_pack("{s:s, s:i, s:I, s:I, s:o, s:o, s:o}", "format", "apsm-model",
+                             "version", MODEL_VERSION, "shapes", (json_int_t)m->I, "particles",
+                             (json_int_t)m->J, "variances", apsm_json_vector(m->modes, m->variance),
+                             "mean", apsm_json_matrix(m->J, 3, m->mean), "modes", json_modes(m));
+    return write_json(w->run, "model.json", root);
+}
+
+static apsm_status open_csv(apsm_run *run, const char *name, apsm_writer **writer)
+{
+    char *path = run_path(run, name);
+    const apsm_status status = path ? apsm_writer_open(run->ctx, path, writer) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
+}
+
+static apsm_status write_scores(const evaluation_work *w)
+{
+    const apsm_shape_model *m = &w->model;
+    apsm_writer *csv = NULL;
+    APSM_TRY(open_csv(w->run, "scores.csv", &csv));
+    apsm_writer_printf(csv, "name");
+    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",mode_%zu", k + 1);
+    for (size_t i = 0; i < m->I; i++) {
+        apsm_writer_printf(csv, "\n");
+        apsm_writer_csv(csv, name_of(w, i));
+        for (size_t k = 0; k < m->modes; k++) {
+            apsm_writer_printf(csv, ",");
+            apsm_writer_number(csv, m->score[i * m->modes + k]);
+        }
+    }
+    apsm_writer_printf(csv, "\n");
+    return apsm_writer_commit(csv);
+}
+
+/* ---- evaluation.json, evaluation.csv ---- */
+
+static json_t *json_distance(const apsm_distance_summary *d)
+{
+    return json_pack("{s:f, s:f, s:f, s:f, s:f}", "mean", d->mean, "median", d->median, "p95",
+                     d->p95, "p99", d->p99, "max", d->max);
+}
+
+static json_t *json_shape_distance(const evaluation_work *w, size_t i)
+{
+    const apsm_surface_distance *d = &w->evaluation.surface[i];
+    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:o, s:o, s:o}", "name", name_of(w, i), "mean",
+                     d->two_way.mean, "p95", d->two_way.p95, "max", d->two_way.max, "diagonal",
+                     d->diagonal, "pull", json_distance(&d->pull), "push", json_distance(&d->push),
+                     "disagreement", json_distance(&d->disagreement));
+}
+
+static json_t *json_surface(const evaluation_work *w)
+{
+    if (!w->evaluation.surface) return json_null();
+    const apsm_surface_aggregate *a = &w->evaluation.surface_summary.two_way;
+    json_t *shapes = json_array();
+    for (size_t i = 0; i < w->I; i++) json_array_append_new(shapes, json_shape_distance(w, i));
+    return json_pack("{s:f, s:f, s:f, s:o}", "mean", a->mean, "max", a->max, "mean_max",
+                     a->mean_max, "per_shape", shapes);
+}
+
+static apsm_status write_evaluation(const evaluation_work *w)
+{
+    const apsm_evaluation *e = &w->evaluation;
+    const char *template_name = name_of(w, w->run->cohort.template_index);
+    json_t *root = json_pack(
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
+        "apsm-evaluation", "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles,
+        "shapes", (json_int_t)e->shapes, "definition", apsm_definition_name(e->definition),
+        "definition_text", apsm_definition_text(e->definition), "specificity_samples",
+        (json_int_t)e->samples, "template", template_name, "surface_distance", json_surface(w),
+        "variances", apsm_json_vector(e->modes, e->variance), "compactness",
+        apsm_json_vector(e->n_compactness, e->compactness), "generalization",
+        apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
+        apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
+        apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
+        apsm_json_vector(e->n_specificity, e->specificity_error));
+    return write_json(w->run, "evaluation.json", root);
+}
+
+static void write_csv_numbers(apsm_writer *csv, size_t n, const double *x)
+{
+    for (size_t k = 0; k < n; k++) {
+        apsm_writer_printf(csv, ",");
+        if (isfinite(x[k])) apsm_writer_number(csv, x[k]);
+    }
+}
+
+static apsm_status write_evaluation_csv(const evaluation_work *w)
+{
+    apsm_writer *csv = NULL;
+    APSM_TRY(open_csv(w->run, "evaluation.csv", &csv));
+    apsm_writer_printf(csv, "name,surface_mean,surface_p95,surface_max,mismatched_1.5_1.5,"
+                            "mismatched_1.5_2.0,swaps,folds,off_surface_max,verdict\n");
+    for (size_t i = 0; i < w->I; i++) {
+        const apsm_certificate *c = &w->certificate.shape[i];
+        const apsm_surface_distance *d = w->evaluation.surface ? &w->evaluation.surface[i] : NULL;
+        const double cells[] = { d ? d->two_way.mean : NAN, d ? d->two_way.p95 : NAN,
+                                 d ? d->two_way.max : NAN,  (double)c->mismatched_strict,
+                                 (double)c->mismatched,     (double)c->swaps,
+                                 (double)c->folds,          c->off_surface_max };
+        apsm_writer_csv(csv, name_of(w, i));
+        write_csv_numbers(csv, sizeof cells / sizeof cells[0], cells);
+        apsm_writer_printf(csv, ",%s\n", c->certified ? "certified" : "needs review");
+    }
+    return apsm_writer_commit(csv);
+}
+
+/* ---- meshes/ ---- */
+
+/* The template's mesh warped to particles p, moved by M (NULL: left in the world frame). */
+static apsm_status write_warped(apsm_context *ctx, const evaluation_work *w, const double *p,
+                                const double *M, char *path)
+{
+    const apsm_mesh *from = &w->run->cohort.shape[w->run->cohort.template_index].mesh;
+    apsm_mesh mesh = { 0 };
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_mesh_copy(from, &mesh);
+    if (status == APSM_OK) {
+        apsm_warp_apply(&w->warp, p, mesh.V);
+        if (M) apsm_mesh_transform(&mesh, M);
+        status = apsm_vtk_write_mesh(ctx, path, &mesh);
+    }
+    apsm_mesh_free(&mesh);
+    free(path);
+    return status;
+}
+
+static apsm_status write_reconstruction(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const evaluation_work *w = user;
+    double to_local[16];
+    APSM_TRY(apsm_affine_invert(w->run->transforms + 16 * i, to_local));
+    return write_warped(ctx, w, w->P + i * w->J * 3, to_local,
+                        run_pathf(w->run, "meshes/%s_reconstructed.ply", name_of(w, i)));
+}
+
+static size_t shown_modes(const apsm_evaluation *e)
+{
+    size_t n = 0;
+    while (n < e->modes && n < MOST_SHOWN && (n == 0 || e->compactness[n - 1] < shown_share)) n++;
+    return n;
+}
+
+static apsm_status write_mode(const evaluation_work *w, size_t k, double sd, const char *label,
+                              double *p)
+{
+    const apsm_shape_model *m = &w->model;
+    const double b = sd * sqrt(m->variance[k]);
+    for (size_t x = 0; x < m->J * 3; x++) p[x] = m->mean[x] + b * m->mode[k * m->J * 3 + x];
+    return write_warped(w->run->ctx, w, p, NULL,
+                        run_pathf(w->run, "meshes/mode_%02zu_%s2sd.ply", k + 1, label));
+}
+
+static apsm_status write_modes(const evaluation_work *w)
+{
+    double *p = malloc(w->J * 3 * sizeof *p);
+    if (!p) return APSM_ERR_MEMORY;
+    const size_t n = shown_modes(&w->evaluation);
+    apsm_status status = APSM_OK;
+    for (size_t k = 0; k < n && status == APSM_OK; k++) {
+        status = write_mode(w, k, -2, "minus", p);
+        if (status == APSM_OK) status = write_mode(w, k, 2, "plus", p);
+    }
+    free(p);
+    return status;
+}
+
+static apsm_status write_meshes(evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    char *folder = run_path(run, "meshes");
+    if (!folder) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_make_folder(run->ctx, folder);
+    free(folder);
+    APSM_TRY(status);
+    APSM_TRY(write_warped(run->ctx, w, w->model.mean, NULL, run_path(run, "meshes/mean.ply")));
+    APSM_TRY(write_modes(w));
+    return apsm_parallel_for(run->ctx, w->I, write_reconstruction, w, "reconstruct");
+}
+
+/* ---- the last lines a user reads ---- */
+
+static void tell(const evaluation_work *w)
+{
+    apsm_context *ctx = w->run->ctx;
+    const apsm_evaluation *e = &w->evaluation;
+    if (e->surface)
+        apsm_log(ctx, APSM_LOG_INFO, "surface distance: mean %.4g, max %.4g (two-way)",
+                 e->surface_summary.two_way.mean, e->surface_summary.two_way.max);
+    if (e->n_generalization > 0)
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "one mode: compactness %.3f, generalization %.4g, specificity %.4g (%s)",
+                 e->compactness[0], e->generalization[0], e->specificity[0],
+                 apsm_definition_name(e->definition));
+    certify_tell(ctx, &w->run->cohort, &w->certificate);
+}
+
+static apsm_status evaluate_and_write(evaluation_work *w)
+{
+    APSM_TRY(compute(w));
+    APSM_TRY(write_model(w));
+    APSM_TRY(write_scores(w));
+    APSM_TRY(write_evaluation(w));
+    APSM_TRY(write_evaluation_csv(w));
+    APSM_TRY(
+        write_json(w->run, "certificate.json", certify_json(&w->run->cohort, &w->certificate)));
+    return write_meshes(w);
+}
+
+apsm_status apsm_run_evaluate(apsm_run *run)
+{
+    const stage_clock clock = stage_begin();
+    evaluation_work w = { .run = run };
+    apsm_status status = run_load_cohort(run, false);
+    if (status == APSM_OK) status = load_particles(run, &w);
+    if (status == APSM_OK) status = evaluate_and_write(&w);
+    if (status == APSM_OK) status = stage_end(run, "evaluate", &clock);
+    if (status == APSM_OK) tell(&w);
+    certify_free(&w.certificate);
+    apsm_evaluation_free(&w.evaluation);
+    apsm_shape_model_free(&w.model);
+    apsm_warp_free(&w.warp);
+    free(w.P);
+    return status;
+}

@@ -1,0 +1,135 @@
+#include "run/groom_inputs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+
+/* ---- which inputs ---- */
+
+static bool has_extension(const char *path, const char *extension)
+{
+    const size_t n = strlen(path), m = strlen(extension);
+    return n > m && strcmp(path + n - m, extension) == 0;
+}
+
+/* The shapes that a project names, as paths. */
+static apsm_status inputs_of_project(apsm_run *run, const apsm_project *project)
+{
+    char **paths = calloc(project->n + 1, sizeof *paths);
+    if (!paths) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    for (size_t i = 0; i < project->n && status == APSM_OK; i++) {
+        paths[i] = apsm_project_path(project, project->subjects[i].shape);
+        if (!paths[i])
+            status = apsm_fail(run->ctx, APSM_ERR_STATE, "%s: %s names no input shape",
+                               project->folder, project->subjects[i].name);
+    }
+    for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
+    free(run->inputs);
+    run->inputs = paths;
+    run->n_inputs = project->n;
+    return status;
+}
+
+static apsm_status resolve_inputs(apsm_run *run)
+{
+    if (run->n_inputs == 0) return inputs_of_project(run, &run->project);
+    if (run->n_inputs > 1 || !has_extension(run->inputs[0], ".swproj")) return APSM_OK;
+    apsm_project project = { 0 };
+    APSM_TRY(apsm_project_read(run->ctx, run->inputs[0], &project));
+    const apsm_status status = inputs_of_project(run, &project);
+    apsm_project_free(&project);
+    return status;
+}
+
+apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
+{
+    APSM_TRY(resolve_inputs(run));
+    if (run->n_inputs == 0)
+        return apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
+    APSM_TRY(apsm_labels_parse(run->ctx, apsm_run_text(run, "labels"), &in->labels));
+    return apsm_input_expand(run->ctx, run->n_inputs, (const char *const *)run->inputs,
+                             apsm_run_text(run, "exclude"), apsm_run_text(run, "reflect_match"),
+                             &in->list);
+}
+
+/* ---- one shape ---- */
+
+static apsm_groom_options groom_options(const apsm_options *o)
+{
+    apsm_groom_options g = apsm_groom_defaults();
+    g.fill_cavities = g.fill_holes = o->fill_holes;
+    g.keep_largest = o->largest_component;
+    g.remesh = o->remesh;
+    g.remesh_options.target_faces = (size_t)o->faces;
+    return g;
+}
+
+static apsm_status read_and_groom(apsm_context *ctx, const groom_inputs *in,
+                                  const apsm_input_case *c, apsm_mesh *out)
+{
+    apsm_input_shape shape = { 0 };
+    apsm_status status = apsm_input_read(ctx, c, &in->labels, &shape);
+    if (status == APSM_OK)
+        status = shape.is_mesh ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, NULL)
+                               : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options,
+                                                         out, NULL);
+    apsm_input_shape_free(&shape);
+    return status;
+}
+
+void groom_reflect(apsm_mesh *mesh, double M[16])
+{
+    apsm_reflect(mesh, M);
+    for (size_t x = 0; x < 3 * mesh->nv; x++) mesh->V[x] = (double)(float)mesh->V[x];
+}
+
+static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    groom_inputs *in = user;
+    const apsm_input_case *c = &in->list.cases[i];
+    apsm_affine_identity(in->reflection[i]);
+    if (c->kind != APSM_INPUT_DICOM) /* a folder has no hash */
+        in->status[i] = apsm_sha256_file(ctx, c->path, in->sha256[i]);
+    if (in->status[i] == APSM_OK) in->status[i] = read_and_groom(ctx, in, c, &in->mesh[i]);
+    if (in->status[i] == APSM_OK && c->reflect) {
+        groom_reflect(&in->mesh[i], in->reflection[i]);
+        in->reflected[i] = true;
+    }
+    if (in->status[i] == APSM_OK) return APSM_OK;
+    const char *line = apsm_error_text(ctx);
+    return apsm_text_set(&in->problem[i], *line ? line : apsm_status_text(in->status[i]));
+}
+
+apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
+{
+    const size_t n = in->list.n;
+    in->options = groom_options(&run->options);
+    in->mesh = calloc(n, sizeof *in->mesh);
+    in->reflection = calloc(n, sizeof *in->reflection);
+    in->reflected = calloc(n, sizeof *in->reflected);
+    in->sha256 = calloc(n, sizeof *in->sha256);
+    in->status = calloc(n, sizeof *in->status);
+    in->problem = calloc(n, sizeof *in->problem);
+    if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
+        !in->problem)
+        return APSM_ERR_MEMORY;
+    return apsm_parallel_for(run->ctx, n, groom_case, in, "groom");
+}
+
+void groom_inputs_free(groom_inputs *in)
+{
+    for (size_t i = 0; in->mesh && i < in->list.n; i++) apsm_mesh_free(&in->mesh[i]);
+    for (size_t i = 0; in->problem && i < in->list.n; i++) free(in->problem[i]);
+    free(in->mesh);
+    free(in->reflection);
+    free(in->reflected);
+    free(in->sha256);
+    free(in->status);
+    free(in->problem);
+    apsm_labels_free(&in->labels);
+    apsm_input_list_free(&in->list);
+    *in = (groom_inputs){ 0 };
+}

@@ -1,0 +1,32 @@
+/* groom_inputs.h -- from the INPUT arguments to clean meshes in memory; groom and check share it.
+ */
+#ifndef APSM_RUN_GROOM_INPUTS_H
+#define APSM_RUN_GROOM_INPUTS_H
+
+#include "apsm/groom.h"
+#include "apsm/input.h"
+#include "run/session.h"
+
+/* Owns its arrays, each list.n long; zero-initialise with {0}. */
+typedef struct groom_inputs {
+    apsm_input_list list;
+    apsm_labels labels;
+    apsm_groom_options options;
+    apsm_mesh *mesh;          /* in their own frames, mirrored where asked for */
+    double (*reflection)[16]; /* input to groomed frame */
+    bool *reflected;
+    char (*sha256)[65]; /* "" for a DICOM folder */
+    apsm_status *status;
+    char **problem; /* the line of a failure, else NULL */
+} groom_inputs;
+
+/* Lists the cases of run's inputs; a project among them stands for the shapes it names. */
+apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in);
+/* Reads and grooms all; failures are in status and problem, and do not end the call. */
+apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in);
+void groom_inputs_free(groom_inputs *in);
+
+/* Mirrors a groomed mesh; its coordinates stay float32 numbers, as in the file. */
+void groom_reflect(apsm_mesh *mesh, double M[16]);
+
+#endif

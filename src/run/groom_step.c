@@ -1,0 +1,230 @@
+/* Inputs to groomed meshes and transforms: groomed/NAME.ply and the project file. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/affine.h"
+#include "apsm/align.h"
+#include "run/groom_inputs.h"
+#include "run/manifest.h"
+#include "run/session.h"
+
+typedef struct groom_work {
+    apsm_run *run;
+    groom_inputs in;
+    apsm_alignment alignment;
+} groom_work;
+
+/* Every bad shape is told, not only the first. */
+static apsm_status refuse_bad_shapes(const groom_work *w)
+{
+    size_t bad = 0, first = 0;
+    for (size_t i = 0; i < w->in.list.n; i++) {
+        if (w->in.status[i] == APSM_OK) continue;
+        if (w->in.status[i] == APSM_ERR_INTERRUPTED) return APSM_ERR_INTERRUPTED;
+        if (bad++ == 0) first = i;
+        apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
+    }
+    if (bad == 0) return APSM_OK;
+    if (bad == 1) return apsm_fail(w->run->ctx, w->in.status[first], "%s", w->in.problem[first]);
+    return apsm_fail(w->run->ctx, w->in.status[first],
+                     "%zu of %zu shapes cannot be used, as said above: repair them, or leave them "
+                     "out with --exclude",
+                     bad, w->in.list.n);
+}
+
+/* ---- the cohort ---- */
+
+static apsm_status find_template(const groom_work *w, size_t *index)
+{
+    const char *name = apsm_run_text(w->run, "template");
+    *index = APSM_TEMPLATE_AUTO;
+    if (!*name || strcmp(name, "auto") == 0) return APSM_OK;
+    for (size_t i = 0; i < w->in.list.n; i++)
+        if (strcmp(w->in.list.cases[i].name, name) == 0) return *index = i, APSM_OK;
+    return apsm_fail(w->run->ctx, APSM_ERR_ARG,
+                     "template '%s' is none of the %zu shapes; the first is called '%s'", name,
+                     w->in.list.n, w->in.list.cases[0].name);
+}
+
+/* A transform that mirrors belongs into the groomed mesh: the common frame is reached by
+ * rotation, and so the mesh is mirrored in its own frame instead. */
+static apsm_status move_mirror_to_mesh(groom_work *w, size_t i)
+{
+    double *M = w->alignment.M + 16 * i, inverse[16];
+    if (apsm_affine_det(M) > 0) return APSM_OK;
+    groom_reflect(&w->in.mesh[i], w->in.reflection[i]);
+    w->in.reflected[i] = true;
+    APSM_TRY(apsm_affine_invert(w->in.reflection[i], inverse));
+    apsm_affine_multiply(M, inverse, M);
+    return APSM_OK;
+}
+
+static apsm_status align(groom_work *w)
+{
+    apsm_run *run = w->run;
+    const size_t n = w->in.list.n;
+    const apsm_mesh **meshes = calloc(n, sizeof *meshes);
+    const char **names = calloc(n, sizeof *names);
+    apsm_align_options ao = apsm_align_defaults();
+    ao.mode = run->options.align;
+    ao.mirror = run->options.mirror_check;
+    apsm_status status = meshes && names ? find_template(w, &ao.template_index) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        for (size_t i = 0; i < n; i++)
+            meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
+        status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
+    }
+    for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
+    free(meshes);
+    free(names);
+    return status;
+}
+
+/* ---- results to the folder ---- */
+
+static apsm_status write_mesh(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const groom_work *w = user;
+    char *path = run_pathf(w->run, "groomed/%s.ply", w->in.list.cases[i].name);
+    const apsm_status status =
+        path ? apsm_vtk_write_mesh(ctx, path, &w->in.mesh[i]) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
+}
+
+static apsm_status describe_reflection(const groom_work *w, size_t i, apsm_subject *s)
+{
+    char text[16 * APSM_NUMBER_LENGTH];
+    size_t used = 0;
+    if (!w->in.reflected[i]) return apsm_subject_set_column(s, "reflection", NULL);
+    for (int k = 0; k < 16; k++) {
+        char number[APSM_NUMBER_LENGTH];
+        apsm_format_number(w->in.reflection[i][k], number);
+        used += (size_t)snprintf(text + used, sizeof text - used, "%s%s", k ? " " : "", number);
+    }
+    return apsm_subject_set_column(s, "reflection", text);
+}
+
+static apsm_status describe_subject(groom_work *w, size_t i)
+{
+    apsm_run *run = w->run;
+    apsm_subject *s;
+    const apsm_input_case *c = &w->in.list.cases[i];
+    char groomed[1024];
+    char *shape = apsm_path_relative(run->folder, c->path);
+    if (!shape) return APSM_ERR_MEMORY;
+    snprintf(groomed, sizeof groomed, "groomed/%s.ply", c->name);
+    apsm_status status = apsm_project_add(&run->project, c->name, shape, &s);
+    free(shape);
+    if (status != APSM_OK) return status;
+    s->mirrored = w->in.reflected[i];
+    s->has_alignment = s->has_procrustes = true; /* ShapeWorks expects both columns */
+    memcpy(s->alignment, w->alignment.M + 16 * i, sizeof s->alignment);
+    APSM_TRY(apsm_text_set(&s->groomed, groomed));
+    return describe_reflection(w, i, s);
+}
+
+/* The project's shapes are replaced; other groups of the file stay. */
+static apsm_status describe_project(groom_work *w)
+{
+    apsm_run *run = w->run;
+    while (run->project.n > 0) apsm_project_remove(&run->project, run->project.n - 1);
+    for (size_t i = 0; i < w->in.list.n; i++) APSM_TRY(describe_subject(w, i));
+    return apsm_project_set(&run->project, "apsm", "template_used",
+                            w->in.list.cases[w->alignment.template_index].name);
+}
+
+static apsm_status list_inputs(groom_work *w)
+{
+    const size_t n = w->in.list.n;
+    const char **names = calloc(n, sizeof *names), **paths = calloc(n, sizeof *paths);
+    apsm_status status = names && paths ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < n && status == APSM_OK; i++) {
+        names[i] = w->in.list.cases[i].name;
+        paths[i] = w->in.list.cases[i].path;
+    }
+    if (status == APSM_OK) status = manifest_set_inputs(w->run, n, names, paths, w->in.sha256);
+    free(names);
+    free(paths);
+    return status;
+}
+
+/* The new meshes become the session's. */
+static apsm_status hand_over(groom_work *w)
+{
+    apsm_run *run = w->run;
+    const size_t n = w->in.list.n;
+    run_unload(run);
+    run->names = calloc(n, sizeof *run->names);
+    run->transforms = malloc(n * 16 * sizeof *run->transforms);
+    if (!run->names || !run->transforms) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < n; i++) run->names[i] = run->project.subjects[i].name;
+    memcpy(run->transforms, w->alignment.M, n * 16 * sizeof *run->transforms);
+    run->mesh = w->in.mesh;
+    run->mesh_count = n;
+    w->in.mesh = NULL;
+    return APSM_OK;
+}
+
+static apsm_status save(groom_work *w)
+{
+    apsm_run *run = w->run;
+    char *folder = run_path(run, "groomed");
+    if (!folder) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_make_folder(run->ctx, folder);
+    free(folder);
+    APSM_TRY(status);
+    stage_undo(run, "groom");
+    APSM_TRY(manifest_write(run));
+    APSM_TRY(apsm_parallel_for(run->ctx, w->in.list.n, write_mesh, w, NULL));
+    APSM_TRY(describe_project(w));
+    APSM_TRY(list_inputs(w));
+    APSM_TRY(manifest_set_options(run));
+    APSM_TRY(run_write_project(run));
+    return hand_over(w);
+}
+
+static void tell(const groom_work *w)
+{
+    size_t mirrored = 0;
+    double sum = 0;
+    for (size_t i = 0; i < w->in.list.n; i++) {
+        mirrored += w->in.reflected[i];
+        sum += w->alignment.residual[i];
+    }
+    apsm_log(w->run->ctx, APSM_LOG_INFO,
+             "%zu shapes groomed, %zu of them mirrored; template %s; mean residual %.4g",
+             w->in.list.n, mirrored, w->in.list.cases[w->alignment.template_index].name,
+             w->in.list.n > 1 ? sum / (double)(w->in.list.n - 1) : 0.0);
+}
+
+static apsm_status refuse_replacing(apsm_run *run)
+{
+    if (run->overwrite || run->resume || run->project.n == 0 || !stage_is_done(run, "groom"))
+        return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: holds a model already; continue it with --resume, replace it with "
+                     "--overwrite, or choose another folder",
+                     run->folder);
+}
+
+apsm_status apsm_run_groom(apsm_run *run)
+{
+    const stage_clock clock = stage_begin();
+    groom_work w = { .run = run };
+    APSM_TRY(refuse_replacing(run));
+    apsm_status status = groom_inputs_list(run, &w.in);
+    if (status == APSM_OK) status = groom_inputs_read(run, &w.in);
+    if (status == APSM_OK) status = refuse_bad_shapes(&w);
+    if (status == APSM_OK) status = align(&w);
+    if (status == APSM_OK) status = save(&w);
+    if (status == APSM_OK) status = stage_end(run, "groom", &clock);
+    if (status == APSM_OK) tell(&w);
+    apsm_alignment_free(&w.alignment);
+    groom_inputs_free(&w.in);
+    return status;
+}

@@ -1,0 +1,42 @@
+/* Groomed meshes to first particles: state/initial.ckpt and, to look at, particles/. */
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "run/manifest.h"
+#include "run/session.h"
+
+/* An earlier run's checkpoint must not be taken for one of these particles. */
+static apsm_status remove_checkpoint(apsm_run *run)
+{
+    char *path = run_path(run, RUN_CHECKPOINT);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    if (apsm_file_exists(path) && remove(path) != 0)
+        status = apsm_fail(run->ctx, APSM_ERR_IO, "%s: cannot be removed", path);
+    free(path);
+    return status;
+}
+
+static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
+{
+    const size_t J = (size_t)run->options.particles;
+    APSM_TRY(apsm_optimizer_state_alloc(run->cohort.I, J, state));
+    APSM_TRY(apsm_first_particles(run->ctx, &run->cohort, &run->options, J, state->P));
+    APSM_TRY(remove_checkpoint(run));
+    APSM_TRY(run_save_state(run, RUN_INITIAL, state, NULL, 0));
+    return run_write_particles(run, J, state->P);
+}
+
+apsm_status apsm_run_initialize(apsm_run *run)
+{
+    const stage_clock clock = stage_begin();
+    APSM_TRY(run_load_cohort(run, true));
+    stage_undo(run, "initialize");
+    APSM_TRY(manifest_set_options(run));
+    APSM_TRY(manifest_write(run));
+    apsm_optimizer_state state = { 0 };
+    apsm_status status = seed_and_save(run, &state);
+    if (status == APSM_OK) status = stage_end(run, "initialize", &clock);
+    apsm_optimizer_state_free(&state);
+    return status;
+}

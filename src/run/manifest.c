@@ -1,0 +1,170 @@
+#define _DEFAULT_SOURCE /* getrusage's maxrss */
+#include "run/manifest.h"
+
+#include <jansson.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+
+enum { MANIFEST_VERSION = 1 };
+
+static const char *const stages[] = { "groom", "initialize", "optimize", "evaluate" };
+enum { STAGES = sizeof stages / sizeof stages[0] };
+
+static apsm_status no_memory(apsm_run *run)
+{
+    return apsm_fail(run->ctx, APSM_ERR_MEMORY, "%s: out of memory for the manifest", run->folder);
+}
+
+static json_t *new_manifest(void)
+{
+    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}}", "format", "apsm-manifest", "version",
+                     MANIFEST_VERSION, "apsm", APSM_VERSION, "options", "inputs", "stages");
+}
+
+static apsm_status check_shape(apsm_run *run, const char *path)
+{
+    APSM_TRY(apsm_json_check(run->ctx, path, run->manifest, "apsm-manifest", MANIFEST_VERSION));
+    if (json_is_object(json_object_get(run->manifest, "options")) &&
+        json_is_array(json_object_get(run->manifest, "inputs")) &&
+        json_is_object(json_object_get(run->manifest, "stages")))
+        return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_FORMAT,
+                     "%s: lacks options, inputs or stages; remove it and groom again", path);
+}
+
+apsm_status manifest_open(apsm_run *run)
+{
+    char *path = run_path(run, RUN_MANIFEST);
+    if (!path) return no_memory(run);
+    apsm_status status = APSM_OK;
+    if (apsm_file_exists(path)) {
+        status = apsm_json_read(run->ctx, path, &run->manifest);
+        if (status == APSM_OK) status = check_shape(run, path);
+    } else {
+        run->manifest = new_manifest();
+        if (!run->manifest) status = no_memory(run);
+    }
+    free(path);
+    return status;
+}
+
+apsm_status manifest_write(apsm_run *run)
+{
+    char *path = run_path(run, RUN_MANIFEST);
+    if (!path) return no_memory(run);
+    const apsm_status status = apsm_json_write(run->ctx, path, run->manifest);
+    free(path);
+    return status;
+}
+
+void manifest_close(apsm_run *run)
+{
+    json_decref(run->manifest);
+    run->manifest = NULL;
+}
+
+apsm_status manifest_set_options(apsm_run *run)
+{
+    json_t *options = json_object();
+    int failed = !options;
+    const size_t n = apsm_project_count(&run->project, "apsm");
+    for (size_t k = 0; k < n && !failed; k++) {
+        const char *key, *value;
+        apsm_project_pair(&run->project, "apsm", k, &key, &value);
+        failed = json_object_set_new(options, key, json_string(value));
+    }
+    failed = failed || json_object_set(run->manifest, "options", options) ||
+             json_object_set_new(run->manifest, "apsm", json_string(APSM_VERSION));
+    json_decref(options);
+    return failed ? no_memory(run) : APSM_OK;
+}
+
+apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *names,
+                                const char *const *paths, char (*sha256)[65])
+{
+    json_t *inputs = json_array();
+    int failed = !inputs;
+    for (size_t i = 0; i < n && !failed; i++) {
+        struct stat info;
+        const json_int_t bytes = stat(paths[i], &info) == 0 ? (json_int_t)info.st_size : 0;
+        failed = json_array_append_new(inputs,
+                                       json_pack("{s:s, s:s, s:I, s:s}", "name", names[i], "path",
+                                                 paths[i], "bytes", bytes, "sha256", sha256[i]));
+    }
+    failed = failed || json_object_set(run->manifest, "inputs", inputs);
+    json_decref(inputs);
+    return failed ? no_memory(run) : APSM_OK;
+}
+
+const char *manifest_input_sha256(const apsm_run *run, const char *name)
+{
+    size_t i;
+    json_t *input;
+    json_array_foreach(json_object_get(run->manifest, "inputs"), i, input)
+    {
+        const char *it = json_string_value(json_object_get(input, "name"));
+        if (it && strcmp(it, name) == 0) return json_string_value(json_object_get(input, "sha256"));
+    }
+    return NULL;
+}
+
+stage_clock stage_begin(void)
+{
+    stage_clock clock;
+    clock_gettime(CLOCK_MONOTONIC, &clock.wall);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &clock.cpu);
+    return clock;
+}
+
+static double seconds_since(clockid_t id, const struct timespec *begin)
+{
+    struct timespec now;
+    clock_gettime(id, &now);
+    return (double)(now.tv_sec - begin->tv_sec) + 1e-9 * (double)(now.tv_nsec - begin->tv_nsec);
+}
+
+double stage_wall(const stage_clock *clock)
+{
+    return seconds_since(CLOCK_MONOTONIC, &clock->wall);
+}
+
+static double milliseconds(double seconds)
+{
+    return (double)(long)(1e3 * seconds + 0.5) / 1e3;
+}
+
+/* Largest resident set of the process so far, in MB of 2^20 bytes. */
+static double peak_memory(void)
+{
+    struct rusage usage;
+    if (getrusage(RUSAGE_SELF, &usage) != 0) return 0;
+    return (double)(usage.ru_maxrss / 102) / 10;
+}
+
+void stage_undo(apsm_run *run, const char *stage)
+{
+    bool from_here = false;
+    for (size_t k = 0; k < STAGES; k++) {
+        from_here = from_here || strcmp(stages[k], stage) == 0;
+        if (from_here) json_object_del(json_object_get(run->manifest, "stages"), stages[k]);
+    }
+}
+
+apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock)
+{
+    stage_undo(run, stage);
+    json_t *entry =
+        json_pack("{s:f, s:f, s:f, s:i}", "wall_seconds", milliseconds(stage_wall(clock)),
+                  "cpu_seconds", milliseconds(seconds_since(CLOCK_PROCESS_CPUTIME_ID, &clock->cpu)),
+                  "peak_memory_mb", peak_memory(), "threads", apsm_context_threads(run->ctx));
+    if (!entry || json_object_set_new(json_object_get(run->manifest, "stages"), stage, entry))
+        return no_memory(run);
+    return manifest_write(run);
+}
+
+bool stage_is_done(const apsm_run *run, const char *stage)
+{
+    return json_object_get(json_object_get(run->manifest, "stages"), stage) != NULL;
+}

@@ -1,0 +1,31 @@
+/* manifest.h -- manifest.json: what was run on what, when, and what it took. */
+#ifndef APSM_RUN_MANIFEST_H
+#define APSM_RUN_MANIFEST_H
+
+#include "run/session.h"
+
+/* Reads the folder's manifest, or begins one. */
+apsm_status manifest_open(apsm_run *run);
+apsm_status manifest_write(apsm_run *run);
+void manifest_close(apsm_run *run);
+
+/* Options and inputs (path, bytes, SHA-256) as they are now. */
+apsm_status manifest_set_options(apsm_run *run);
+apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *names,
+                                const char *const *paths, char (*sha256)[65]);
+/* The stored SHA-256 of a named input, or NULL. */
+const char *manifest_input_sha256(const apsm_run *run, const char *name);
+
+/* A clock for one stage. */
+typedef struct stage_clock {
+    struct timespec wall, cpu;
+} stage_clock;
+stage_clock stage_begin(void);
+double stage_wall(const stage_clock *clock); /* seconds so far */
+/* Records the stage as done (later stages become undone) and writes the manifest. */
+apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock);
+bool stage_is_done(const apsm_run *run, const char *stage);
+/* Forgets that this stage and the later ones were done. */
+void stage_undo(apsm_run *run, const char *stage);
+
+#endif

@@ -1,0 +1,139 @@
+/* The optimisation in a model folder: from state/initial.ckpt, or from the last checkpoint, to
+ * particles/ and history.csv. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "run/manifest.h"
+#include "run/session.h"
+
+/* A checkpoint a minute costs far below 1 % of the time. */
+static const double checkpoint_seconds = 60;
+
+/* What on_epoch needs; records grows by doubling. */
+typedef struct recorder {
+    apsm_run *run;
+    apsm_epoch_record *records;
+    size_t n, capacity;
+    double saved_at; /* seconds on clock */
+    stage_clock clock;
+} recorder;
+
+static apsm_status append_record(recorder *r, const apsm_epoch_record *record)
+{
+    if (r->n >= r->capacity) {
+        const size_t capacity = 2 * r->n + 64;
+        apsm_epoch_record *grown = realloc(r->records, capacity * sizeof *grown);
+        if (!grown) return APSM_ERR_MEMORY;
+        r->records = grown;
+        r->capacity = capacity;
+    }
+    r->records[r->n++] = *record;
+    return APSM_OK;
+}
+
+static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
+                            const apsm_epoch_record *record)
+{
+    recorder *r = user;
+    APSM_TRY(append_record(r, record));
+    if (stage_wall(&r->clock) - r->saved_at < checkpoint_seconds) return APSM_OK;
+    APSM_TRY(run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n));
+    r->saved_at = stage_wall(&r->clock);
+    return APSM_OK;
+}
+
+/* ---- history.csv ---- */
+
+static void write_cell(apsm_writer *w, double x)
+{
+    apsm_writer_printf(w, ",");
+    if (isfinite(x)) apsm_writer_number(w, x); /* an empty cell: does not apply */
+}
+
+static void write_record(apsm_writer *w, const apsm_epoch_record *r)
+{
+    const double cells[] = { r->alpha,    r->beta,           r->gamma,           r->c,
+                             r->sampling, r->correspondence, r->eigenshape,      r->surface_error,
+                             r->step,     r->mismatched,     r->worst_mismatched };
+    apsm_writer_printf(w, "%d,%ld", r->stage, r->epoch);
+    for (size_t k = 0; k < sizeof cells / sizeof cells[0]; k++) write_cell(w, cells[k]);
+    apsm_writer_printf(w, ",%ld\n", r->walked);
+}
+
+static apsm_status write_history(const recorder *r)
+{
+    apsm_writer *w = NULL;
+    char *path = run_path(r->run, "history.csv");
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_writer_open(r->run->ctx, path, &w);
+    free(path);
+    if (status != APSM_OK) return status;
+    apsm_writer_printf(w, "stage,epoch,alpha,beta,gamma,c,sampling,correspondence,eigenshape,"
+                          "surface_error,step,mismatched,worst_mismatched,walked\n");
+    for (size_t k = 0; k < r->n; k++) write_record(w, &r->records[k]);
+    return apsm_writer_commit(w);
+}
+
+/* ---- the step ---- */
+
+static bool has_file(const apsm_run *run, const char *name)
+{
+    char *path = run_path(run, name);
+    const bool has = path && apsm_file_exists(path);
+    free(path);
+    return has;
+}
+
+static apsm_status load_start(apsm_run *run, apsm_optimizer_state *state, recorder *r)
+{
+    if (run->resume && has_file(run, RUN_CHECKPOINT)) {
+        APSM_TRY(run_load_state(run, RUN_CHECKPOINT, state, &r->records, &r->n));
+        r->capacity = r->n;
+        apsm_log(run->ctx, APSM_LOG_INFO, "resuming stage %d at epoch %ld", state->stage,
+                 state->epoch);
+        return APSM_OK;
+    }
+    if (!has_file(run, RUN_INITIAL))
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: no initial particles; run `apsm initialize -o %s` first", run->folder,
+                         run->folder);
+    return run_load_state(run, RUN_INITIAL, state, NULL, NULL);
+}
+
+static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, const recorder *r)
+{
+    if (run->options.stage1_epochs > 0)
+        apsm_log(run->ctx, APSM_LOG_INFO, "stage 1 ended: %s", apsm_stop_text(state->stage1_stop));
+    APSM_TRY(write_history(r));
+    APSM_TRY(run_write_particles(run, state->J, state->P));
+    APSM_TRY(run_save_state(run, RUN_CHECKPOINT, state, r->records, r->n));
+    return stage_end(run, "optimize", &r->clock);
+}
+
+static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state, recorder *r)
+{
+    apsm_status status = apsm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+    if (status == APSM_OK) return finish(run, state, r);
+    if (status != APSM_ERR_INTERRUPTED) return status;
+    /* The state of the last full epoch is worth keeping, even if that one was never recorded. */
+    while (r->n > (size_t)state->epochs_run) r->n--;
+    const apsm_status saved = run_save_state(run, RUN_CHECKPOINT, state, r->records, r->n);
+    return saved == APSM_OK ? status : saved;
+}
+
+apsm_status apsm_run_optimize(apsm_run *run)
+{
+    recorder r = { .run = run, .clock = stage_begin() };
+    apsm_optimizer_state state = { 0 };
+    apsm_status status = run_load_cohort(run, true);
+    if (status == APSM_OK) status = load_start(run, &state, &r);
+    if (status == APSM_OK) {
+        stage_undo(run, "optimize");
+        status = manifest_write(run);
+    }
+    if (status == APSM_OK) status = optimize_and_save(run, &state, &r);
+    apsm_optimizer_state_free(&state);
+    free(r.records);
+    return status;
+}

@@ -1,0 +1,555 @@
+#include "run/session.h"
+
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/affine.h"
+#include "apsm/checkpoint_file.h"
+#include "apsm/particles_file.h"
+#include "run/manifest.h"
+
+/* ---- texts beside the option table ---- */
+
+static const char *const texts[] = { "labels",   "reflect_match",  "exclude",
+                                     "template", "original_frame", "seed" };
+enum { TEXTS = sizeof texts / sizeof texts[0] };
+
+/* Options that can change without making the particles different. */
+static const char *const only_evaluate[] = { "definition", "specificity_samples",
+                                             "surface_distance", "original_frame" };
+
+static bool is_one_of(const char *const *words, size_t n, const char *word)
+{
+    for (size_t k = 0; k < n; k++)
+        if (strcmp(words[k], word) == 0) return true;
+    return false;
+}
+
+static bool is_text(const char *key)
+{
+    return is_one_of(texts, TEXTS, key);
+}
+static bool is_only_evaluate(const char *key)
+{
+    return is_one_of(only_evaluate, sizeof only_evaluate / sizeof only_evaluate[0], key);
+}
+
+const char *apsm_run_text(const apsm_run *run, const char *name)
+{
+    const char *text = apsm_project_get(&run->project, "apsm", name);
+    return text ? text : "";
+}
+
+const apsm_options *apsm_run_options(const apsm_run *run)
+{
+    return &run->options;
+}
+
+/* ---- paths ---- */
+
+char *run_path(const apsm_run *run, const char *name)
+{
+    return apsm_path_join(run->folder, name);
+}
+
+char *run_pathf(const apsm_run *run, const char *format, ...)
+{
+    va_list args, again;
+    va_start(args, format);
+    va_copy(again, args);
+    const int length = vsnprintf(NULL, 0, format, args);
+    va_end(args);
+    char *name = length < 0 ? NULL : malloc((size_t)length + 1), *path = NULL;
+    if (name) {
+        vsnprintf(name, (size_t)length + 1, format, again);
+        path = run_path(run, name);
+    }
+    va_end(again);
+    free(name);
+    return path;
+}
+
+/* ---- settling the options ---- */
+
+static apsm_status take_seed(apsm_run *run, const char *text)
+{
+    char *end;
+    const unsigned long long seed = strtoull(text, &end, 10);
+    if (end == text || *end || *text == '-')
+        return apsm_fail(run->ctx, APSM_ERR_ARG, "seed = %s: give a whole number >= 0", text);
+    apsm_context_set_seed(run->ctx, seed);
+    return APSM_OK;
+}
+
+static apsm_status take_pair(apsm_run *run, const char *key, const char *value)
+{
+    if (strcmp(key, "preset") == 0) return apsm_options_preset(run->ctx, &run->options, value);
+    if (!is_text(key)) return apsm_options_set(run->ctx, &run->options, key, value);
+    if (strcmp(key, "seed") == 0) APSM_TRY(take_seed(run, value));
+    return apsm_project_set(&run->project, "apsm", key, value);
+}
+
+/* Options stored by a run with this folder; what we no longer know is an error, not a guess. */
+static apsm_status take_stored(apsm_run *run)
+{
+    const size_t n = apsm_project_count(&run->project, "apsm");
+    for (size_t k = 0; k < n; k++) {
+        const char *key, *value;
+        apsm_project_pair(&run->project, "apsm", k, &key, &value);
+        if (strcmp(key, "version") == 0 || strcmp(key, "template_used") == 0) continue;
+        if (strcmp(key, "seed") == 0) APSM_TRY(take_seed(run, value));
+        if (!is_text(key)) APSM_TRY(apsm_options_set(run->ctx, &run->options, key, value));
+    }
+    return APSM_OK;
+}
+
+static apsm_status refuse_change(apsm_run *run, const char *key, const char *before,
+                                 const char *after)
+{
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: the run that --resume continues has %s = %s, not %s; drop the option, or "
+                     "start anew without --resume",
+                     run->folder, key, *before ? before : "(none)", *after ? after : "(none)");
+}
+
+/* With resume: what was asked for must be what the run began with. */
+static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
+{
+    size_t n;
+    const apsm_option_info *table = apsm_options_table(&n);
+    for (size_t k = 0; k < n; k++) {
+        char a[64], b[64];
+        APSM_TRY(apsm_options_get(before, table[k].name, a));
+        APSM_TRY(apsm_options_get(&run->options, table[k].name, b));
+        if (strcmp(a, b) != 0 && !is_only_evaluate(table[k].name))
+            return refuse_change(run, table[k].name, a, b);
+    }
+    return APSM_OK;
+}
+
+static apsm_status store_options(apsm_run *run)
+{
+    size_t n;
+    const apsm_option_info *table = apsm_options_table(&n);
+    APSM_TRY(apsm_project_set(&run->project, "apsm", "version", APSM_VERSION));
+    for (size_t k = 0; k < n; k++) {
+        char text[64];
+        APSM_TRY(apsm_options_get(&run->options, table[k].name, text));
+        APSM_TRY(apsm_project_set(&run->project, "apsm", table[k].name, text));
+    }
+    char seed[32];
+    snprintf(seed, sizeof seed, "%llu", (unsigned long long)apsm_context_seed(run->ctx));
+    return apsm_project_set(&run->project, "apsm", "seed", seed);
+}
+
+static apsm_status settle_options(apsm_run *run, const apsm_run_settings *s)
+{
+    run->options = apsm_options_defaults();
+    APSM_TRY(take_stored(run));
+    const apsm_options before = run->options;
+    for (size_t k = 0; k < s->n_set; k++) {
+        const char *key = s->set[k][0], *value = s->set[k][1];
+        if (run->resume && is_text(key) && !is_only_evaluate(key) &&
+            strcmp(apsm_run_text(run, key), value) != 0 &&
+            apsm_project_get(&run->project, "apsm", "version"))
+            return refuse_change(run, key, apsm_run_text(run, key), value);
+        APSM_TRY(take_pair(run, key, value));
+    }
+    if (run->resume && apsm_project_get(&run->project, "apsm", "version"))
+        APSM_TRY(refuse_changes(run, &before));
+    APSM_TRY(apsm_options_check(run->ctx, &run->options));
+    return store_options(run);
+}
+
+/* ---- opening and closing ---- */
+
+static apsm_status copy_inputs(apsm_run *run, const apsm_run_settings *s)
+{
+    run->inputs = calloc(s->n_inputs + 1, sizeof *run->inputs);
+    if (!run->inputs) return APSM_ERR_MEMORY;
+    for (; run->n_inputs < s->n_inputs; run->n_inputs++)
+        APSM_TRY(apsm_text_set(&run->inputs[run->n_inputs], s->inputs[run->n_inputs]));
+    return APSM_OK;
+}
+
+static apsm_status open_project(apsm_run *run, bool fresh)
+{
+    if (fresh) return apsm_project_init(run->ctx, run->folder, &run->project);
+    char *path = run_path(run, RUN_PROJECT);
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_file_exists(path)
+                                   ? apsm_project_read(run->ctx, path, &run->project)
+                                   : apsm_project_init(run->ctx, run->folder, &run->project);
+    free(path);
+    return status;
+}
+
+static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
+{
+    APSM_TRY(apsm_text_set(&run->folder, s->folder));
+    APSM_TRY(copy_inputs(run, s));
+    if (!s->dry) {
+        APSM_TRY(apsm_make_folder(run->ctx, run->folder));
+        APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
+    }
+    APSM_TRY(open_project(run, s->fresh));
+    APSM_TRY(manifest_open(run));
+    return settle_options(run, s);
+}
+
+apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, apsm_run **out)
+{
+    *out = NULL;
+    apsm_run *run = calloc(1, sizeof *run);
+    if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
+    run->ctx = ctx;
+    run->lock.fd = -1;
+    run->resume = settings->resume;
+    run->overwrite = settings->overwrite;
+    const apsm_status status = open_all(run, settings);
+    if (status == APSM_OK)
+        *out = run;
+    else
+        apsm_run_close(run);
+    return status;
+}
+
+void run_unload(apsm_run *run)
+{
+    apsm_cohort_free(&run->cohort);
+    for (size_t i = 0; run->mesh && i < run->mesh_count; i++) apsm_mesh_free(&run->mesh[i]);
+    free(run->mesh);
+    free(run->names);
+    free(run->transforms);
+    run->mesh = NULL;
+    run->mesh_count = 0;
+    run->names = NULL;
+    run->transforms = NULL;
+}
+
+void apsm_run_close(apsm_run *run)
+{
+    if (!run) return;
+    run_unload(run);
+    manifest_close(run);
+    apsm_project_free(&run->project);
+    apsm_unlock_folder(&run->lock);
+    for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
+    free(run->inputs);
+    free(run->folder);
+    free(run);
+}
+
+apsm_status run_write_project(apsm_run *run)
+{
+    char *path = run_path(run, RUN_PROJECT);
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_project_write(run->ctx, path, &run->project);
+    free(path);
+    return status;
+}
+
+/* ---- loading what groom left ---- */
+
+static apsm_status load_mesh(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const apsm_run *run = user;
+    char *path = apsm_project_path(&run->project, run->project.subjects[i].groomed);
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_vtk_read_mesh(ctx, path, &run->mesh[i]);
+    free(path);
+    return status;
+}
+
+static apsm_status load_groomed(apsm_run *run)
+{
+    const size_t n = run->project.n;
+    run->names = calloc(n, sizeof *run->names);
+    run->transforms = calloc(n * 16, sizeof *run->transforms);
+    run->mesh = calloc(n, sizeof *run->mesh);
+    if (!run->names || !run->transforms || !run->mesh) return APSM_ERR_MEMORY;
+    run->mesh_count = n;
+    for (size_t i = 0; i < n; i++) {
+        run->names[i] = run->project.subjects[i].name;
+        memcpy(run->transforms + 16 * i, run->project.subjects[i].alignment, 16 * sizeof(double));
+    }
+    return apsm_parallel_for(run->ctx, n, load_mesh, run, NULL);
+}
+
+apsm_status run_load_meshes(apsm_run *run)
+{
+    if (run->mesh) return APSM_OK;
+    if (run->project.n == 0)
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,
+                         run->folder);
+    for (size_t i = 0; i < run->project.n; i++)
+        if (!run->project.subjects[i].groomed)
+            return apsm_fail(run->ctx, APSM_ERR_STATE,
+                             "%s: %s has not been groomed; run `apsm groom -o %s`", run->folder,
+                             run->project.subjects[i].name, run->folder);
+    const apsm_status status = load_groomed(run);
+    if (status != APSM_OK) run_unload(run);
+    return status;
+}
+
+size_t run_template_index(const apsm_run *run)
+{
+    return apsm_project_find(&run->project, apsm_run_text(run, "template_used"));
+}
+
+/* Scale of a transform: cube root of its determinant. */
+static double scale_of(const double M[16])
+{
+    const double det = M[0] * (M[5] * M[10] - M[6] * M[9]) - M[1] * (M[4] * M[10] - M[6] * M[8]) +
+                       M[2] * (M[4] * M[9] - M[5] * M[8]);
+    return cbrt(fabs(det));
+}
+
+apsm_status run_load_cohort(apsm_run *run, bool with_fields)
+{
+    if (run->cohort.I > 0 && (run->cohort.shape[0].field || !with_fields)) return APSM_OK;
+    apsm_cohort_free(&run->cohort);
+    APSM_TRY(run_load_meshes(run));
+    const size_t t = run_template_index(run);
+    if (t >= run->project.n)
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: the project names no template; groom again",
+                         run->folder);
+    const apsm_options *o = &run->options;
+    const double s = scale_of(run->transforms + 16 * t);
+    const double h =
+        apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
+    const double voxel = with_fields ? o->field_voxel * h : 0;
+    const double band = 1.5 * o->band * o->dipole * h + 2 * voxel; /* h is known to within 50 % */
+    return apsm_cohort_build(run->ctx, run->project.n, run->names, run->mesh, run->transforms, t,
+                             voxel, band, &run->cohort);
+}
+
+/* ---- checkpoints ---- */
+
+static void hash_options(const apsm_run *run, apsm_sha256 *sha)
+{
+    size_t n;
+    const apsm_option_info *table = apsm_options_table(&n);
+    for (size_t k = 0; k < n; k++) {
+        char text[64];
+        if (is_only_evaluate(table[k].name)) continue;
+        if (apsm_options_get(&run->options, table[k].name, text) != APSM_OK) continue;
+        apsm_sha256_add(sha, table[k].name, strlen(table[k].name) + 1);
+        apsm_sha256_add(sha, text, strlen(text) + 1);
+    }
+    const uint64_t seed = apsm_context_seed(run->ctx);
+    apsm_sha256_add(sha, &seed, sizeof seed);
+}
+
+apsm_status run_identity(apsm_run *run, char hex[65])
+{
+    APSM_TRY(run_load_meshes(run));
+    apsm_sha256 sha;
+    unsigned char digest[32];
+    apsm_sha256_begin(&sha);
+    hash_options(run, &sha);
+    const uint64_t t = run_template_index(run);
+    apsm_sha256_add(&sha, &t, sizeof t);
+    for (size_t i = 0; i < run->mesh_count; i++) {
+        const apsm_mesh *m = &run->mesh[i];
+        apsm_sha256_add(&sha, run->names[i], strlen(run->names[i]) + 1);
+        apsm_sha256_add(&sha, m->V, 3 * m->nv * sizeof *m->V);
+        apsm_sha256_add(&sha, m->F, 3 * m->nf * sizeof *m->F);
+        apsm_sha256_add(&sha, run->transforms + 16 * i, 16 * sizeof(double));
+    }
+    apsm_sha256_end(&sha, digest);
+    apsm_sha256_hex(digest, hex);
+    return APSM_OK;
+}
+
+/* The numbers of a state, apart from its arrays. */
+typedef struct state_numbers {
+    int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop;
+    double h, best_mismatched;
+} state_numbers;
+
+apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer_state *s,
+                           const apsm_epoch_record *records, size_t n_records)
+{
+    char identity[65];
+    APSM_TRY(run_identity(run, identity));
+    char *folder = run_path(run, "state"), *path = run_path(run, name);
+    apsm_checkpoint_writer *w = NULL;
+    apsm_status status = folder && path ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_checkpoint_open(run->ctx, path, &w);
+    if (status == APSM_OK) {
+        const state_numbers n = { (int64_t)s->I,
+                                  (int64_t)s->J,
+                                  s->stage,
+                                  s->epoch,
+                                  s->epochs_run,
+                                  s->passes_without_gain,
+                                  (int64_t)s->stage1_stop,
+                                  s->h,
+                                  s->best_mismatched };
+        apsm_checkpoint_add(w, "identity", identity, sizeof identity);
+        apsm_checkpoint_add(w, "numbers", &n, sizeof n);
+        apsm_checkpoint_add(w, "P", s->P, s->I * s->J * 3 * sizeof *s->P);
+        apsm_checkpoint_add(w, "mean", s->mean, s->J * 3 * sizeof *s->mean);
+        apsm_checkpoint_add(w, "history", records, n_records * sizeof *records);
+        status = apsm_checkpoint_commit(w);
+    }
+    free(folder);
+    free(path);
+    return status;
+}
+
+static apsm_status check_identity(apsm_run *run, const char *path, const apsm_checkpoint *c)
+{
+    char stored[65], now[65];
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "identity", stored, sizeof stored));
+    APSM_TRY(run_identity(run, now));
+    if (memcmp(stored, now, sizeof now) == 0) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: belongs to other options or other groomed shapes; run `apsm initialize "
+                     "-o %s` and optimize anew",
+                     path, run->folder);
+}
+
+static apsm_status load_history(apsm_run *run, const apsm_checkpoint *c,
+                                apsm_epoch_record **records, size_t *n_records)
+{
+    size_t bytes;
+    const void *history = apsm_checkpoint_find(c, "history", &bytes);
+    if (!history || bytes % sizeof **records)
+        return apsm_fail(run->ctx, APSM_ERR_FORMAT, "%s: checkpoint without history", run->folder);
+    *n_records = bytes / sizeof **records;
+    *records = malloc(bytes ? bytes : 1);
+    if (!*records) return APSM_ERR_MEMORY;
+    memcpy(*records, history, bytes);
+    return APSM_OK;
+}
+
+static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_checkpoint *c,
+                                apsm_optimizer_state *s)
+{
+    state_numbers n;
+    APSM_TRY(check_identity(run, path, c));
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "numbers", &n, sizeof n));
+    if (n.I != (int64_t)run->project.n || n.J != run->options.particles)
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: holds %lld shapes of %lld particles", path,
+                         (long long)n.I, (long long)n.J);
+    APSM_TRY(apsm_optimizer_state_alloc((size_t)n.I, (size_t)n.J, s));
+    s->stage = (int)n.stage;
+    s->epoch = (long)n.epoch;
+    s->epochs_run = (long)n.epochs_run;
+    s->passes_without_gain = (long)n.passes_without_gain;
+    s->stage1_stop = (apsm_stop)n.stage1_stop;
+    s->h = n.h;
+    s->best_mismatched = n.best_mismatched;
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "P", s->P, s->I * s->J * 3 * sizeof *s->P));
+    return apsm_checkpoint_get(run->ctx, c, "mean", s->mean, s->J * 3 * sizeof *s->mean);
+}
+
+apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
+                           apsm_epoch_record **records, size_t *n_records)
+{
+    *state = (apsm_optimizer_state){ 0 };
+    if (records) *records = NULL;
+    char *path = run_path(run, name);
+    apsm_checkpoint *c = NULL;
+    apsm_status status = path ? apsm_checkpoint_read(run->ctx, path, &c) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = unpack_state(run, path, c, state);
+    if (status == APSM_OK && records) status = load_history(run, c, records, n_records);
+    if (status != APSM_OK) apsm_optimizer_state_free(state);
+    apsm_checkpoint_free(c);
+    free(path);
+    return status;
+}
+
+/* ---- particles ---- */
+
+typedef struct particle_files {
+    apsm_run *run;
+    size_t J;
+    const double *P;
+} particle_files;
+
+/* Writes one file and stores its path, relative to the folder, in *slot. */
+static apsm_status write_frame(apsm_context *ctx, const apsm_run *run, const char *name,
+                               const char *frame, size_t J, const double *P, char **slot)
+{
+    char relative[1024];
+    if (snprintf(relative, sizeof relative, "particles/%s_%s.particles", name, frame) >=
+        (int)sizeof relative)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: name too long", name);
+    char *path = run_path(run, relative);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_particles_write(ctx, path, J, P);
+    free(path);
+    if (status == APSM_OK && slot) status = apsm_text_set(slot, relative);
+    return status;
+}
+
+static apsm_status write_original(apsm_context *ctx, const apsm_run *run, const apsm_subject *s,
+                                  size_t J, double *P)
+{
+    double M[16], inverse[16];
+    const char *text = apsm_subject_column(s, "reflection");
+    if (text) {
+        for (int k = 0; k < 16; k++) M[k] = strtod(text, (char **)&text);
+        APSM_TRY(apsm_affine_invert(M, inverse));
+        apsm_affine_apply(inverse, J, P, P);
+    }
+    return write_frame(ctx, run, s->name, "original", J, P, NULL);
+}
+
+static apsm_status write_subject(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const particle_files *f = user;
+    apsm_subject *s = &f->run->project.subjects[i];
+    const double *world = f->P + i * f->J * 3;
+    double inverse[16], *local = malloc(f->J * 3 * sizeof *local);
+    if (!local) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_affine_invert(f->run->transforms + 16 * i, inverse);
+    if (status == APSM_OK) {
+        apsm_affine_apply(inverse, f->J, world, local);
+        status = write_frame(ctx, f->run, s->name, "local", f->J, local, &s->local_particles);
+    }
+    if (status == APSM_OK)
+        status = write_frame(ctx, f->run, s->name, "world", f->J, world, &s->world_particles);
+    if (status == APSM_OK && strcmp(apsm_run_text(f->run, "original_frame"), "true") == 0)
+        status = write_original(ctx, f->run, s, f->J, local);
+    free(local);
+    return status;
+}
+
+apsm_status run_write_particles(apsm_run *run, size_t J, const double *P)
+{
+    char *folder = run_path(run, "particles");
+    if (!folder) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_make_folder(run->ctx, folder);
+    free(folder);
+    particle_files f = { run, J, P };
+    if (status == APSM_OK)
+        status = apsm_parallel_for(run->ctx, run->project.n, write_subject, &f, NULL);
+    return status == APSM_OK ? run_write_project(run) : status;
+}
+
+/* ---- all steps ---- */
+
+apsm_status apsm_run_all(apsm_run *run)
+{
+    static const struct {
+        const char *stage;
+        apsm_status (*step)(apsm_run *);
+    } steps[] = { { "groom", apsm_run_groom },
+                  { "initialize", apsm_run_initialize },
+                  { "optimize", apsm_run_optimize },
+                  { "evaluate", apsm_run_evaluate } };
+    for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
+        if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
+    return APSM_OK;
+}

@@ -1,0 +1,70 @@
+/* session.h -- what the steps of a run share: the folder, its project and options, and whatever
+ * has been loaded from it so far. */
+#ifndef APSM_RUN_SESSION_H
+#define APSM_RUN_SESSION_H
+
+#include <time.h>
+
+#include "apsm/cohort.h"
+#include "apsm/files.h"
+#include "apsm/optimizer.h"
+#include "apsm/project.h"
+#include "apsm/run.h"
+
+struct json_t;
+
+struct apsm_run {
+    apsm_context *ctx;
+    char *folder;
+    apsm_lock lock;
+    apsm_options options;
+    bool resume, overwrite;
+    char **inputs; /* n_inputs, owned */
+    size_t n_inputs;
+    apsm_project project;
+    struct json_t *manifest; /* object; see manifest.h */
+    apsm_mesh *mesh;         /* project.n groomed meshes in their own frames, or NULL */
+    size_t mesh_count;
+    apsm_cohort cohort; /* I = 0: not loaded */
+    const char **names; /* project.n, borrowed from the project */
+    double *transforms; /* project.n x 16: local to world */
+};
+
+/* Names of files in the model folder. */
+#define RUN_PROJECT    "project.swproj"
+#define RUN_MANIFEST   "manifest.json"
+#define RUN_INITIAL    "state/initial.ckpt"
+#define RUN_CHECKPOINT "state/optimize.ckpt"
+
+/* Path of a file in the model folder: malloc'ed, NULL if out of memory. */
+char *run_path(const apsm_run *run, const char *name);
+/* Path made as by printf below the folder. */
+char *run_pathf(const apsm_run *run, const char *format, ...) APSM_PRINTF(2, 3);
+
+apsm_status run_write_project(apsm_run *run);
+
+/* Loads groomed meshes and transforms unless they are there; refuses a project that has not been
+ * groomed. */
+apsm_status run_load_meshes(apsm_run *run);
+/* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
+apsm_status run_load_cohort(apsm_run *run, bool with_fields);
+/* Forgets what was loaded: the groomed shapes have changed. */
+void run_unload(apsm_run *run);
+
+size_t run_template_index(const apsm_run *run);
+
+/* SHA-256 (hex) over everything that decides the particles: options of the method, seed, and the
+ * groomed shapes in their frame.  A checkpoint is good for one identity only. */
+apsm_status run_identity(apsm_run *run, char hex[65]);
+
+/* Reads or writes a checkpoint of the optimiser.  history may be NULL; records (out) is
+ * malloc'ed. */
+apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer_state *state,
+                           const apsm_epoch_record *records, size_t n_records);
+apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
+                           apsm_epoch_record **records, size_t *n_records);
+
+/* Particles of all shapes (I x J x 3, world) to particles/, with the paths in the project. */
+apsm_status run_write_particles(apsm_run *run, size_t J, const double *P);
+
+#endif
