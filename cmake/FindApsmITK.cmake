@@ -25,7 +25,7 @@ endfunction()
 
 if(ApsmITK_INCLUDE_DIR AND NOT TARGET Apsm::ITK)
   apsm_itk_target(Apsm::ITK ITKIONRRD ITKIONIFTI ITKIOMeta ITKIOImageBase ITKCommon itkvnl itksys)
-  apsm_itk_target(Apsm::ITKGDCM ITKIOGDCM ITKIOImageBase ITKCommon itkvnl itksys)
+  apsm_itk_target(Apsm::ITKGDCM ITKIOGDCM ITKIOImageBase ITKCommon itkvnl_algo itkvnl itksys)
 endif()
 if(TARGET Apsm::ITK)
   set(ApsmITK_TARGET Apsm::ITK)

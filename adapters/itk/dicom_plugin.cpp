@@ -61,8 +61,8 @@ std::mutex gdcm_lock; /* GDCM's dictionaries are global */
 
 } // namespace
 
-extern "C" apsm_status apsm_dicom_plugin_read(const char *folder, apsm_volume *volume, char *line,
-                                              size_t size)
+extern "C" __attribute__((visibility("default"))) apsm_status
+apsm_dicom_plugin_read(const char *folder, apsm_volume *volume, char *line, size_t size)
 {
     const std::lock_guard<std::mutex> lock(gdcm_lock);
     try {

@@ -1,0 +1,202 @@
+/* A DICOM series with an oblique stack, its files in shuffled order, through the plug-in. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+
+#include "apsm/adapters.h"
+#include "scratch.h"
+
+enum { COLUMNS = 6, ROWS = 5, SLICES = 12 };
+static const double cos_a = 0.8, sin_a = 0.6; /* about the x axis */
+static const double first[3] = { -10.5, 20.0, 30.25 };
+
+typedef struct fixture {
+    apsm_context *ctx;
+    char folder[SCRATCH_LENGTH];
+} fixture;
+
+static int setup(void **state)
+{
+    fixture *const f = calloc(1, sizeof *f);
+    f->ctx = apsm_context_new();
+    scratch_make(f->folder);
+    *state = f;
+    return 0;
+}
+
+static int teardown(void **state)
+{
+    fixture *const f = *state;
+    scratch_remove(f->folder);
+    apsm_context_free(f->ctx);
+    free(f);
+    return 0;
+}
+
+/* ---- a minimal writer: explicit VR, little endian ---- */
+typedef struct buffer {
+    unsigned char bytes[4096];
+    size_t n;
+} buffer;
+
+static void put(buffer *b, const void *data, size_t n)
+{
+    assert_true(b->n + n <= sizeof b->bytes);
+    memcpy(b->bytes + b->n, data, n);
+    b->n += n;
+}
+
+static void put16(buffer *b, unsigned value)
+{
+    put(b, (unsigned char[]){ (unsigned char)(value & 255), (unsigned char)(value >> 8 & 255) }, 2);
+}
+
+static void put_element(buffer *b, unsigned group, unsigned element, const char vr[3],
+                        const void *value, size_t n)
+{
+    const bool is_long = strcmp(vr, "OB") == 0 || strcmp(vr, "OW") == 0;
+    const char pad = strcmp(vr, "UI") == 0 ? '\0' : ' ';
+    put16(b, group);
+    put16(b, element);
+    put(b, vr, 2);
+    if (is_long) put16(b, 0);
+    put16(b, (unsigned)(n + n % 2));
+    if (is_long) put16(b, 0);
+    put(b, value, n);
+    if (n % 2) put(b, &pad, 1);
+}
+
+static void put_text(buffer *b, unsigned group, unsigned element, const char vr[3],
+                     const char *text)
+{
+    put_element(b, group, element, vr, text, strlen(text));
+}
+
+static void put_us(buffer *b, unsigned group, unsigned element, unsigned value)
+{
+    const unsigned char v[2] = { (unsigned char)value, 0 };
+    put_element(b, group, element, "US", v, 2);
+}
+
+static unsigned value_at(int i, int j, int k)
+{
+    return (unsigned)(i + 7 * j + 41 * k) % 5;
+}
+
+static void put_voxels(buffer *b, int k)
+{
+    unsigned char voxels[2 * COLUMNS * ROWS] = { 0 };
+    for (int j = 0; j < ROWS; j++)
+        for (int i = 0; i < COLUMNS; i++)
+            voxels[2 * (i + COLUMNS * j)] = (unsigned char)value_at(i, j, k);
+    put_element(b, 0x7fe0, 0x0010, "OW", voxels, sizeof voxels);
+}
+
+/* Slice k of a stack with gaps of 2.5 mm, as the file `name`. */
+static void write_slice(const char *folder, const char *name, int k, const char *series)
+{
+    static const char *const ct = "1.2.840.10008.5.1.4.1.1.2";
+    buffer meta = { .n = 0 }, file = { .n = 128 };
+    char text[96], uid[64];
+    snprintf(uid, sizeof uid, "%s.%d", series, k + 1);
+    put_element(&meta, 2, 1, "OB", "\0\1", 2);
+    put_text(&meta, 2, 2, "UI", ct);
+    put_text(&meta, 2, 3, "UI", uid);
+    put_text(&meta, 2, 0x10, "UI", "1.2.840.10008.1.2.1");
+    put_text(&meta, 2, 0x12, "UI", "1.2.3.4.5");
+    put(&file, "DICM", 4);
+    const unsigned char length[4] = { (unsigned char)(meta.n & 255), (unsigned char)(meta.n >> 8) };
+    put_element(&file, 2, 0, "UL", length, 4);
+    put(&file, meta.bytes, meta.n);
+    put_text(&file, 0x08, 0x16, "UI", ct);
+    put_text(&file, 0x08, 0x18, "UI", uid);
+    put_text(&file, 0x08, 0x60, "CS", "CT");
+    put_text(&file, 0x20, 0x0d, "UI", "1.2.3.4.6");
+    put_text(&file, 0x20, 0x0e, "UI", series);
+    put_text(&file, 0x20, 0x13, "IS", "1");
+    /* The stack's normal is rows x columns = (0, -sin, cos). */
+    snprintf(text, sizeof text, "%.6f\\%.6f\\%.6f", first[0], first[1] - 2.5 * k * sin_a,
+             first[2] + 2.5 * k * cos_a);
+    put_text(&file, 0x20, 0x32, "DS", text);
+    snprintf(text, sizeof text, "1\\0\\0\\0\\%.6f\\%.6f", cos_a, sin_a);
+    put_text(&file, 0x20, 0x37, "DS", text);
+    put_text(&file, 0x20, 0x52, "UI", "1.2.3.4.7");
+    put_us(&file, 0x28, 2, 1);
+    put_text(&file, 0x28, 4, "CS", "MONOCHROME2");
+    put_us(&file, 0x28, 0x10, ROWS);
+    put_us(&file, 0x28, 0x11, COLUMNS);
+    put_text(&file, 0x28, 0x30, "DS", "1.5\\0.5"); /* between rows, between columns */
+    put_us(&file, 0x28, 0x100, 16);
+    put_us(&file, 0x28, 0x101, 16);
+    put_us(&file, 0x28, 0x102, 15);
+    put_us(&file, 0x28, 0x103, 0);
+    put_voxels(&file, k);
+    scratch_write(scratch_path(folder, name), file.bytes, file.n);
+}
+
+static void write_series(const char *folder, const char *series, int without)
+{
+    for (int k = 0; k < SLICES; k++) {
+        char name[64];
+        snprintf(name, sizeof name, "%c%d-%s", 'a' + k * 7 % SLICES, k, series);
+        if (k != without) write_slice(folder, name, k, series);
+    }
+}
+
+static void an_oblique_series_is_read(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    write_series(f->folder, "1.2.3.9", -1);
+    if (apsm_dicom_read_volume(f->ctx, f->folder, &v) != APSM_OK)
+        fail_msg("%s", apsm_error_text(f->ctx));
+    assert_int_equal(v.n[0], COLUMNS);
+    assert_int_equal(v.n[1], ROWS);
+    assert_int_equal(v.n[2], SLICES);
+    double M[16];
+    apsm_volume_index_to_lps(&v, M);
+    const double wanted[16] = {
+        0.5,      0, 0,           first[0],    0,        1.5 * cos_a, -2.5 * sin_a,
+        first[1], 0, 1.5 * sin_a, 2.5 * cos_a, first[2], 0,           0,
+        0,        1
+    };
+    for (int k = 0; k < 16; k++)
+        if (!(fabs(M[k] - wanted[k]) < 1e-5)) fail_msg("M[%d] = %g, not %g", k, M[k], wanted[k]);
+    for (int k = 0; k < SLICES; k++)
+        for (int j = 0; j < ROWS; j++)
+            for (int i = 0; i < COLUMNS; i++)
+                assert_int_equal(v.label[i + COLUMNS * (j + ROWS * k)], value_at(i, j, k));
+    apsm_volume_free(&v);
+}
+
+static void bad_series_are_refused(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
+                   "no DICOM", f->folder);
+    write_series(f->folder, "1.2.3.9", 5);
+    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT, "evenly",
+                   f->folder);
+    write_series(f->folder, "1.2.3.8", -1);
+    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
+                   "2 DICOM series", f->folder);
+    assert_null(v.label);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(an_oblique_series_is_read, setup, teardown),
+        cmocka_unit_test_setup_teardown(bad_series_are_refused, setup, teardown),
+    };
+#ifndef APSM_HAVE_DICOM
+    print_message("the DICOM plug-in is not part of this build\n");
+    return 77;
+#endif
+    return cmocka_run_group_tests_name("dicom", tests, NULL, NULL);
+}
