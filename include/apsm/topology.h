@@ -17,13 +17,15 @@ extern "C" {
  * Owns its arrays. */
 typedef struct apsm_topology {
     size_t nv, nf;
-    uint32_t *twin;         /* 3 nf: opposite half-edge; APSM_NONE on a border or where more than
-                               two faces meet */
+    uint32_t *twin;         /* 3 nf: opposite half-edge; APSM_NONE on a border, where more than two
+                               faces meet, where the other face is turned over, and all around a
+                               face with a repeated corner (its neighbours are each other's) */
     uint32_t *corner_start; /* nv + 1: corners (= half-edges starting at v) of vertex v are
                                corner[corner_start[v] .. corner_start[v+1]), ascending */
     uint32_t *corner;       /* 3 nf */
 } apsm_topology;
 
+/* O(nv + nf).  APSM_ERR_GEOMETRY if a face names a vertex that is not there. */
 apsm_status apsm_topology_build(const apsm_mesh *mesh, apsm_topology *topology) APSM_NODISCARD;
 void apsm_topology_free(apsm_topology *topology);
 
@@ -36,9 +38,11 @@ typedef struct apsm_mesh_defects {
     size_t flipped_edges;        /* edges whose two faces run the same way along them */
     size_t degenerate_faces;     /* repeated corner, or area < 1e-14 of the squared diagonal */
     size_t unused_vertices;
-    double border_at[3], nonmanifold_at[3]; /* position of the first such edge or vertex */
+    double border_at[3], nonmanifold_at[3]; /* middle of the first such edge, or the vertex; 0 if
+                                               there is none */
 } apsm_mesh_defects;
 
+/* O(nv + nf).  APSM_ERR_GEOMETRY as above, APSM_ERR_MEMORY. */
 apsm_status apsm_mesh_inspect(const apsm_mesh *mesh, apsm_mesh_defects *defects) APSM_NODISCARD;
 
 /* Closed, consistently oriented 2-manifold without degenerate faces.  Invariant used by asserts
