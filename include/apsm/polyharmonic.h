@@ -45,7 +45,7 @@ size_t apsm_polyharmonic_solve_work_size(size_t n, size_t m);
 /* Factors (2) for centres X (n x 3).  single: keep the factor in single precision (half the
  * time and memory; phi = r only, else APSM_ERR_ARG).  ridge >= 0 is added to the diagonal relative
  * to its mean (0: exact interpolation).  f and store (out) hold the result, work is scratch.
- * O(n^3 / 3).  APSM_ERR_SINGULAR: coinciding centres, or all in a plane;
+ * O(n^3 / 3).  APSM_ERR_SINGULAR: centres that (nearly) coincide, or all in a plane;
  * APSM_ERR_NONFINITE: X is not finite. */
 apsm_status apsm_polyharmonic_factor(apsm_phi phi, size_t n, const double *X, bool single,
                                      double ridge, double *store, double *work,

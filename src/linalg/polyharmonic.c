@@ -14,7 +14,6 @@
  * S = T^T V^T Z: one sweep over A. */
 #include "apsm/polyharmonic.h"
 
-#include <float.h>
 #include <math.h>
 #include <string.h>
 
@@ -177,6 +176,28 @@ APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *rest
     }
 }
 
+/* The least entry off A's diagonal. */
+APSM_KERNEL static double least_entry(size_t n, const double *restrict A)
+{
+    double least = INFINITY;
+    for (size_t i = 1; i < n; i++) {
+        const double *row = A + i * n;
+#pragma omp simd reduction(min : least)
+        for (size_t j = 0; j < i; j++) least = row[j] < least ? row[j] : least;
+    }
+    return least;
+}
+
+/* Whether two centres are so close that the matrix is singular in the factor's precision: its
+ * least eigenvalue goes like their distance, or its cube.  Cholesky itself would not always
+ * notice, for rounding may leave a pivot positive. */
+static bool centres_coincide(const apsm_polyharmonic *f, const double *A)
+{
+    const double least = least_entry(f->n, A);
+    if (f->phi == APSM_PHI_R3) return !(least > 1e-15); /* 1e-5 of the box, cubed */
+    return !(least > (f->L32 ? 1e-6 : 1e-12));
+}
+
 /* W (n x 4) of the file's head; Z (n x 4) is scratch. */
 static void update_vectors(const apsm_polyharmonic *f, const double *A, double *W, double *Z)
 {
@@ -246,18 +267,6 @@ static void project(apsm_polyharmonic *f, double *work)
 
 /* ---- factor ---- */
 
-/* Rounding may carry a singular matrix through: its smallest pivot is then noise. */
-static apsm_status check_pivots(const apsm_polyharmonic *f, double mean)
-{
-    const size_t m = f->n - 4;
-    const double least = 4.0 * mean * (f->L32 ? (double)FLT_EPSILON : DBL_EPSILON);
-    for (size_t i = 0; i < m; i++) {
-        const double p = f->L32 ? (double)f->L32[i * m + i] : f->L[i * m + i];
-        if (!(p * p > least)) return APSM_ERR_SINGULAR;
-    }
-    return APSM_OK;
-}
-
 /* Factors s A'22 with f's ridge; A' stays. */
 static apsm_status factor_projected(apsm_polyharmonic *f, const double *A)
 {
@@ -276,13 +285,12 @@ static apsm_status factor_projected(apsm_polyharmonic *f, const double *A)
             f->L[i * m + i] = diagonal;
         }
     }
-    APSM_TRY(f->L32 ? apsm_cholesky_f32(m, f->L32) : apsm_cholesky(m, f->L));
-    return check_pivots(f, mean);
+    return f->L32 ? apsm_cholesky_f32(m, f->L32) : apsm_cholesky(m, f->L);
 }
 
 /* All but the Cholesky factor. */
 static apsm_status prepare(apsm_phi phi, size_t n, const double *X, bool single, double *store,
-                           double *work, apsm_polyharmonic *f)
+                           double *work, apsm_polyharmonic *f, bool *coincide)
 {
     if (n < 5 || (phi != APSM_PHI_R && phi != APSM_PHI_R3)) return APSM_ERR_ARG;
     if (single && phi != APSM_PHI_R) return APSM_ERR_ARG;
@@ -294,6 +302,7 @@ static apsm_status prepare(apsm_phi phi, size_t n, const double *X, bool single,
         f->L = L;
     APSM_TRY(unit_box(n, X, f->centre, &f->scale));
     APSM_TRY(assemble(f, X, work));
+    *coincide = centres_coincide(f, work);
     project(f, work);
     return APSM_OK;
 }
@@ -302,8 +311,10 @@ apsm_status apsm_polyharmonic_factor(apsm_phi phi, size_t n, const double *X, bo
                                      double ridge, double *store, double *work,
                                      apsm_polyharmonic *f)
 {
+    bool coincide;
     if (!(ridge >= 0.0)) return APSM_ERR_ARG;
-    APSM_TRY(prepare(phi, n, X, single, store, work, f));
+    APSM_TRY(prepare(phi, n, X, single, store, work, f, &coincide));
+    if (coincide && ridge == 0.0) return APSM_ERR_SINGULAR;
     f->ridge = ridge;
     return factor_projected(f, work);
 }
@@ -312,9 +323,10 @@ apsm_status apsm_polyharmonic_factor_robust(apsm_phi phi, size_t n, const double
                                             double *store, double *work, apsm_polyharmonic *f)
 {
     static const double ridges[] = { 0.0, 1e-8, 1e-6, 1e-4 };
-    APSM_TRY(prepare(phi, n, X, single, store, work, f));
+    bool coincide;
+    APSM_TRY(prepare(phi, n, X, single, store, work, f, &coincide));
     apsm_status status = APSM_ERR_SINGULAR;
-    for (size_t i = 0; i < 4 && status != APSM_OK; i++) {
+    for (size_t i = coincide ? 1 : 0; i < 4 && status != APSM_OK; i++) {
         f->ridge = ridges[i];
         status = factor_projected(f, work);
     }

@@ -86,6 +86,18 @@ static void one_shape_by_hand(void **state)
     assert_true(fabs(grad[0] - 1.0) < 1e-15);
 }
 
+/* Two shapes at +-2: G = 2/3 [1 -1; -1 1], mean eigenvalue 2/3. */
+static void relative_reg_is_of_the_mean_eigenvalue(void **state)
+{
+    (void)state;
+    const double Y[6] = { 2, 0, 0, -2, 0, 0 };
+    const apsm_eigenshape_options opt = { .reg = 0.5, .relative = true };
+    double reg;
+    const double loss = whole(2, 1, Y, &opt, NULL, &reg);
+    assert_true(fabs(reg - 1.0 / 3.0) < 1e-15);
+    assert_true(fabs(loss - 0.5 * log(5.0 / 3.0 * 1.0 / 3.0)) < 1e-14);
+}
+
 static double batch_loss(const double *P, void *user)
 {
     double mean[N3], Y[K * N3];
@@ -178,10 +190,15 @@ static void frobenius_by_hand(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(equals_golden),           cmocka_unit_test(primal_form_agrees),
-        cmocka_unit_test(one_shape_by_hand),       cmocka_unit_test(gradient_matches_differences),
-        cmocka_unit_test(scale_order_and_motion),  cmocka_unit_test(equal_shapes_are_singular),
-        cmocka_unit_test(frobenius_equals_golden), cmocka_unit_test(frobenius_by_hand),
+        cmocka_unit_test(relative_reg_is_of_the_mean_eigenvalue),
+        cmocka_unit_test(equals_golden),
+        cmocka_unit_test(primal_form_agrees),
+        cmocka_unit_test(one_shape_by_hand),
+        cmocka_unit_test(gradient_matches_differences),
+        cmocka_unit_test(scale_order_and_motion),
+        cmocka_unit_test(equal_shapes_are_singular),
+        cmocka_unit_test(frobenius_equals_golden),
+        cmocka_unit_test(frobenius_by_hand),
     };
     return cmocka_run_group_tests_name("eigenshape_loss", tests, NULL, NULL);
 }
