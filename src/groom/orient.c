@@ -131,11 +131,6 @@ static void add_face(const apsm_mesh *m, uint32_t f, part *p)
         }
 }
 
-static double box_diagonal2(const part *p)
-{
-    return vec3_distance2(p->lo, p->hi);
-}
-
 static bool inside_box(const part *p, const part *q)
 {
     for (int c = 0; c < 3; c++)
@@ -143,8 +138,8 @@ static bool inside_box(const part *p, const part *q)
     return true;
 }
 
-/* The part kept: the one of largest area, unless it lies within the box of another of at least
- * half its area (the wall of a cavity can have more area than the body around it). */
+/* The part kept: the one of largest area, unless it lies within the box of another of more volume
+ * (the wall of a cavity can have more area than the body around it). */
 static size_t main_part(const part *list, size_t n)
 {
     size_t best = 0;
@@ -152,8 +147,7 @@ static size_t main_part(const part *list, size_t n)
         if (list[i].area > list[best].area) best = i;
     for (size_t i = 0; i < n; i++)
         if (i != best && inside_box(&list[best], &list[i]) &&
-            list[i].area >= 0.5 * list[best].area &&
-            box_diagonal2(&list[i]) > box_diagonal2(&list[best]))
+            fabs(list[i].volume) > fabs(list[best].volume))
             best = i;
     return best;
 }

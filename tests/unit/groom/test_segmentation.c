@@ -1,0 +1,174 @@
+/* Segmentations of known bodies, voxels long and short, mirrored and turned. */
+#include "cmocka_all.h"
+
+#include "apsm/groom.h"
+#include "apsm/topology.h"
+#include "solids.h"
+
+typedef struct outcome {
+    double rms, most;   /* of the faces' middles from the true surface */
+    double volume;      /* relative to the mask's */
+    double volume_true; /* signed volume of the mesh */
+    apsm_groom_report report;
+} outcome;
+
+static outcome judge(solid_fn f, const apsm_mesh *mesh, const apsm_groom_report *r)
+{
+    outcome o = { .report = *r, .volume_true = apsm_mesh_volume(mesh) };
+    o.volume = o.volume_true / r->mask_volume - 1.0;
+    double sum = 0.0;
+    for (size_t i = 0; i < mesh->nf; i++) {
+        double x[3];
+        const apsm_surface_point p = { (uint32_t)i, { 1.0 / 3, 1.0 / 3, 1.0 / 3 } };
+        apsm_surface_position(mesh, &p, x);
+        const double d = fabs(f(x));
+        sum += d * d;
+        o.most = fmax(o.most, d);
+    }
+    o.rms = sqrt(sum / (double)mesh->nf);
+    return o;
+}
+
+static outcome groomed(solid_fn f, double slice, int mirrored, uint64_t seed)
+{
+    apsm_context *ctx = apsm_context_new();
+    apsm_groom_options opt = apsm_groom_defaults();
+    apsm_groom_report r;
+    apsm_mesh mesh;
+    apsm_mesh_defects d;
+    opt.remesh = false;
+    apsm_volume v = solid_mask(f, (const double[3]){ 1, 1, slice }, mirrored, seed);
+    if (apsm_groom_segmentation(ctx, "mask", &v, &opt, &mesh, &r) != APSM_OK)
+        fail_msg("%s", apsm_error_text(ctx));
+    assert_ok(apsm_mesh_inspect(&mesh, &d));
+    assert_true(apsm_mesh_is_closed_manifold(&d));
+    const outcome o = judge(f, &mesh, &r);
+    apsm_mesh_free(&mesh);
+    apsm_volume_free(&v);
+    apsm_context_free(ctx);
+    return o;
+}
+
+/* Bounds in voxels: about 1.3 times what is measured over six poses. */
+static void surfaces_are_smooth_and_true(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        solid_fn f;
+        long genus;
+        double slice, rms, most;
+    } cases[] = {
+        { "ball", solid_ball12, 0, 1, 0.07, 0.4 },
+        { "ball", solid_ball12, 0, 3, 0.18, 1.0 },
+        { "ball", solid_ball12, 0, 5, 0.40, 2.0 },
+        { "small ball", solid_ball4, 0, 1, 0.09, 0.3 },
+        { "ellipsoid", solid_ellipsoid, 0, 1, 0.12, 0.6 },
+        { "torus", solid_torus, 1, 1, 0.09, 0.4 },
+        { "torus", solid_torus, 1, 3, 0.22, 1.0 },
+        { "plate", solid_plate1, 0, 1, 0.23, 1.0 },
+        { "plate", solid_plate3, 0, 3, 0.50, 2.0 },
+        { "bone", solid_bone, 0, 1, 0.14, 0.9 },
+        { "bone", solid_bone, 0, 3, 0.32, 1.8 },
+        { "tip", solid_tip, 0, 1, 0.15, 1.0 },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        for (int mirrored = 0; mirrored < 2; mirrored++) {
+            const outcome o = groomed(cases[i].f, cases[i].slice, mirrored, 40 + i);
+            if (!(o.rms <= cases[i].rms && o.most <= cases[i].most && o.volume_true > 0.0 &&
+                  fabs(o.volume) <= 0.01 && o.report.genus == cases[i].genus))
+                fail_msg("%s, slices %g: rms %g, largest %g, volume %+g, genus %ld", cases[i].name,
+                         cases[i].slice, o.rms, o.most, o.volume, o.report.genus);
+        }
+}
+
+/* A box of voxels [lo, hi] set to label in an image of n^3. */
+static void set_box(apsm_volume *v, const size_t lo[3], const size_t hi[3], int32_t label)
+{
+    for (size_t z = lo[2]; z <= hi[2]; z++)
+        for (size_t y = lo[1]; y <= hi[1]; y++)
+            for (size_t x = lo[0]; x <= hi[0]; x++)
+                v->label[x + v->n[0] * (y + v->n[1] * z)] = label;
+}
+
+static apsm_volume image(size_t n)
+{
+    apsm_volume v = { { n, n, n }, { 0, 0, 0 }, { 1, 1, 1 }, { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, NULL };
+    v.label = calloc(n * n * n, sizeof *v.label);
+    if (!v.label) abort();
+    return v;
+}
+
+static apsm_groom_report cleaned(apsm_volume *v, const apsm_groom_options *opt, double *volume)
+{
+    apsm_context *ctx = apsm_context_new();
+    apsm_groom_report r;
+    apsm_mesh mesh;
+    if (apsm_groom_segmentation(ctx, "mask", v, opt, &mesh, &r) != APSM_OK)
+        fail_msg("%s", apsm_error_text(ctx));
+    *volume = apsm_mesh_volume(&mesh);
+    apsm_mesh_free(&mesh);
+    apsm_volume_free(v);
+    apsm_context_free(ctx);
+    return r;
+}
+
+static void cavities_strays_and_borders_are_reported(void **state)
+{
+    (void)state;
+    double volume;
+    apsm_groom_options opt = apsm_groom_defaults();
+    opt.remesh_options.target_faces = 2000;
+    apsm_volume v = image(30);
+    set_box(&v, (const size_t[3]){ 8, 0, 8 }, (const size_t[3]){ 19, 11, 19 }, 3);
+    set_box(&v, (const size_t[3]){ 12, 4, 12 }, (const size_t[3]){ 14, 6, 14 }, 0);
+    set_box(&v, (const size_t[3]){ 26, 26, 26 }, (const size_t[3]){ 27, 26, 26 }, 3);
+    const apsm_groom_report r = cleaned(&v, &opt, &volume);
+    assert_int_equal(r.filled_voxels, 27);
+    assert_int_equal(r.voxels, 12 * 12 * 12);
+    assert_int_equal(r.dropped_parts, 1);
+    assert_int_equal(r.dropped_voxels, 2);
+    assert_int_equal(r.border, 4);
+    assert_near(volume, 1728.0, 17.0);
+}
+
+static void corner_contact_does_not_lose_a_sheet(void **state)
+{
+    (void)state;
+    double volume;
+    apsm_groom_options opt = apsm_groom_defaults();
+    opt.remesh = false;
+    apsm_volume v = image(30);
+    for (size_t x = 4; x < 26; x++) /* a flight of steps, one voxel thick, joined by edges */
+        set_box(&v, (const size_t[3]){ x, 4, x }, (const size_t[3]){ x, 25, x }, 1);
+    const apsm_groom_report r = cleaned(&v, &opt, &volume);
+    assert_int_equal(r.dropped_voxels, 0);
+    assert_near(volume, 484.0, 5.0);
+}
+
+static void unusable_labels_are_refused(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_mesh mesh;
+    apsm_volume v = image(20);
+    assert_int_equal(apsm_groom_segmentation(ctx, "m", &v, NULL, &mesh, NULL), APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "no voxel"));
+    set_box(&v, (const size_t[3]){ 2, 2, 2 }, (const size_t[3]){ 6, 6, 6 }, 1);
+    set_box(&v, (const size_t[3]){ 12, 2, 2 }, (const size_t[3]){ 16, 6, 6 }, 1);
+    assert_int_equal(apsm_groom_segmentation(ctx, "m", &v, NULL, &mesh, NULL), APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "separate parts"));
+    apsm_volume_free(&v);
+    apsm_context_free(ctx);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(surfaces_are_smooth_and_true),
+        cmocka_unit_test(cavities_strays_and_borders_are_reported),
+        cmocka_unit_test(corner_contact_does_not_lose_a_sheet),
+        cmocka_unit_test(unusable_labels_are_refused),
+    };
+    return cmocka_run_group_tests_name("segmentation", tests, NULL, NULL);
+}
