@@ -23,6 +23,8 @@ apsm_status apsm_geodesic_build(const apsm_mesh *mesh, const apsm_topology *topo
 void apsm_geodesic_free(apsm_geodesic *g);
 const apsm_mesh *apsm_geodesic_mesh(const apsm_geodesic *g);
 const apsm_topology *apsm_geodesic_topology(const apsm_geodesic *g);
+/* A length of about an edge: what a search looks beyond its radius. */
+double apsm_geodesic_margin(const apsm_geodesic *g);
 
 /* Scratch that fits g (and any other mesh with no more vertices). */
 apsm_status apsm_geodesic_work_new(const apsm_geodesic *g, apsm_geodesic_work **w) APSM_NODISCARD;

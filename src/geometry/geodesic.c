@@ -35,6 +35,8 @@
 
 /* A distance must fall by more than rounding to count: relative. */
 #define GEODESIC_FALL 1e-12
+/* ... and by so much after many corrections. */
+#define GEODESIC_WORTH 2e-3
 /* Fronts agree if they differ by less at the vertex beyond an edge: in units of the edge. */
 #define GEODESIC_AGREE 0.1
 
@@ -127,6 +129,11 @@ const apsm_topology *apsm_geodesic_topology(const apsm_geodesic *g)
     return g->topology;
 }
 
+double apsm_geodesic_margin(const apsm_geodesic *g)
+{
+    return g->margin;
+}
+
 apsm_status apsm_geodesic_work_new(const apsm_geodesic *g, apsm_geodesic_work **out)
 {
     const size_t nv = g->mesh->nv;
@@ -198,10 +205,14 @@ static uint32_t pop(apsm_geodesic_work *w)
 
 /* ---- propagation ---- */
 
-/* Corrections of closed vertices: a few per vertex are plenty, and more are refused. */
-static bool may_reopen(apsm_geodesic_work *w)
+/* Corrections of closed vertices.  The first, about one per vertex, may be as small as they like,
+ * which keeps flat pieces exact; where triangles are so bad that more are needed they must be
+ * worth it, and their number is bounded. */
+static bool may_reopen(apsm_geodesic_work *w, double d, double old)
 {
-    return w->reopened < 8 * w->touches + 64 && ++w->reopened;
+    const bool many = w->reopened >= w->touches + 64;
+    if (many && !(d < old * (1.0 - GEODESIC_WORTH))) return false;
+    return w->reopened < 4 * w->touches + 64 && ++w->reopened;
 }
 
 /* v can be reached over a distance d; from: the vertex just closed. */
@@ -209,7 +220,7 @@ static void lower(apsm_geodesic_work *w, uint32_t v, geodesic_node to, uint32_t 
 {
     geodesic_node *node = w->node + v;
     if (!(to.d < node->d * (1.0 - GEODESIC_FALL))) return;
-    if (node->place == GEODESIC_CLOSED && !may_reopen(w)) return;
+    if (node->place == GEODESIC_CLOSED && !may_reopen(w, to.d, node->d)) return;
     to.place = node->place;
     to.tree = node->tree;
     if (node->place == GEODESIC_FRESH) {
