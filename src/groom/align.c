@@ -183,26 +183,19 @@ static size_t median_area(const aligner *a)
     return 0; /* not reached: areas are finite */
 }
 
-/* Who is mirrored.  Against a provisional template the minority is. */
+/* Who is mirrored.  Against a provisional template the minority is.  (Then the P of mirrored
+ * shapes are proper and the others' are not: only products P_t^-1 P_i count.) */
 static void judge_mirrored(aligner *a)
 {
     size_t mirrored = 0;
-    const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
     for (size_t i = 0; i < a->n; i++) {
         a->out->mirrored[i] = a->out->mirror_ratio[i] < APSM_MIRROR_RATIO;
         mirrored += a->out->mirrored[i];
+        if (a->out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
+            memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);
     }
-    const bool invert = !given && 2 * mirrored > a->n;
-    const double *c = a->cloud[a->base].centre;
-    const double F[16] = { -1, 0, 0, 2 * c[0], 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
-    for (size_t i = 0; i < a->n; i++) {
-        double *P = a->P + 16 * i;
-        if (a->opt->mirror == APSM_MIRROR_FIX) {
-            if (a->out->mirrored[i]) memcpy(P, a->mirror + 16 * i, 16 * sizeof *P);
-            if (invert) apsm_affine_multiply(F, P, P);
-        }
-        a->out->mirrored[i] ^= invert;
-    }
+    if (a->opt->template_index != APSM_TEMPLATE_AUTO || 2 * mirrored <= a->n) return;
+    for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
 }
 
 /* P_to^-1 P_from */

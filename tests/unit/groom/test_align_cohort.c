@@ -184,6 +184,7 @@ static void majority_decides_who_is_mirrored(void **state)
         opt.template_index = APSM_TEMPLATE_AUTO;
         apsm_alignment a = run(&c, &opt, 2, NULL);
         for (size_t i = 0; i < 3; i++) assert_int_equal(a.mirrored[i], i == odd);
+        assert_int_not_equal(a.template_index, odd);
         check_aligned(&c, &a, 8.0);
         apsm_alignment_free(&a);
         opt.template_index = odd;

@@ -34,6 +34,20 @@ static void cloud_stands_for_the_surface(void **state)
     align_close(&s);
 }
 
+/* On a flat rectangle of two triangles, the centre of uniform points is the middle: 2400 points
+ * stray by less than the standard error of unstratified ones, 0.006. */
+static void points_are_uniform_on_a_face(void **state)
+{
+    (void)state;
+    apsm_mesh plane = shape_plane(1, 1, 1, 1);
+    apsm_cloud cloud;
+    assert_ok(apsm_cloud_sample(&plane, POINTS, 0, 0, &cloud));
+    assert_near(cloud.centre[0], 0.5, 0.02);
+    assert_near(cloud.centre[1], 0.5, 0.02);
+    apsm_cloud_free(&cloud);
+    apsm_mesh_free(&plane);
+}
+
 static void moved_mesh_gets_the_moved_cloud(void **state)
 {
     (void)state;
@@ -47,6 +61,11 @@ static void moved_mesh_gets_the_moved_cloud(void **state)
     for (size_t k = 0; k < POINTS; k++) {
         apsm_affine_apply(M, 1, s.cloud.x + 3 * k, x);
         for (size_t i = 0; i < 3; i++) assert_true(fabs(x[i] - t.cloud.x[3 * k + i]) < 1e-10);
+    }
+    for (size_t a = 0; a < 3; a++) {
+        double turned[3];
+        apsm_affine_apply_normals(M, 1, s.cloud.axes + 3 * a, turned);
+        for (size_t i = 0; i < 3; i++) assert_near(t.cloud.axes[3 * a + i], turned[i], 1e-9);
     }
     align_close(&s);
     align_close(&t);
@@ -78,7 +97,10 @@ static void residual_of_spheres_is_known(void **state)
     align_random_pose(1, 0.0, M);
     apsm_icp(&a.surface, &b.surface, &opt, M, &residual, work);
     /* The facets of a level 4 icosphere lie up to 0.1 % inside the sphere. */
-    if (!(fabs(residual - 2.0) < 0.02)) fail_msg("rigid: %g", residual);
+    assert_near(residual, 2.0, 0.02);
+    align_scale_pose(2.0, M); /* 20 in 12: 8 in the fixed sphere's unit, both ways */
+    apsm_icp(&a.surface, &b.surface, &opt, M, &residual, work);
+    assert_near(residual, 8.0, 0.04);
     opt.scale = true;
     opt.max_iterations = 20;
     apsm_icp(&a.surface, &b.surface, &opt, M, &residual, work);
@@ -87,6 +109,76 @@ static void residual_of_spheres_is_known(void **state)
         fail_msg("scale^3: %g", apsm_affine_det(M));
     align_close(&a);
     align_close(&b);
+    free(work);
+}
+
+/* Mean squared distance both ways, computed apart from ICP. */
+static double squared_error(const align_surface *moving, const align_surface *fixed,
+                            const double M[16])
+{
+    double back[16], x[3], sum = 0.0;
+    apsm_closest at;
+    assert_ok(apsm_affine_invert(M, back));
+    for (size_t k = 0; k < POINTS; k++) {
+        apsm_affine_apply(M, 1, moving->cloud.x + 3 * k, x);
+        apsm_bvh_closest(fixed->bvh, x, INFINITY, &at);
+        sum += 0.5 * moving->cloud.w[k] * at.distance2;
+        apsm_affine_apply(back, 1, fixed->cloud.x + 3 * k, x);
+        apsm_bvh_closest(moving->bvh, x, INFINITY, &at);
+        sum += 0.5 * fixed->cloud.w[k] * at.distance2;
+    }
+    return sum;
+}
+
+/* With one iteration more, the error is never larger, even from starts that lead nowhere. */
+static void error_never_grows(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double start[16], M[16], residual, *work = new_work();
+    apsm_icp_options opt = apsm_icp_defaults();
+    opt.tolerance = 0.0;
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    align_open(&moved, align_shape(3, 30, 19, 15, 0.1, 0.4), POINTS);
+    for (uint64_t k = 0; k < 4; k++) {
+        double last = INFINITY;
+        align_random_pose(k, 2.0, start);
+        for (opt.max_iterations = 0; opt.max_iterations < 20; opt.max_iterations++) {
+            memcpy(M, start, sizeof M);
+            apsm_icp(&moved.surface, &fixed.surface, &opt, M, &residual, work);
+            const double error = squared_error(&moved, &fixed, M);
+            if (!(error <= last * (1.0 + 1e-9)))
+                fail_msg("start %d, iteration %d: %g after %g", (int)k, opt.max_iterations, error,
+                         last);
+            last = error;
+        }
+    }
+    align_close(&fixed);
+    align_close(&moved);
+    free(work);
+}
+
+/* Ten iterations are enough from 20 degrees and 10 % off: point-to-point alone is not. */
+static void convergence_is_fast(void **state)
+{
+    (void)state;
+    align_surface s;
+    const double identity[16] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
+    double residual, *work = new_work();
+    apsm_icp_options opt = apsm_icp_defaults();
+    opt.max_iterations = 10;
+    align_open(&s, align_bone(0.2, 0.3), POINTS);
+    for (int scale = 0; scale < 2; scale++) {
+        double M[16] = { 0.94, -0.34, 0, 2, 0.34, 0.94, 0, -3, 0, 0, 1, 1, 0, 0, 0, 1 };
+        opt.scale = scale;
+        for (size_t i = 0; i < 2; i++)
+            for (size_t c = 0; c < 2; c++) M[4 * i + c] /= hypot(0.94, 0.34);
+        if (scale) align_scale_pose(0.9, M);
+        apsm_icp(&s.surface, &s.surface, &opt, M, &residual, work);
+        const double error = align_difference(&s.mesh, M, identity);
+        if (!(error < 1e-3 * s.cloud.radius)) fail_msg("scale %d: off by %g", scale, error);
+    }
+    align_close(&s);
     free(work);
 }
 
@@ -113,7 +205,7 @@ static void pose_and_scale_are_recovered(void **state)
     for (uint64_t k = 0; k < 10; k++) {
         opt.scale = k % 2 == 1;
         align_random_pose(k, 200.0, pose);
-        if (opt.scale) align_scale_pose(k == 1 ? 0.25 : 3.0, pose);
+        if (opt.scale) align_scale_pose(k == 1 ? 0x1p-10 : 0x1p10, pose);
         apsm_mesh mesh = align_bone(0.2, 0.3);
         apsm_mesh_transform(&mesh, pose);
         align_open(&moved, mesh, POINTS);
@@ -299,9 +391,12 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cloud_stands_for_the_surface),
+        cmocka_unit_test(points_are_uniform_on_a_face),
         cmocka_unit_test(moved_mesh_gets_the_moved_cloud),
         cmocka_unit_test(mesh_without_area_is_refused),
         cmocka_unit_test(residual_of_spheres_is_known),
+        cmocka_unit_test(error_never_grows),
+        cmocka_unit_test(convergence_is_fast),
         cmocka_unit_test(pose_and_scale_are_recovered),
         cmocka_unit_test(every_initial_pose_gives_the_same_result),
         cmocka_unit_test(grid_of_starts_is_dense_enough),
