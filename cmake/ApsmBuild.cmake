@@ -32,6 +32,8 @@ add_link_options(-Wl,--as-needed)
 if(APSM_SANITIZE)
   add_compile_options(-fsanitize=address,undefined -fno-sanitize-recover=all
                       -fno-omit-frame-pointer)
+  # The checks inserted make gcc see null pointers where there are none.
+  list(APPEND APSM_C_FLAGS -Wno-format-truncation -Wno-maybe-uninitialized -Wno-nonnull)
   add_link_options(-fsanitize=address,undefined)
   add_compile_definitions(APSM_SANITIZE)
 endif()
@@ -66,5 +68,8 @@ macro(apsm_library)
   add_library(apsm SHARED ${objects} ${APSM_ADAPTER_OBJECTS})
   target_link_libraries(apsm PUBLIC ${APSM_LINK} PRIVATE ${APSM_ADAPTERS})
   target_include_directories(apsm PUBLIC $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}/include>)
+  if(NOT APSM_SANITIZE)
+    target_link_options(apsm PRIVATE -Wl,-z,defs) # nothing may be missing
+  endif()
   set_target_properties(apsm PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION 0)
 endmacro()
