@@ -12,7 +12,8 @@
 extern "C" {
 #endif
 
-/* Tells BLAS to use one thread.  Called by apsm_context_new; harmless to repeat. */
+/* Tells BLAS to use one thread, for the whole process.  apsm_optimize and apsm_run_open call it;
+ * call it before using other parts alone.  Harmless to repeat. */
 void apsm_linalg_single_thread(void);
 
 /* A (n x n, in: symmetric, lower triangle used; out: L with A = L L^T, upper triangle

@@ -20,19 +20,19 @@ typedef struct groom_work {
 /* Every bad shape is told, not only the first. */
 static apsm_status refuse_bad_shapes(const groom_work *w)
 {
+    enum { MOST_TOLD = 10 };
     size_t bad = 0, first = 0;
     for (size_t i = 0; i < w->in.list.n; i++) {
         if (w->in.status[i] == APSM_OK) continue;
         if (w->in.status[i] == APSM_ERR_INTERRUPTED) return APSM_ERR_INTERRUPTED;
         if (bad++ == 0) first = i;
-        apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
+        if (bad <= MOST_TOLD) apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
     }
     if (bad == 0) return APSM_OK;
     if (bad == 1) return apsm_fail(w->run->ctx, w->in.status[first], "%s", w->in.problem[first]);
     return apsm_fail(w->run->ctx, w->in.status[first],
-                     "%zu of %zu shapes cannot be used, as said above: repair them, or leave them "
-                     "out with --exclude",
-                     bad, w->in.list.n);
+                     "%zu of %zu shapes cannot be used (`apsm check` tells all): %s", bad,
+                     w->in.list.n, w->in.problem[first]);
 }
 
 /* ---- the cohort ---- */

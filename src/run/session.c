@@ -9,6 +9,7 @@
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/checkpoint_file.h"
+#include "apsm/linalg.h"
 #include "apsm/particles_file.h"
 #include "run/manifest.h"
 
@@ -204,6 +205,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, apsm_run **out)
 {
     *out = NULL;
+    apsm_linalg_single_thread();
     apsm_run *run = calloc(1, sizeof *run);
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;
