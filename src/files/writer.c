@@ -159,10 +159,8 @@ static int sync_folder_of(const char *path)
     return error == EINVAL || error == ENOTSUP || error == EACCES ? 0 : error;
 }
 
-/* What is at path must not be a folder: rename would say so less clearly. */
 static int replace(const char *temp, const char *path)
 {
-    if (apsm_is_folder(path)) return EISDIR;
     return rename(temp, path) == 0 ? sync_folder_of(path) : errno;
 }
 

@@ -8,6 +8,7 @@
 
 #include <string.h>
 #include <sys/wait.h>
+#include <time.h>
 
 #include "apsm/files.h"
 #include "folder.h"
@@ -116,7 +117,7 @@ static void a_killed_run_leaves_no_lock(void **state)
 /* Many processes at once: never two inside.  Each makes a file that must not exist yet. */
 static void no_two_processes_hold_the_lock(void **state)
 {
-    enum { PROCESSES = 8, ROUNDS = 200 };
+    enum { PROCESSES = 8, ROUNDS = 600 };
     char inside[TEST_PATH];
     folder_path(state, "inside", inside);
     pid_t child[PROCESSES];
@@ -126,6 +127,7 @@ static void no_two_processes_hold_the_lock(void **state)
             apsm_lock lock;
             if (apsm_lock_folder(NULL, *state, &lock) != APSM_OK) continue;
             if (mkdir(inside, 0777) != 0) _exit(1);
+            nanosleep(&(struct timespec){ .tv_nsec = 20000 }, NULL); /* time for others to err */
             rmdir(inside);
             apsm_unlock_folder(&lock);
         }

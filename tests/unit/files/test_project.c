@@ -251,6 +251,11 @@ static void other_columns_and_hand_written_values_are_taken(void **state)
     assert_non_null(strstr(out, "\"segmentation_femur\": \"a/b.nrrd\""));
     assert_null(strstr(out, "\"shape_"));
     assert_non_null(strstr(out, "\"age\": \"41\""));
+    assert_non_null(strstr(out, "\"mirrored\": \"yes\""));
+    free(out);
+    p.subjects[0].mirrored = false;
+    out = write_text(state, &p);
+    assert_non_null(strstr(out, "\"mirrored\": \"no\""));
     free(out);
     apsm_project_free(&p);
     p = read_text(state, "{\"data\": [{\"local_particles_1\": \"x_local.particles\"}, "
