@@ -186,7 +186,7 @@ static json_t *json_text(const char *line)
 {
     json_t *text = json_string(line);
     if (text) return text;
-    char copy[1024];
+    char copy[4096];
     snprintf(copy, sizeof copy, "%s", line);
     for (char *c = copy; *c; c++)
         if ((unsigned char)*c > 126) *c = '?';
