@@ -31,7 +31,8 @@ enum { WIDTH = 4, LEAF = 2, BINS = 16, DEEP = 40, STACK = 256 };
 
 /* A child is a node (count 0) or `count` triangles from first on. */
 typedef struct node {
-    float lo[3][WIDTH], hi[3][WIDTH];
+    _Alignas(64) float lo[3][WIDTH]; /* two cache lines in all */
+    float hi[3][WIDTH];
     uint32_t first[WIDTH];
     uint8_t count[WIDTH];
     uint8_t children; /* 1..4 of the above in use */
@@ -325,7 +326,7 @@ apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
     apsm_bvh *bvh = calloc(1, sizeof *bvh);
     if (!bvh) return APSM_ERR_MEMORY;
     bvh->mesh = mesh;
-    bvh->nodes = aligned_alloc(64, mesh->nf * 128);
+    bvh->nodes = aligned_alloc(64, mesh->nf * sizeof *bvh->nodes);
     bvh->triangles = aligned_alloc(64, mesh->nf * sizeof *bvh->triangles);
     bvh->face = malloc(mesh->nf * sizeof *bvh->face);
     bvh->face_normal = malloc(3 * mesh->nf * sizeof *bvh->face_normal);
@@ -432,17 +433,25 @@ static void set_bound(probe *p, double distance2)
     p->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
 }
 
-/* Squared distances of the probe to a node's four boxes. */
-static void box_distances(const node *restrict n, const probe *restrict p, float d2[restrict WIDTH])
+/* How far two intervals are apart. */
+static inline float gap(float lo, float hi, float from, float to)
 {
-    for (int k = 0; k < WIDTH; k++) d2[k] = 0.0f;
-    for (int c = 0; c < 3; c++)
-        for (int k = 0; k < WIDTH; k++) {
-            const float below = n->lo[c][k] - p->hi[c], above = p->lo[c] - n->hi[c][k];
-            const float outside = below > above ? below : above;
-            const float d = outside > 0.0f ? outside : 0.0f;
-            d2[k] += d * d;
-        }
+    const float below = lo - to, above = from - hi;
+    const float outside = below > above ? below : above;
+    return outside > 0.0f ? outside : 0.0f;
+}
+
+/* Squared distances of the probe to a node's four boxes. */
+static inline void box_distances(const node *restrict n, const probe *restrict p,
+                                 float d2[restrict WIDTH])
+{
+#pragma omp simd
+    for (int k = 0; k < WIDTH; k++) {
+        const float x = gap(n->lo[0][k], n->hi[0][k], p->lo[0], p->hi[0]),
+                    y = gap(n->lo[1][k], n->hi[1][k], p->lo[1], p->hi[1]),
+                    z = gap(n->lo[2][k], n->hi[2][k], p->lo[2], p->hi[2]);
+        d2[k] = x * x + y * y + z * z;
+    }
 }
 
 /* What is still to visit: count triangles from first on, or node number first. */
