@@ -316,6 +316,15 @@ apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *a
     return status;
 }
 
+apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args)
+{
+    for (size_t i = 0; i < args->n_inputs; i++)
+        if (!apsm_file_exists(args->inputs[i]) && !apsm_is_folder(args->inputs[i]))
+            return apsm_fail(ctx, APSM_ERR_IO, "%s: no such file or folder; check the name",
+                             args->inputs[i]);
+    return APSM_OK;
+}
+
 void cli_args_free(cli_args *args)
 {
     cli_pairs_free(args->set, args->n_set);

@@ -61,6 +61,8 @@ typedef struct cli_args {
  * incomplete, out of range or contradictory is APSM_ERR_ARG with a line that names the nearest that
  * exists; a configuration file that cannot be read gives its own status. */
 apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *args) APSM_NODISCARD;
+/* Refuses inputs that do not exist, before a folder is made for their results. */
+apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args) APSM_NODISCARD;
 void cli_args_free(cli_args *args);
 
 /* Value of a key in set, or NULL. */

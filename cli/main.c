@@ -67,7 +67,8 @@ static int work(apsm_context *ctx, const cli_args *args)
     cli_ui_attach(ui, ctx);
     apsm_context_set_threads(ctx, args->threads);
     apsm_context_set_interrupt(ctx, cli_catch_signals());
-    const apsm_status status = call_verb(ctx, args, ui);
+    apsm_status status = cli_args_check_inputs(ctx, args);
+    if (status == APSM_OK) status = call_verb(ctx, args, ui);
     if (status != APSM_OK) tell_failure(ctx, status, args, ui);
     cli_ui_free(ui);
     return exit_code(status);
@@ -80,11 +81,14 @@ static int refuse_usage(apsm_context *ctx, apsm_status status, const cli_args *a
     return exit_code(status);
 }
 
-/* Output that could not be written (a full disk) is a failure, whatever else went well. */
+/* Output that could not be written (a full disk, a closed pipe) is a failure, whatever else went
+ * well. */
 static int flush_output(int code)
 {
-    if (fflush(stdout) == 0 && !ferror(stdout)) return code;
-    fprintf(stderr, "apsm: standard output could not be written: %s\n", strerror(errno));
+    const bool failed_before = ferror(stdout);
+    if (fflush(stdout) == 0 && !failed_before) return code;
+    fprintf(stderr, "apsm: standard output could not be written%s%s\n", failed_before ? "" : ": ",
+            failed_before ? "" : strerror(errno));
     return code ? code : EXIT_FAILURE;
 }
 

@@ -218,8 +218,9 @@ static void end_stage(cli_ui *ui)
 static bool is_due(const cli_ui *ui, bool begins)
 {
     const double since = ui->clock() - ui->shown;
-    if (begins || ui->last.done >= ui->last.total || ui->style == STYLE_JSON) return true;
-    return since >= (ui->style == STYLE_BAR ? redraw_seconds : line_seconds);
+    if (ui->last.done >= ui->last.total || ui->style == STYLE_JSON) return true;
+    if (ui->style == STYLE_PLAIN) return since >= line_seconds; /* short stages only at their end */
+    return begins || since >= redraw_seconds;
 }
 
 void cli_ui_progress(void *user, const apsm_progress *p)
@@ -230,7 +231,7 @@ void cli_ui_progress(void *user, const apsm_progress *p)
     if (begins) {
         if (ui->stage) end_stage(ui);
         ui->stage = p->stage;
-        ui->began = ui->clock();
+        ui->began = ui->shown = ui->clock();
         ui->done_at_start = p->done;
         ui->mismatched = NAN;
     }

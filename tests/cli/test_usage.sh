@@ -36,6 +36,8 @@ expect 2 "the nearest is --particles" run x -o "$folder/m" --partcles 3
 expect 2 "contradict" run x -o "$folder/m" --resume --overwrite
 expect 2 "particles = 2" run x -o "$folder/m" -J 2
 expect 2 "alpha is given twice" run x -o "$folder/m" --alpha 1 --set alpha=2
+expect 1 "nowhere: no such file" run "$folder/nowhere" -o "$folder/m"
+expect 1 "nowhere: no such file" info "$folder/nowhere"
 [ -e "$folder/m" ] && echo "a mistake made a folder" && failed=1
 
 # Help goes to standard output, mistakes to standard error.

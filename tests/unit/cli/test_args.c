@@ -17,7 +17,7 @@ static apsm_context *ctx;
 /* Parses a line of words separated by single spaces. */
 static apsm_status parse(const char *line, cli_args *args)
 {
-    static char text[1024], *words[64];
+    static char text[2048], *words[64];
     int n = 0;
     snprintf(text, sizeof text, "apsm %s", line);
     for (char *word = strtok(text, " "); word; word = strtok(NULL, " ")) words[n++] = word;
