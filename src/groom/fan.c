@@ -127,6 +127,12 @@ double fan_distance2(const surgery *s, uint32_t v, const double x[3], const doub
     return best;
 }
 
+double fan_face_quality(const surgery *s, uint32_t h)
+{
+    const uint32_t *c = s->F + (h - h % 3);
+    return quality(s->V + 3 * c[0], s->V + 3 * c[1], s->V + 3 * c[2]);
+}
+
 double fan_quality(const surgery *s, uint32_t v, const double x[3])
 {
     double least = 1.0;

@@ -16,6 +16,8 @@ bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t 
 double fan_distance2(const surgery *s, uint32_t v, const double x[3], const double p[3],
                      uint32_t skip1, uint32_t skip2);
 
+/* Quality of h's face: 1 equilateral, 0 without area. */
+double fan_face_quality(const surgery *s, uint32_t h);
 /* If v were at x: lowest quality of the faces around it. */
 double fan_quality(const surgery *s, uint32_t v, const double x[3]);
 

@@ -25,6 +25,8 @@
 static const double longest = 4.0 / 3.0, least = 4.0 / 5.0;
 static const double stage_growth = 1.4;
 static const double recovered_quality = 0.4;
+static const double sliver = 0.35, no_area = 0.03; /* qualities, see fan.c */
+static const double lenience = 3.0;                /* of fidelity for slivers */
 static const double split_reach = 0.2; /* a split edge's middle is projected within this length */
 static const double facing_cos = 0.2;  /* projection accepts normals within 78 degrees */
 enum { MOST_VALENCE = 10, RECOVERIES = 2 };
@@ -158,14 +160,20 @@ static void collapse_short(job *j, double limit)
         if (he_live(&j->s, h) && h < j->s.twin[h]) try_collapse(j, h, limit);
 }
 
+/* Whether the edge can be flipped and leave a surface. */
+static bool may_turn(const surgery *s, uint32_t h)
+{
+    return surgery_valence(s, he_from(s, h)) > 3 && surgery_valence(s, he_to(s, h)) > 3 &&
+           !surgery_joined(s, he_apex(s, h), he_apex(s, s->twin[h]));
+}
+
 /* Whether the edge can be flipped without leaving the surface or folding it. */
 static bool may_flip(const job *j, uint32_t h)
 {
     const surgery *s = &j->s;
     const uint32_t a = he_from(s, h), b = he_to(s, h);
     const uint32_t c = he_apex(s, h), d = he_apex(s, s->twin[h]);
-    if (surgery_valence(s, a) <= 3 || surgery_valence(s, b) <= 3 || surgery_joined(s, c, d))
-        return false;
+    if (!may_turn(s, h)) return false;
     const double away = j->opt.fidelity * j->scale *
                         fmin(fmin(s->size[a], s->size[b]), fmin(s->size[c], s->size[d]));
     return fan_flip_is_flat(s, h, away);
@@ -256,6 +264,46 @@ static void coarsen(job *j, double common)
     }
 }
 
+/* Mends the face of h if it is a sliver: collapses its shortest edge, or else flips its longest.
+ * The normal of a face nearly without area says nothing, so it is not asked: a collapse then moves
+ * the surface by no more than that edge, a flip by no more than the face's height. */
+static void mend_sliver(job *j, uint32_t h)
+{
+    surgery *s = &j->s;
+    const double q = fan_face_quality(s, h);
+    uint32_t side[3] = { h, he_next(h), he_prev(h) }; /* the longest, then the shortest */
+    for (int k = 1; k < 3; k++)
+        if (edge_length2(s, side[k]) > edge_length2(s, side[0])) {
+            const uint32_t t = side[0];
+            side[0] = side[k];
+            side[k] = t;
+        }
+    if (edge_length2(s, side[2]) < edge_length2(s, side[1])) side[1] = side[2];
+    const bool needle = edge_length2(s, side[1]) < 0.01 * edge_length2(s, side[0]);
+    const uint32_t ways[2] = { side[1], s->twin[side[1]] };
+    for (int k = 0; k < 2; k++)
+        if (surgery_collapsible(s, ways[k]) &&
+            ((q < no_area && needle) || may_collapse(j, ways[k], INFINITY))) {
+            surgery_collapse(s, ways[k]);
+            return;
+        }
+    if (fan_flip_quality(s, side[0]) > 1.0 + 1e-9 &&
+        (q < no_area ? may_turn(s, side[0]) : may_flip(j, side[0])))
+        surgery_flip(s, side[0]);
+}
+
+/* Where surfaces meet sharply the rules above can leave slivers: these get less strict ones. */
+static void mend_slivers(job *j)
+{
+    const double strict = j->opt.fidelity;
+    j->opt.fidelity *= lenience;
+    for (int round = 0; round < 3; round++)
+        for (uint32_t f = 0; f < j->s.nf; f++)
+            if (he_live(&j->s, 3 * f) && fan_face_quality(&j->s, 3 * f) < sliver)
+                mend_sliver(j, 3 * f);
+    j->opt.fidelity = strict;
+}
+
 static apsm_status iterate(apsm_context *ctx, job *j, size_t faces)
 {
     for (int i = 0; i < j->opt.iterations; i++) {
@@ -272,6 +320,7 @@ static apsm_status iterate(apsm_context *ctx, job *j, size_t faces)
         }
     }
     flip_to_shape(j);
+    mend_slivers(j);
     relax(j);
     return APSM_OK;
 }
@@ -385,6 +434,7 @@ static apsm_status run(apsm_context *ctx, job *j, const apsm_mesh *mesh, size_t 
     APSM_TRY(iterate(ctx, j, faces));
     for (int i = 0; i < RECOVERIES; i++) APSM_TRY(recover(j));
     flip_to_shape(j);
+    mend_slivers(j);
     round_coordinates(j);
     return surgery_result(&j->s, out);
 }
