@@ -11,9 +11,12 @@
  * and of queries far away.  So no box is farther than its triangles, and the result is that of
  * trying all triangles in double.  A power of two leaves every float as it is under scaling.
  *
- * Signs: Baerentzen & Aanaes, "Signed distance computation
- * using the angle weighted pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald,
- * "Watertight ray/triangle intersection", JCGT 2, 2013: no ray slips through an edge. */
+ * A leaf's triangles lie side by side as well: one point against four triangles, or one triangle
+ * against a packet of eight points, is one branchless expression in vector lanes.
+ *
+ * Signs: Baerentzen & Aanaes, "Signed distance computation using the angle weighted
+ * pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald, "Watertight ray/triangle
+ * intersection", JCGT 2, 2013: no ray slips through an edge. */
 #include "apsm/bvh.h"
 
 #include <float.h>
@@ -25,34 +28,41 @@
 #include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 
-enum { WIDTH = 4, LEAF = 2, BINS = 16, DEEP = 40, STACK = 256 };
+enum { WIDTH = 4, LEAF = 4, ROWS = 16, BINS = 16, DEEP = 40, STACK = 256 };
 #define PAD   0x1p-21f
 #define SLACK (1.0 + 0x1p-19)
 
-/* A child is a node (count 0) or `count` triangles from first on. */
+/* A child is a node (count 0) or a leaf of `count` triangles. */
 typedef struct node {
     _Alignas(64) float lo[3][WIDTH]; /* two cache lines in all */
     float hi[3][WIDTH];
-    uint32_t first[WIDTH];
+    uint32_t first[WIDTH]; /* its number */
     uint8_t count[WIDTH];
     uint8_t children; /* 1..4 of the above in use */
 } node;
 
-/* 128 bytes: two cache lines. */
 typedef struct triangle {
     double p[3][3];       /* corners */
     double n[3];          /* (p1 - p0) x (p2 - p0) */
     double inverse_n2;    /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
     double inverse_e2[3]; /* 1 / |p(k+1) - pk|^2; 0 for an edge without length */
 } triangle;
+_Static_assert(sizeof(triangle) == ROWS * sizeof(double), "a triangle is ROWS numbers");
+
+/* The triangles of a leaf side by side: row[r][i] is number r of triangle i.  Unused lanes repeat
+ * the last one. */
+typedef struct leaf {
+    _Alignas(64) double row[ROWS][LEAF];
+} leaf;
 
 struct apsm_bvh {
     const apsm_mesh *mesh;
     double centre[3], scale; /* q = (x - centre) * scale */
     node *nodes;             /* nodes[0]: the root */
     size_t node_count;
-    triangle *triangles; /* nf, in the order of the leaves */
-    uint32_t *face;      /* nf: their face numbers */
+    leaf *leaves;
+    uint32_t *face; /* LEAF a leaf: face numbers; a slot is a place in this list */
+    size_t leaf_count;
     double *face_normal; /* nf x 3 unit, by face number; zero for a degenerate face */
     double *vertex_normal;
     uint32_t *twin; /* 3 nf, as in apsm_topology */
@@ -211,8 +221,42 @@ static int gather_children(const binary *tree, uint32_t b, uint32_t child[WIDTH]
     return n;
 }
 
-static void build_wide(apsm_bvh *bvh, const binary *tree, uint32_t b)
+static void fill_triangle(const apsm_bvh *bvh, uint32_t f, triangle *t)
 {
+    double e[3][3], e2[3];
+    for (size_t k = 0; k < 3; k++)
+        memcpy(t->p[k], bvh->mesh->V + 3 * (size_t)bvh->mesh->F[3 * (size_t)f + k], sizeof t->p[k]);
+    for (int k = 0; k < 3; k++) {
+        vec3_sub(t->p[(k + 1) % 3], t->p[k], e[k]);
+        e2[k] = vec3_dot(e[k], e[k]);
+        t->inverse_e2[k] = e2[k] > 0.0 ? 1.0 / e2[k] : 0.0;
+    }
+    vec3_cross(e[2], e[0], t->n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
+    const double n2 = vec3_dot(t->n, t->n);
+    /* sin^2 of the corner's angle: below this n is rounding */
+    t->inverse_n2 = n2 > 1e-24 * e2[0] * e2[2] ? 1.0 / n2 : 0.0;
+    double *unit = bvh->face_normal + 3 * (size_t)f;
+    memcpy(unit, t->n, sizeof t->n);
+    vec3_normalise(unit);
+}
+
+static void add_leaf(apsm_bvh *bvh, const uint32_t *faces, uint32_t count)
+{
+    leaf *out = &bvh->leaves[bvh->leaf_count];
+    uint32_t *face = bvh->face + LEAF * bvh->leaf_count++;
+    for (uint32_t i = 0; i < LEAF; i++) {
+        triangle t;
+        double number[ROWS];
+        face[i] = faces[i < count ? i : count - 1];
+        fill_triangle(bvh, face[i], &t);
+        memcpy(number, &t, sizeof t);
+        for (int r = 0; r < ROWS; r++) out->row[r][i] = number[r];
+    }
+}
+
+static void build_wide(apsm_bvh *bvh, const builder *t, uint32_t b)
+{
+    const binary *tree = t->tree;
     uint32_t child[WIDTH];
     const size_t self = bvh->node_count++;
     node *out = &bvh->nodes[self];
@@ -228,8 +272,11 @@ static void build_wide(apsm_bvh *bvh, const binary *tree, uint32_t b)
     for (int k = 0; k < out->children; k++) {
         const binary *c = &tree[child[k]];
         out->count[k] = (uint8_t)c->count;
-        out->first[k] = c->count > 0 ? c->first : (uint32_t)bvh->node_count;
-        if (c->count == 0) build_wide(bvh, tree, child[k]);
+        out->first[k] = (uint32_t)(c->count > 0 ? bvh->leaf_count : bvh->node_count);
+        if (c->count > 0)
+            add_leaf(bvh, t->order + c->first, c->count);
+        else
+            build_wide(bvh, t, child[k]);
     }
 }
 
@@ -260,23 +307,13 @@ static box face_box(const apsm_bvh *bvh, size_t f)
     return b;
 }
 
-static void fill_triangle(const apsm_bvh *bvh, uint32_t f, triangle *t)
+/* A binary tree of n leaves becomes at most n nodes. */
+static apsm_status alloc_wide(apsm_bvh *bvh, size_t leaves)
 {
-    double e[3][3], e2[3];
-    for (size_t k = 0; k < 3; k++)
-        memcpy(t->p[k], bvh->mesh->V + 3 * (size_t)bvh->mesh->F[3 * (size_t)f + k], sizeof t->p[k]);
-    for (int k = 0; k < 3; k++) {
-        vec3_sub(t->p[(k + 1) % 3], t->p[k], e[k]);
-        e2[k] = vec3_dot(e[k], e[k]);
-        t->inverse_e2[k] = e2[k] > 0.0 ? 1.0 / e2[k] : 0.0;
-    }
-    vec3_cross(e[2], e[0], t->n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
-    const double n2 = vec3_dot(t->n, t->n);
-    /* sin^2 of the corner's angle: below this n is rounding */
-    t->inverse_n2 = n2 > 1e-24 * e2[0] * e2[2] ? 1.0 / n2 : 0.0;
-    double *unit = bvh->face_normal + 3 * (size_t)f;
-    memcpy(unit, t->n, sizeof t->n);
-    vec3_normalise(unit);
+    bvh->nodes = aligned_alloc(64, leaves * sizeof *bvh->nodes);
+    bvh->leaves = aligned_alloc(64, leaves * sizeof *bvh->leaves);
+    bvh->face = malloc(leaves * LEAF * sizeof *bvh->face);
+    return bvh->nodes && bvh->leaves && bvh->face ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 static apsm_status build_tree(apsm_bvh *bvh)
@@ -294,10 +331,8 @@ static apsm_status build_tree(apsm_bvh *bvh)
             t.order[f] = (uint32_t)f;
         }
         build_binary(&t, 0, (uint32_t)nf, 0);
-        build_wide(bvh, t.tree, 0);
-        for (size_t i = 0; i < nf; i++) fill_triangle(bvh, t.order[i], &bvh->triangles[i]);
-        memcpy(bvh->face, t.order, nf * sizeof *bvh->face);
-        status = APSM_OK;
+        status = alloc_wide(bvh, (t.used + 1) / 2);
+        if (status == APSM_OK) build_wide(bvh, &t, 0);
     }
     free(boxes);
     free(t.order);
@@ -326,13 +361,10 @@ apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
     apsm_bvh *bvh = calloc(1, sizeof *bvh);
     if (!bvh) return APSM_ERR_MEMORY;
     bvh->mesh = mesh;
-    bvh->nodes = aligned_alloc(64, mesh->nf * sizeof *bvh->nodes);
-    bvh->triangles = aligned_alloc(64, mesh->nf * sizeof *bvh->triangles);
-    bvh->face = malloc(mesh->nf * sizeof *bvh->face);
     bvh->face_normal = malloc(3 * mesh->nf * sizeof *bvh->face_normal);
     bvh->vertex_normal = malloc((3 * mesh->nv + 1) * sizeof *bvh->vertex_normal);
     apsm_status status = APSM_ERR_MEMORY;
-    if (bvh->nodes && bvh->triangles && bvh->face && bvh->face_normal && bvh->vertex_normal) {
+    if (bvh->face_normal && bvh->vertex_normal) {
         status = build_normals(bvh); /* checks the indices too */
         choose_frame(bvh);
         if (status == APSM_OK) status = build_tree(bvh);
@@ -348,7 +380,7 @@ void apsm_bvh_free(apsm_bvh *bvh)
 {
     if (!bvh) return;
     free(bvh->nodes);
-    free(bvh->triangles);
+    free(bvh->leaves);
     free(bvh->face);
     free(bvh->face_normal);
     free(bvh->vertex_normal);
@@ -420,6 +452,90 @@ static double closest_on_triangle(const triangle *t, const double x[3], double w
     return best;
 }
 
+/* ---- the same in the lanes of the processor ------------------------------------------------- */
+
+/* A loop becomes lanes only if all it calls is inlined, however large. */
+#if defined(__GNUC__)
+#define LANE_INLINE static inline __attribute__((always_inline))
+#else
+#define LANE_INLINE static inline
+#endif
+
+typedef struct vec {
+    double x, y, z;
+} vec;
+
+LANE_INLINE vec minus(vec a, vec b)
+{
+    return (vec){ a.x - b.x, a.y - b.y, a.z - b.z };
+}
+LANE_INLINE double dot(vec a, vec b)
+{
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+LANE_INLINE vec cross(vec a, vec b)
+{
+    return (vec){ a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
+}
+
+/* Squared distance to the edge p + [0,1] e, or INFINITY if the point is inward of it (h > flat).
+ * px = x - p; qx2: squared distance to its end. */
+LANE_INLINE double lane_edge(vec px, vec e, vec n, double inverse_e2, double qx2, double flat)
+{
+    const double s = dot(px, e) * inverse_e2, h = dot(n, cross(e, px));
+    const vec foot = { px.x - s * e.x, px.y - s * e.y, px.z - s * e.z };
+    const double before_end = s >= 1.0 ? qx2 : dot(foot, foot);
+    const double d2 = s > 0.0 ? before_end : dot(px, px);
+    return h > flat ? INFINITY : d2;
+}
+
+/* closest_on_triangle's distance, bit for bit, without branches.  v: the triangle's numbers, apart
+ * by step. */
+LANE_INLINE double lane_distance2(const double *v, size_t step, vec x)
+{
+    const vec p0 = { v[0], v[step], v[2 * step] }, p1 = { v[3 * step], v[4 * step], v[5 * step] },
+              p2 = { v[6 * step], v[7 * step], v[8 * step] },
+              n = { v[9 * step], v[10 * step], v[11 * step] };
+    const vec a = minus(x, p0), b = minus(x, p1), c = minus(x, p2);
+    const double flat = v[12 * step] > 0.0 ? 0.0 : INFINITY;
+    const double d0 = lane_edge(a, minus(p1, p0), n, v[13 * step], dot(b, b), flat),
+                 d1 = lane_edge(b, minus(p2, p1), n, v[14 * step], dot(c, c), flat),
+                 d2 = lane_edge(c, minus(p0, p2), n, v[15 * step], dot(a, a), flat);
+    const double d01 = d0 < d1 ? d0 : d1, edge = d01 < d2 ? d01 : d2, height = dot(n, c);
+    return edge == INFINITY ? height * height * v[12 * step] : edge;
+}
+
+/* All triangles of a leaf against one point. */
+APSM_KERNEL static void leaf_distances(const leaf *restrict l, const double x[restrict 3],
+                                       double d2[restrict LEAF])
+{
+    const vec at = { x[0], x[1], x[2] };
+#pragma omp simd
+    for (int i = 0; i < LEAF; i++) d2[i] = lane_distance2(&l->row[0][i], LEAF, at);
+}
+
+/* One triangle of a leaf against all points of a packet. */
+APSM_KERNEL static void packet_distances(const leaf *restrict l, uint32_t which,
+                                         const double x[restrict 3][BVH_PACKET],
+                                         double d2[restrict BVH_PACKET])
+{
+    const double *v = &l->row[0][which];
+#pragma omp simd
+    for (int i = 0; i < BVH_PACKET; i++)
+        d2[i] = lane_distance2(v, LEAF, (vec){ x[0][i], x[1][i], x[2][i] });
+}
+
+/* ---- search --------------------------------------------------------------------------------- */
+
+static triangle get_triangle(const leaf *l, uint32_t i)
+{
+    triangle t;
+    double number[ROWS];
+    for (int r = 0; r < ROWS; r++) number[r] = l->row[r][i];
+    memcpy(&t, number, sizeof t);
+    return t;
+}
+
 /* Where a search looks and how far: a point or box in the tree's frame. */
 typedef struct probe {
     float lo[3], hi[3];
@@ -454,7 +570,7 @@ static inline void box_distances(const node *restrict n, const probe *restrict p
     }
 }
 
-/* What is still to visit: count triangles from first on, or node number first. */
+/* What is still to visit: leaf number first of count triangles, or node number first. */
 typedef struct entry {
     float key; /* squared distance, or the ray's way to the box */
     uint32_t first, count;
@@ -474,10 +590,10 @@ static int push_children(const node *n, const float key[WIDTH], float bound, ent
     return top;
 }
 
-/* Calls visit(bvh, p, slot) for the triangles that may be within p's bound, which visit lowers,
- * near boxes first.  p is the first member of what visit works on. */
+/* Calls visit for the leaves that may be within p's bound, which visit lowers, near boxes first.
+ * p is the first member of what visit works on. */
 static inline void search(const apsm_bvh *bvh, probe *p,
-                          void (*visit)(const apsm_bvh *, probe *, uint32_t))
+                          void (*visit)(const apsm_bvh *, probe *, uint32_t number, uint32_t count))
 {
     entry stack[STACK];
     int top = 1;
@@ -485,8 +601,10 @@ static inline void search(const apsm_bvh *bvh, probe *p,
     while (top > 0) {
         const entry e = stack[--top];
         if (e.key > p->bound) continue;
-        for (uint32_t i = 0; i < e.count; i++) visit(bvh, p, e.first + i);
-        if (e.count > 0) continue;
+        if (e.count > 0) {
+            visit(bvh, p, e.first, e.count);
+            continue;
+        }
         float d2[WIDTH];
         box_distances(&bvh->nodes[e.first], p, d2);
         top = push_children(&bvh->nodes[e.first], d2, p->bound, stack, top);
@@ -503,9 +621,9 @@ typedef struct query {
     double x[3];
     const double *n; /* NULL: faces of any direction */
     double min_cos;
-    double best;           /* squared distance, exact */
-    uint32_t slot;         /* the triangle found */
-    apsm_surface_point on; /* face 0 and no weight: nothing yet */
+    double best; /* squared distance, exact */
+    uint32_t slot;
+    bool found; /* the triangle of that slot */
 } query;
 
 static query make_query(const apsm_bvh *bvh, const double x[3], double max_distance2)
@@ -519,27 +637,38 @@ static query make_query(const apsm_bvh *bvh, const double x[3], double max_dista
     return s;
 }
 
-static void visit_triangle(const apsm_bvh *bvh, probe *p, uint32_t slot)
+/* Smaller distance, or the same on a smaller face. */
+static inline bool wins(const apsm_bvh *bvh, double d2, uint32_t slot, double best, bool found,
+                        uint32_t best_slot)
 {
-    query *s = (query *)p;
-    double w[3];
-    const uint32_t f = bvh->face[slot];
-    if (s->n && !(vec3_dot(bvh->face_normal + 3 * (size_t)f, s->n) >= s->min_cos)) return;
-    const double d2 = closest_on_triangle(&bvh->triangles[slot], s->x, w);
-    if (!(d2 < s->best || (d2 == s->best && f < s->on.face))) return;
-    s->best = d2;
-    set_bound(p, d2);
-    s->slot = slot;
-    s->on.face = f;
-    memcpy(s->on.weight, w, sizeof w);
+    return d2 < best || (d2 == best && found && bvh->face[slot] < bvh->face[best_slot]);
 }
 
-static void finish(const apsm_bvh *bvh, const query *s, apsm_closest *out)
+static void visit_leaf(const apsm_bvh *bvh, probe *p, uint32_t number, uint32_t count)
+{
+    query *s = (query *)p;
+    double d2[LEAF];
+    leaf_distances(&bvh->leaves[number], s->x, d2);
+    for (uint32_t i = 0; i < count; i++) {
+        const uint32_t slot = LEAF * number + i;
+        if (!wins(bvh, d2[i], slot, s->best, s->found, s->slot)) continue;
+        const double *m = bvh->face_normal + 3 * (size_t)bvh->face[slot];
+        if (s->n && !(vec3_dot(m, s->n) >= s->min_cos)) continue;
+        s->best = d2[i];
+        s->slot = slot;
+        s->found = true;
+        set_bound(p, d2[i]);
+    }
+}
+
+static void finish(const apsm_bvh *bvh, const double x[3], uint32_t slot, bool found,
+                   apsm_closest *out)
 {
     *out = (apsm_closest){ .distance2 = INFINITY };
-    if (s->on.weight[0] + s->on.weight[1] + s->on.weight[2] == 0.0) return;
-    out->distance2 = s->best;
-    out->on = s->on;
+    if (!found) return;
+    const triangle t = get_triangle(&bvh->leaves[slot / LEAF], slot % LEAF);
+    out->on.face = bvh->face[slot];
+    out->distance2 = closest_on_triangle(&t, x, out->on.weight);
     apsm_surface_position(bvh->mesh, &out->on, out->x);
 }
 
@@ -547,8 +676,8 @@ void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distanc
                       apsm_closest *out)
 {
     query s = make_query(bvh, x, max_distance2);
-    search(bvh, &s.probe, visit_triangle);
-    finish(bvh, &s, out);
+    search(bvh, &s.probe, visit_leaf);
+    finish(bvh, x, s.slot, s.found, out);
 }
 
 void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const double n[3],
@@ -557,19 +686,18 @@ void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const doubl
     query s = make_query(bvh, x, max_distance2);
     s.n = n;
     s.min_cos = min_cos;
-    search(bvh, &s.probe, visit_triangle);
-    finish(bvh, &s, out);
+    search(bvh, &s.probe, visit_leaf);
+    finish(bvh, x, s.slot, s.found, out);
 }
 
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
                        apsm_closest *out)
 {
     query s = make_query(bvh, x, max_distance2);
-    s.slot = *slot;
-    visit_triangle(bvh, &s.probe, *slot);
-    search(bvh, &s.probe, visit_triangle);
-    finish(bvh, &s, out);
-    *slot = s.slot;
+    visit_leaf(bvh, &s.probe, *slot / LEAF, 1);
+    search(bvh, &s.probe, visit_leaf);
+    finish(bvh, x, s.slot, s.found, out);
+    if (s.found) *slot = s.slot;
 }
 
 /* ---- eight points at once ------------------------------------------------------------------- */
@@ -582,75 +710,21 @@ typedef struct packet {
     bool found[BVH_PACKET];
 } packet;
 
-/* One edge of a triangle against all points: h, |x - p|^2, where the foot lies along it, and the
- * squared distance to the line. */
-typedef struct edge_lanes {
-    double h[BVH_PACKET], start2[BVH_PACKET], along[BVH_PACKET], line2[BVH_PACKET];
-} edge_lanes;
-
-static inline void fill_lanes(const triangle *restrict t, int k,
-                              const double x[restrict 3][BVH_PACKET], edge_lanes *restrict out)
-{
-    const double *p = t->p[k], *n = t->n;
-    double e[3];
-    vec3_sub(t->p[(k + 1) % 3], p, e);
-#pragma omp simd
-    for (int i = 0; i < BVH_PACKET; i++) {
-        const double a = x[0][i] - p[0], b = x[1][i] - p[1], c = x[2][i] - p[2];
-        out->h[i] = n[0] * (e[1] * c - e[2] * b) + n[1] * (e[2] * a - e[0] * c) +
-                    n[2] * (e[0] * b - e[1] * a);
-        const double s = (a * e[0] + b * e[1] + c * e[2]) * t->inverse_e2[k];
-        const double u = a - s * e[0], v = b - s * e[1], w = c - s * e[2];
-        out->along[i] = s;
-        out->start2[i] = a * a + b * b + c * c;
-        out->line2[i] = u * u + v * v + w * w;
-    }
-}
-
-/* Distance to the edge if the point is not inside of it (or the triangle is flat). */
-static inline double lane_distance2(const edge_lanes *edge, const edge_lanes *next, double flat,
-                                    int i)
-{
-    const double before_end = edge->along[i] >= 1.0 ? next->start2[i] : edge->line2[i];
-    const double d2 = edge->along[i] > 0.0 ? before_end : edge->start2[i];
-    return edge->h[i] > flat ? INFINITY : d2;
-}
-
-/* As closest_on_triangle, bit for bit, but without branches and weights: one triangle against all
- * points, in the lanes of the processor. */
-APSM_KERNEL static void packet_distances(const triangle *restrict t,
-                                         const double x[restrict 3][BVH_PACKET],
-                                         double d2[restrict BVH_PACKET])
-{
-    const double flat = t->inverse_n2 > 0.0 ? 0.0 : INFINITY;
-    edge_lanes edge[3];
-    for (int k = 0; k < 3; k++) fill_lanes(t, k, x, &edge[k]);
-#pragma omp simd
-    for (int i = 0; i < BVH_PACKET; i++) {
-        const double a = lane_distance2(&edge[0], &edge[1], flat, i),
-                     b = lane_distance2(&edge[1], &edge[2], flat, i),
-                     c = lane_distance2(&edge[2], &edge[0], flat, i);
-        const double height = t->n[0] * (x[0][i] - t->p[2][0]) + t->n[1] * (x[1][i] - t->p[2][1]) +
-                              t->n[2] * (x[2][i] - t->p[2][2]);
-        const double ab = a < b ? a : b, best = ab < c ? ab : c;
-        d2[i] = best == INFINITY ? height * height * t->inverse_n2 : best;
-    }
-}
-
-static void visit_packet(const apsm_bvh *bvh, probe *p, uint32_t slot)
+static void visit_packet(const apsm_bvh *bvh, probe *p, uint32_t number, uint32_t count)
 {
     packet *s = (packet *)p;
-    double d2[BVH_PACKET], worst = 0.0;
-    packet_distances(&bvh->triangles[slot], (const double(*)[BVH_PACKET])s->x, d2);
-    for (int i = 0; i < BVH_PACKET; i++) {
-        if (d2[i] < s->best[i] ||
-            (d2[i] == s->best[i] && s->found[i] && bvh->face[slot] < bvh->face[s->slot[i]])) {
+    for (uint32_t slot = LEAF * number; slot < LEAF * number + count; slot++) {
+        double d2[BVH_PACKET];
+        packet_distances(&bvh->leaves[number], slot % LEAF, (const double(*)[BVH_PACKET])s->x, d2);
+        for (int i = 0; i < BVH_PACKET; i++) {
+            if (!wins(bvh, d2[i], slot, s->best[i], s->found[i], s->slot[i])) continue;
             s->best[i] = d2[i];
             s->slot[i] = slot;
             s->found[i] = true;
         }
-        worst = s->best[i] > worst ? s->best[i] : worst;
     }
+    double worst = 0.0;
+    for (int i = 0; i < BVH_PACKET; i++) worst = s->best[i] > worst ? s->best[i] : worst;
     set_bound(p, worst);
 }
 
@@ -676,16 +750,12 @@ void bvh_closest_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], doub
                         uint32_t *slot, apsm_closest out[BVH_PACKET])
 {
     packet s = make_packet(bvh, x, max_distance2);
-    visit_packet(bvh, &s.probe, *slot);
+    visit_packet(bvh, &s.probe, *slot / LEAF, 1);
     search(bvh, &s.probe, visit_packet);
     for (int i = 0; i < BVH_PACKET; i++) {
-        query one = { .x = { x[0][i], x[1][i], x[2][i] } };
-        if (s.found[i]) {
-            *slot = s.slot[i];
-            one.on.face = bvh->face[s.slot[i]];
-            one.best = closest_on_triangle(&bvh->triangles[s.slot[i]], one.x, one.on.weight);
-        }
-        finish(bvh, &one, &out[i]);
+        const double p[3] = { x[0][i], x[1][i], x[2][i] };
+        finish(bvh, p, s.slot[i], s.found[i], &out[i]);
+        if (s.found[i]) *slot = s.slot[i];
     }
 }
 
@@ -821,8 +891,10 @@ double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], d
     while (top > 0) {
         const entry e = stack[--top];
         if ((double)e.key > r.best) continue;
-        for (uint32_t i = e.first; i < e.first + e.count; i++)
-            hit_triangle(&r, &bvh->triangles[i], bvh->face[i]);
+        for (uint32_t i = 0; i < e.count; i++) {
+            const triangle t = get_triangle(&bvh->leaves[e.first], i);
+            hit_triangle(&r, &t, bvh->face[LEAF * e.first + i]);
+        }
         if (e.count > 0) continue;
         const node *n = &bvh->nodes[e.first];
         float key[WIDTH];
