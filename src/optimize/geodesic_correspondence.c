@@ -84,11 +84,24 @@ static apsm_status search(pass *a, uint32_t j)
     return neighbourhood_search(a->g, a->w, a->J, a->points, a->P, j, a->factor, &a->s->row);
 }
 
+static void copy_row(apsm_walk_work *s, uint32_t j)
+{
+    const size_t at = s->now.start[j];
+    s->row.n = s->now.start[j + 1] - at;
+    memcpy(s->row.index, s->now.index + at, s->row.n * sizeof *s->row.index);
+    memcpy(s->row.distance, s->now.distance + at, s->row.n * sizeof *s->row.distance);
+    s->row.closest = s->now.closest[j];
+    s->row.nearest = s->now.nearest[j];
+}
+
 /* Reference neighbours of j that its present row lacks; leaves them in s->missing. */
 static apsm_status missing_now(pass *a, uint32_t j, size_t *n)
 {
     const apsm_neighbourhoods *reference = a->reference;
-    APSM_TRY(search(a, j));
+    if (a->s->touched[j] || a->o->farthest) /* keep_farthest goes on from this search */
+        APSM_TRY(search(a, j));
+    else
+        copy_row(a->s, j);
     const neighbourhood_row *row = &a->s->row;
     const double most = a->o->factor * row->closest;
     *n = 0;
@@ -251,16 +264,10 @@ static apsm_status renew_rows(pass *a)
     APSM_TRY(apsm_neighbourhoods_resize(&s->next, a->J));
     s->next.factor = a->factor;
     for (uint32_t j = 0; j < a->J; j++) {
-        if (s->touched[j]) {
+        if (s->touched[j])
             APSM_TRY(search(a, j));
-        } else {
-            const size_t at = s->now.start[j];
-            s->row.n = s->now.start[j + 1] - at;
-            memcpy(s->row.index, s->now.index + at, s->row.n * sizeof *s->row.index);
-            memcpy(s->row.distance, s->now.distance + at, s->row.n * sizeof *s->row.distance);
-            s->row.closest = s->now.closest[j];
-            s->row.nearest = s->now.nearest[j];
-        }
+        else
+            copy_row(s, j);
         APSM_TRY(neighbourhoods_append(&s->next, j, &s->row));
     }
     const apsm_neighbourhoods swap = s->now;
