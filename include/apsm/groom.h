@@ -18,6 +18,8 @@ typedef struct apsm_groom_options {
     bool fill_cavities; /* fill background enclosed by the label (default true) */
     double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
                            0: none, 2: twice its reach.  No inner voxel gets outside */
+    double fairing; /* then ripples shorter than so many voxels (cube root of the voxel's volume)
+                       are taken off the surface, by at most one voxel; default 5, 0: none */
     /* both */
     bool keep_largest;     /* default true; false: more than one part is an error */
     double max_drop_share; /* dropped parts may have together this share of the area (mesh) or

@@ -10,6 +10,7 @@ apsm_groom_options apsm_groom_defaults(void)
 {
     return (apsm_groom_options){ .fill_cavities = true,
                                  .smoothing = 1.0,
+                                 .fairing = 5.0,
                                  .keep_largest = true,
                                  .max_drop_share = 0.2,
                                  .merge = 1e-7,

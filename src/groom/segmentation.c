@@ -9,6 +9,7 @@
 #include "apsm/adapters.h"
 #include "apsm/groom.h"
 #include "groom/antialias.h"
+#include "groom/fair.h"
 #include "groom/mask.h"
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
@@ -72,7 +73,8 @@ static apsm_status contour_volume(apsm_context *ctx, const apsm_volume *v, const
 }
 
 static apsm_status extract(apsm_context *ctx, const apsm_volume *v, const mask *m,
-                           antialias_input *in, apsm_mesh *surface, apsm_groom_report *r)
+                           antialias_input *in, double fairing, apsm_mesh *surface,
+                           apsm_groom_report *r)
 {
     size_t fine[3];
     memcpy(in->n, m->n, sizeof in->n);
@@ -84,6 +86,8 @@ static apsm_status extract(apsm_context *ctx, const apsm_volume *v, const mask *
     apsm_status status = antialias(in, values, &inward);
     if (status == APSM_OK)
         status = contour_volume(ctx, v, m, in, values, inward, r->mask_volume, surface);
+    const double voxel = cbrt(v->spacing[0] * v->spacing[1] * v->spacing[2]);
+    if (status == APSM_OK && fairing > 0) status = fair_surface(surface, fairing * voxel, voxel);
     if (status == APSM_OK) r->smoothing_volume = apsm_mesh_volume(surface) / r->mask_volume - 1.0;
     free(values);
     return status;
@@ -133,7 +137,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     if (r->voxels < LEAST_VOXELS)
         status = apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
                            name, r->voxels);
-    if (status == APSM_OK) status = extract(ctx, volume, &m, &in, surface, r);
+    if (status == APSM_OK) status = extract(ctx, volume, &m, &in, opt->fairing, surface, r);
     mask_free(&m);
     return status;
 }
