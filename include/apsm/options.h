@@ -20,6 +20,9 @@ extern "C" {
  * h is the template's mean neighbour distance (METHOD section 0): lengths given in h make the
  * result independent of the unit.  Numbers in brackets are equations of docs/method.md. */
 #define APSM_OPTIONS(INT, REAL, BOOL, ENUM)                                                        \
+    ENUM(method, "adaptive|xu2023|psm",                                                            \
+         "the engine's own method, or one to compare it with: xu2023 is a set of options of it "   \
+         "(see apsm_options_set), psm the entropy-based particles of ShapeWorks")                  \
     /* model */                                                                                    \
     INT(particles, 128, 4, 100000, "J: particles on every shape")                                  \
     REAL(adaptivity, 0.5, 0, 1,                                                                    \
@@ -79,6 +82,7 @@ extern "C" {
     REAL(decay1_at, 0.6, 0, 1, "share of a stage after which alpha and gamma fall first")          \
     REAL(decay2_at, 0.85, 0, 1, "share of a stage after which they fall again")                    \
     REAL(alpha_decay, 0.5, 0, 1, "what alpha is multiplied with at each decay")                    \
+    REAL(beta_decay, 0.5, 0, 1, "what beta is multiplied with at each decay")                      \
     REAL(gamma_decay1, 0.3, 0, 1, "what gamma is multiplied with at the first decay")              \
     REAL(gamma_decay2, 0.5, 0, 1, "what gamma is multiplied with at the second decay")             \
     INT(burn_in, 1, 0, 1000, "epochs of the run without correspondence and eigenshape losses")     \
@@ -98,6 +102,25 @@ extern "C" {
     BOOL(geodesic_guard, true, "keep a move only if it does not make matters worse")               \
     REAL(stop_mismatched, 0.02, 0, 1,                                                              \
          "stage 1 ends early when no shape has a larger share of mismatched particles")            \
+    /* method psm: names and defaults of ShapeWorks, lengths in psm_unit */                        \
+    REAL(psm_initial_relative_weighting, 0.05, 0, 1e6,                                             \
+         "weight of the correspondence term while particles are split")                            \
+    REAL(psm_relative_weighting, 1, 0, 1e6, "weight of the correspondence term afterwards")        \
+    REAL(psm_starting_regularization, 1000, 1e-9, 1e12, "of the entropy, at the start")            \
+    REAL(psm_ending_regularization, 10, 1e-9, 1e12, "of the entropy, at the end")                  \
+    REAL(psm_starting_share, 0, 0, 1,                                                              \
+         "starting regularization as a share of the largest eigenvalue, ending at a tenth of "     \
+         "that; 0: the two absolute values; 0.05 is ShapeWorks' advice")                           \
+    INT(psm_iterations_per_split, 1000, 0, 1000000, "iterations after each split")                 \
+    INT(psm_optimization_iterations, 1000, 0, 1000000, "iterations when all particles are there")  \
+    BOOL(psm_shape_statistics_in_init, false,                                                      \
+         "the entropy during splitting too, not the distance from the mean (part of ShapeWorks' "  \
+         "multiscale)")                                                                            \
+    BOOL(psm_procrustes, false, "register the shapes anew as the optimisation goes on")            \
+    INT(psm_procrustes_interval, 10, 1, 1000000, "iterations between two registrations")           \
+    BOOL(psm_procrustes_scaling, false, "registrations remove size")                               \
+    BOOL(psm_procrustes_rotation_translation, true, "registrations remove pose")                   \
+    REAL(psm_unit, 1, 1e-9, 1e9, "length that stands for ShapeWorks' mm, in the input's unit")     \
     /* evaluate */                                                                                 \
     ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \
     INT(specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")            \
@@ -116,6 +139,7 @@ typedef struct apsm_options {
 #undef APSM_FIELD_ENUM
 
 /* Indices of the words above, in their order. */
+enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
 enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
 enum { APSM_INIT_PROJECTION, APSM_INIT_FPS };
@@ -150,7 +174,10 @@ apsm_options apsm_options_defaults(void);
 const apsm_option_info *apsm_options_table(size_t *n);
 
 /* Sets one option from text, as `--set key=value` does.  Unknown key (the nearest one is
- * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line. */
+ * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line.
+ * method = xu2023 also sets what makes the method of the earlier paper (METHOD 8): correspondence =
+ * frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in every epoch), snap = none,
+ * geodesic_correspondence = false; another method then takes these back to their defaults. */
 apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
                              const char *value) APSM_NODISCARD;
 /* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */

@@ -14,6 +14,15 @@ schedule schedule_of_stage(const apsm_options *o, int stage)
     return s;
 }
 
+/* Beta falls with alpha: the balance of the two decides where particles end, and a beta that stayed
+ * would draw them away from the tips of the shapes at the end. */
+static void decay(weights *w, const apsm_options *o, double gamma_decay)
+{
+    w->alpha *= o->alpha_decay;
+    w->beta *= o->beta_decay;
+    w->gamma *= gamma_decay;
+}
+
 weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, long epoch,
                          long epochs_run)
 {
@@ -22,8 +31,8 @@ weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, lo
         w.alpha *= o->stage2_alpha_factor;
         w.c = o->adaptivity;
     }
-    if (epoch >= s->decay1) w.alpha *= o->alpha_decay, w.gamma *= o->gamma_decay1;
-    if (epoch >= s->decay2) w.alpha *= o->alpha_decay, w.gamma *= o->gamma_decay2;
+    if (epoch >= s->decay1) decay(&w, o, o->gamma_decay1);
+    if (epoch >= s->decay2) decay(&w, o, o->gamma_decay2);
     if (epochs_run < o->burn_in) w.beta = w.gamma = 0;
     return w;
 }
