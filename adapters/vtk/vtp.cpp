@@ -36,8 +36,8 @@ void check_counts(std::string_view bytes)
         while (!value.empty() && cursor::blank(value.back())) value.remove_suffix(1);
         if (!cursor::parse(value, &n) || n < 0 ||
             static_cast<double>(n) > 1032.0 * static_cast<double>(bytes.size()))
-            damaged(std::string(bytes.substr(at, open - at)) + "\"" +
-                    one_line(std::string(value.substr(0, 40))) +
+            damaged(one_line(std::string(bytes.substr(at, std::min<size_t>(open - at, 40)))) +
+                    "\"" + one_line(std::string(value.substr(0, 40))) +
                     "\" cannot be; it is damaged: copy or export it again");
     }
 }
