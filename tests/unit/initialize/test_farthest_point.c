@@ -84,6 +84,21 @@ static void agrees_with_golden(void **state)
     json_decref(root);
 }
 
+static void ties_go_to_the_lowest_index(void **state)
+{
+    (void)state;
+    enum { N = 5 };
+    double D[N * N], nearest[N], radius[N];
+    uint32_t order[N];
+    for (size_t i = 0; i < N * N; i++) D[i] = i % (N + 1) ? 1 : 0;
+    D[0 * N + 4] = D[4 * N + 0] = 0; /* 4 coincides with 0: last, but still a sample */
+    assert_int_equal(apsm_farthest_points(N, D, 2, N, order, radius, nearest), APSM_OK);
+    static const uint32_t want[N] = { 2, 0, 1, 3, 4 };
+    assert_memory_equal(order, want, sizeof want);
+    assert_true(radius[4] == 0);
+    assert_int_equal(apsm_farthest_points(N, D, 2, N + 1, order, radius, nearest), APSM_ERR_ARG);
+}
+
 typedef struct prepared {
     apsm_topology topology;
     apsm_geodesic *g;
@@ -188,6 +203,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(ties_go_to_the_lowest_index),
         cmocka_unit_test(vertices_of_a_plane_as_by_matrix),
         cmocka_unit_test(samples_of_a_sphere_are_spread),
         cmocka_unit_test(unused_vertices_do_not_count),

@@ -133,6 +133,42 @@ static void agrees_with_golden(void **state)
     json_decref(root);
 }
 
+/* On a thin plate the closest particle in space is on the far side, not a neighbour: rows must
+ * be those of the full distance matrix. */
+static void far_side_of_a_sheet_is_far(void **state)
+{
+    (void)state;
+    enum { N = 50 };
+    fixture x = { .mesh = shape_box((size_t[3]){ 20, 20, 1 }, (double[3]){ 20, 20, 0.5 }) };
+    prepare(&x);
+    apsm_surface_point points[N];
+    double X[3 * N], P[3 * N], D[N * N];
+    for (size_t j = 0; j < N; j++) { /* 5 x 5 on either side */
+        const double side = j < N / 2 ? 1 : -1;
+        const size_t i = j % (N / 2);
+        X[3 * j] = 3.7 * ((double)(i % 5) - 2) + 0.1 * side + 0.03 * (double)(i * i % 7);
+        X[3 * j + 1] = 3.9 * ((double)(i / 5) - 2) + 0.07 * (double)i;
+        X[3 * j + 2] = 0.25 * side;
+    }
+    place(&x, N, X, points, P);
+    for (size_t j = 0; j < N; j++) {
+        assert_ok(apsm_geodesic_from(x.g, points + j, INFINITY, x.w));
+        for (size_t k = 0; k < N; k++) D[j * N + k] = apsm_geodesic_distance(x.g, x.w, points + k);
+    }
+    apsm_neighbourhoods full = { 0 }, searched = { 0 };
+    assert_ok(apsm_matrix_neighbourhoods(N, D, 2.0, &full));
+    assert_ok(apsm_geodesic_neighbourhoods(x.g, x.w, N, points, P, 2.0, &searched));
+    assert_memory_equal(searched.start, full.start, (N + 1) * sizeof *full.start);
+    assert_memory_equal(searched.index, full.index, full.start[N] * sizeof *full.index);
+    golden_close("distance", full.start[N], searched.distance, full.distance, 1e-9);
+    golden_close("closest", N, searched.closest, full.closest, 1e-9);
+    assert_memory_equal(searched.nearest, full.nearest, N * sizeof *full.nearest);
+    assert_true(apsm_neighbour_distance(&searched, 12, 37) == INFINITY); /* back to back */
+    apsm_neighbourhoods_free(&full);
+    apsm_neighbourhoods_free(&searched);
+    teardown(&x);
+}
+
 /* ---- two ellipsoids, J particles at corresponding places ---- */
 
 enum { J = 100 };
@@ -269,8 +305,10 @@ static void guard_keeps_particles_apart(void **state)
     displace(&p, 60);
     const double apart = least_separation(&p);
     apsm_walk_options o = apsm_walk_defaults(p.h);
-    pass(&p, &o);
+    const apsm_walk_report first = pass(&p, &o);
     assert_true(least_separation(&p) >= fmin(apart, o.min_separation));
+    const apsm_walk_report again = pass(&p, &o);
+    assert_memory_equal(again.before, first.after, sizeof first.after);
     free_pair(&p);
     make_pair(&p, 1);
     displace(&p, 60);
@@ -279,6 +317,10 @@ static void guard_keeps_particles_apart(void **state)
     assert_int_equal(free_walk.refused, 0);
     assert_true(free_walk.moved > 30);
     assert_true(least_separation(&p) < o.min_separation);
+    for (int k = 0; k < 5; k++) { /* counts after many moves are those of a fresh look */
+        const apsm_walk_report one = pass(&p, &o), two = pass(&p, &o);
+        assert_memory_equal(two.before, one.after, sizeof one.after);
+    }
     free_pair(&p);
 }
 
@@ -350,6 +392,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(far_side_of_a_sheet_is_far),
         cmocka_unit_test(sound_correspondence_stays),
         cmocka_unit_test(displaced_particles_come_back),
         cmocka_unit_test(guard_keeps_particles_apart),
