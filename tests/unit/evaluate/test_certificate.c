@@ -6,7 +6,7 @@
 #include "apsm/certificate.h"
 #include "apsm/correspondence_loss.h"
 #include "apsm/random.h"
-#include "synthetic.h"
+#include "shapes.h"
 
 enum { J = 128, I = 6 };
 
@@ -48,9 +48,8 @@ static void put(body *b, size_t j, const double x[3])
 
 static void make_body(body *b, size_t i)
 {
-    const double a[3] = { 30 + 2 * synthetic_weyl(i, 0.6180339887498949),
-                          25 + 2 * synthetic_weyl(i, 0.4142135623730950),
-                          22 + 2 * synthetic_weyl(i, 0.7320508075688772) };
+    const double t = (double)i, a[3] = { 30 + 2 * sin(1.7 * t), 25 + 2 * sin(2.3 * t + 1),
+                                         22 + 2 * sin(2.9 * t + 2) };
     b->mesh = shape_ellipsoid(4, a[0], a[1], a[2]);
     b->VN = malloc(3 * b->mesh.nv * sizeof *b->VN);
     assert_non_null(b->VN);

@@ -7,7 +7,7 @@
 #include "apsm/geodesic_correspondence.h"
 #include "apsm/random.h"
 #include "golden.h"
-#include "synthetic.h"
+#include "shapes.h"
 
 static double distance2(const double *a, const double *b)
 {
