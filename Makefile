@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: all deps configure test demo demo-segmentations check sanitize bench install package clean help
+.PHONY: all deps configure test demo demo-segmentations viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -29,11 +29,15 @@ demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocam
 	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2
 	@echo "The model of the hippocampi is in $(BUILD)/demo-hippocampus:"; ls $(BUILD)/demo-hippocampus
 
-check: ## format, lint, rules between rooms, goldens
+viewer: ## rebuild the page of `apsm report` from report/viewer (needs npm)
+	cd report/viewer && npm ci --no-audit --no-fund && npm run --silent build
+
+check: ## format, lint, rules between rooms, goldens, the built viewer
 	@scripts/check-format
 	@scripts/check-lint
 	@scripts/check-rooms
 	@scripts/check-golden
+	@scripts/check-viewer
 
 sanitize: deps ## all tests with address and undefined-behaviour sanitizers
 	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)

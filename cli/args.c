@@ -221,11 +221,12 @@ static apsm_status take_operands(parsing *p)
     return APSM_OK;
 }
 
-/* initialize, optimize and evaluate take their folder as operand or by -o. */
+/* initialize, optimize, evaluate and report take their folder as operand or by -o. */
 static apsm_status settle_folder(parsing *p)
 {
     cli_args *a = p->args;
-    if (!(a->verb->verb & (CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE))) return APSM_OK;
+    if (!(a->verb->verb & (CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE | CLI_REPORT)))
+        return APSM_OK;
     if (a->n_inputs > 1)
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s works in one model folder, not in %zu",
                          a->verb->name, a->n_inputs);

@@ -15,7 +15,8 @@ typedef enum cli_verb {
     CLI_OPTIMIZE = 1 << 3,
     CLI_EVALUATE = 1 << 4,
     CLI_CHECK = 1 << 5,
-    CLI_INFO = 1 << 6
+    CLI_INFO = 1 << 6,
+    CLI_REPORT = 1 << 7
 } cli_verb;
 
 typedef struct cli_verb_info {

@@ -11,11 +11,11 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK,
-    ALL = STEPS | CLI_CHECK | CLI_INFO
+    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT
 };
 
 static const cli_option own[] = {
-    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS, "DIR", NULL, NULL,
+    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT, "DIR", NULL, NULL,
       "the model folder; made if it does not exist", NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
       "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
@@ -45,7 +45,7 @@ static const cli_option own[] = {
     { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS, "N", "seed", NULL,
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
-    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK, "N", NULL, NULL,
+    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK | CLI_REPORT, "N", NULL, NULL,
       "threads to use (default: one for each processor)", NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },

@@ -1,6 +1,7 @@
-/* run, groom, initialize, optimize, evaluate: open the model folder, do the step. */
+/* run, groom, initialize, optimize, evaluate: open the model folder, do the step; report. */
 #include <stdlib.h>
 
+#include "apsm/report.h"
 #include "apsm/run.h"
 #include "verbs.h"
 
@@ -40,7 +41,9 @@ apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     (void)ui;
     APSM_TRY(do_step(ctx, args, apsm_run_all));
-    if (!args->dry_run) apsm_log(ctx, APSM_LOG_INFO, "model in %s", args->out_dir);
+    if (!args->dry_run)
+        apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s/report.html", args->out_dir,
+                 args->out_dir);
     return APSM_OK;
 }
 
@@ -66,4 +69,11 @@ apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *u
 {
     (void)ui;
     return do_step(ctx, args, apsm_run_evaluate);
+}
+
+apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    APSM_TRY(apsm_report_write(ctx, args->out_dir));
+    cli_say(ui, "report: %s/report.html", args->out_dir);
+    return APSM_OK;
 }

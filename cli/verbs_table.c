@@ -22,6 +22,10 @@ static const cli_verb_info verbs[] = {
     { CLI_EVALUATE, "evaluate", "MODEL_DIR", "the model, its quality, reconstructed meshes",
       "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
       "specificity, the certificate of correspondence, and meshes." },
+    { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
+      "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
+      "with, the cohort, surface distances, quality of the model, the certificate, where it comes "
+      "from. One file that needs no network: open it with a double click, send it by mail." },
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
       "there is none." },

@@ -39,7 +39,7 @@ if(APSM_SANITIZE)
 endif()
 
 # What pieces of the library need from outside.
-set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON ${LAPACKE_LIBRARY} ${BLAS_LIBRARY} m)
+set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON ZLIB::ZLIB ${LAPACKE_LIBRARY} ${BLAS_LIBRARY} m)
 set(APSM_ROOMS "" CACHE INTERNAL "")
 
 function(apsm_c_target target)
@@ -58,6 +58,16 @@ macro(apsm_room name)
     list(APPEND APSM_ROOMS ${name})
   endif()
 endmacro()
+
+# The bytes of a file as the array `symbol` (and symbol_size) in a target.
+function(apsm_embed target file symbol)
+  set(out ${CMAKE_BINARY_DIR}/${symbol}.c)
+  set(script ${CMAKE_SOURCE_DIR}/cmake/EmbedFile.cmake)
+  add_custom_command(OUTPUT ${out} DEPENDS ${CMAKE_SOURCE_DIR}/${file} ${script}
+    COMMAND ${CMAKE_COMMAND} -DIN=${CMAKE_SOURCE_DIR}/${file} -DOUT=${out} -DNAME=${symbol}
+            -P ${script})
+  target_sources(${target} PRIVATE ${out})
+endfunction()
 
 # The library is all rooms and adapters together.
 macro(apsm_library)

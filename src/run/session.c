@@ -11,6 +11,7 @@
 #include "apsm/checkpoint_file.h"
 #include "apsm/linalg.h"
 #include "apsm/particles_file.h"
+#include "apsm/report.h"
 #include "run/manifest.h"
 
 /* ---- texts beside the option table ---- */
@@ -553,5 +554,5 @@ apsm_status apsm_run_all(apsm_run *run)
                   { "evaluate", apsm_run_evaluate } };
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
-    return APSM_OK;
+    return apsm_report_write(run->ctx, run->folder);
 }

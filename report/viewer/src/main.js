@@ -1,0 +1,628 @@
+// Fills the page: one function a part of the report.
+import { byId, checkbox, choice, el, percent, plural, show, table } from "./dom.js";
+import { median, normalsAt, outliers, readModel, vertexNormals } from "./data.js";
+import { cssGradient, palettes, particleColours } from "./colors.js";
+import * as gl from "./gl.js";
+import { curve, histogram, scatter } from "./charts.js";
+
+const state = {
+  chosen: 0, // shape
+  hover: -1, pin: -1, // particles
+  sort: "name", surface: "original", particles: true, heat: false,
+  axes: [0, 1],
+};
+let model, tint, radius, shorts;
+const marked = []; // particle geometries on the page, all marked alike
+const refresh = { shape: [], particle: [] };
+
+// ---- shapes as geometry, made when first looked at ----
+
+const made = new Map();
+function once(key, make) {
+  if (!made.has(key)) made.set(key, make());
+  return made.get(key);
+}
+
+function surfaceOf(i, which) {
+  return once(`${which} ${i}`, () => {
+    const s = model.shapes[i], warped = which === "warped";
+    const V = model.array(warped ? s.warped : s.vertices, "positions");
+    const F = model.array(warped ? model.mean.faces : s.faces, "integers");
+    const N = vertexNormals(V, F);
+    const value = model.array(warped ? s.warped_distance : s.distance, "distances");
+    return { V, F, N, value, geometry: gl.surfaceGeometry(V, F, N, value) };
+  });
+}
+const particlesOf = (i) => model.array(model.shapes[i].particles, "positions");
+const normalsOf = (i) =>
+  once(`normals ${i}`, () => {
+    const { V, N } = surfaceOf(i, "original");
+    return normalsAt(particlesOf(i), V, N);
+  });
+function dotsOf(i) {
+  return once(`dots ${i}`, () => {
+    const g = gl.particleGeometry(particlesOf(i), tint);
+    marked.push(g);
+    mark(g);
+    return g;
+  });
+}
+
+// ---- particles: hover and click ----
+
+function mark(g) {
+  const at = state.hover >= 0 ? state.hover : state.pin, m = g.getAttribute("mark");
+  m.array.fill(at >= 0 ? 1 : 0);
+  if (at >= 0) m.array[at] = 2;
+  m.needsUpdate = true;
+}
+function pickParticle(j, how) {
+  const before = state.hover >= 0 ? state.hover : state.pin;
+  if (how === "hover") state.hover = j;
+  else state.pin = j === state.pin ? -1 : j;
+  if (before === (state.hover >= 0 ? state.hover : state.pin) && how === "hover") return;
+  marked.forEach(mark);
+  refresh.particle.forEach((f) => f());
+  gl.invalidateAll();
+}
+const readoutText = () => {
+  const j = state.hover >= 0 ? state.hover : state.pin;
+  return j < 0 ? "" : `particle ${j}${j === state.pin ? " (kept; click again to let go)" : ""}`;
+};
+
+function makeView(label, options = {}) {
+  const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": label });
+  const readout = el("div", { class: "readout", "aria-live": "polite" });
+  const view = new gl.View(canvas, { large: true, radius, pick: pickParticle, ...options });
+  refresh.particle.push(() => (readout.textContent = readoutText()));
+  return { view, canvas, box: el("div", { class: "view" }, canvas, readout) };
+}
+
+function chooseShape(i, { go = false } = {}) {
+  state.chosen = i;
+  refresh.shape.forEach((f) => f());
+  if (go) byId("fidelity").scrollIntoView({ behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
+}
+
+function legend(palette, texts) {
+  const strip = el("div", { class: "strip" });
+  strip.style.background = cssGradient(palettes[palette]);
+  return el("div", { class: "legend" }, strip, el("div", { class: "ends" }, texts.map((t) => el("span", {}, t))));
+}
+
+/** Names without what all of them share, for narrow places. */
+function shortNames(names) {
+  if (names.length < 2) return names;
+  const common = (list) => {
+    let n = 0;
+    while (list.every((t) => n < t.length && t[n] === list[0][n])) n++;
+    return n;
+  };
+  const turned = names.map((t) => [...t].reverse().join(""));
+  const whole = (n, text) => { while (n > 0 && /[\p{L}\p{N}]/u.test(text[n - 1])) n--; return n; };
+  const head = whole(common(names), names[0]), tail = whole(common(turned), turned[0]);
+  const cut = names.map((t) => t.slice(head, Math.max(head, t.length - tail)));
+  return new Set(cut).size === names.length && cut.every((t) => t.length > 0) ? cut : names;
+}
+
+// ---- figures about shapes ----
+
+let facts; // per shape: name, surface, mismatched, strict, distance, certificate
+
+function gatherFacts() {
+  const surface = new Map((model.evaluation.surface_distance?.per_shape ?? []).map((s) => [s.name, s]));
+  const certificate = new Map(model.certificate.per_shape.map((s) => [s.name, s]));
+  return model.shapes.map((s) => {
+    const c = certificate.get(s.name) ?? { verdict: "needs review", reasons: ["is not in the certificate"] };
+    const sum = s.scores.reduce((a, b) => a + b * b, 0);
+    return {
+      name: s.name, certificate: c, surface: surface.get(s.name) ?? null,
+      mean: surface.get(s.name)?.mean ?? NaN,
+      mismatched: c["mismatched_1.5_2.0"]?.length ?? 0, strict: c["mismatched_1.5_1.5"]?.length ?? 0,
+      distance: Math.sqrt(sum / model.J),
+      fine: c.verdict === "certified",
+    };
+  });
+}
+function findOutliers() {
+  const kinds = [
+    ["surface error", facts.map((f) => f.mean)],
+    ["mismatched particles", facts.map((f) => f.mismatched)],
+    ["distance from the mean", facts.map((f) => f.distance)],
+  ];
+  const found = new Map();
+  for (const [word, values] of kinds)
+    for (const i of outliers(values)) {
+      const text = `${word} ${show(values[i])} (median ${show(median(values))})`;
+      found.set(i, [...(found.get(i) ?? []), text]);
+    }
+  return found;
+}
+
+// ---- header ----
+
+function fillHeader() {
+  const { certificate: c, evaluation: e } = model;
+  byId("title").textContent = `Shape model \u201c${model.title}\u201d`;
+  document.title = `${model.title} \u2013 shape model`;
+  const surface = e.surface_distance;
+  byId("summary").textContent =
+    `${plural(model.I, "shape")}, ${model.J} particles each, template ${e.template}. ` +
+    (surface ? `Surfaces are reproduced to ${show(surface.mean)} on average, ${show(surface.max)} at worst. ` : "") +
+    "Lengths are in the unit of the input (mm for images).";
+  const fine = c.certified === c.shapes;
+  const review = facts.flatMap((f, i) => (f.fine ? [] : [i]));
+  byId("verdict").append(
+    el("div", { class: `verdict ${fine ? "good" : "bad"}` },
+      el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
+      el("div", {},
+        el("strong", {}, fine
+          ? c.shapes === 1 ? "The shape is certified. " : `All ${c.shapes} shapes are certified. `
+          : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
+        fine ? "Particles correspond: none has changed places, and the surface between them is not folded."
+          : review.slice(0, 12).map((i) => el("button", { type: "button", class: "link", onclick: () => showTrouble(i) }, facts[i].name)),
+        !fine && review.length > 12 && ` and ${review.length - 12} more`)),
+  );
+}
+
+// ---- mean and modes ----
+
+function fillModes() {
+  const body = byId("modes").querySelector(".body"), mean = model.mean, K = mean.modes.length;
+  const V0 = model.array(mean.vertices, "positions"), F = model.array(mean.faces, "integers");
+  const P0 = model.array(mean.particles, "positions"), N0 = vertexNormals(V0, F);
+  const V = V0.slice(), N = N0.slice(), P = P0.slice(), value = new Float32Array(V.length / 3);
+  const D = mean.modes.map((m) => model.array(m.vertices, "displacements"));
+  const DP = mean.modes.map((m) => model.array(m.particles, "displacements"));
+  const surface = gl.surfaceGeometry(V, F, N, value), dots = gl.particleGeometry(P, tint);
+  marked.push(dots);
+  const { view, box } = makeView("mean shape with modes of variation; arrows turn it");
+  view.setPickable(P, normalsAt(P0, V0, N0));
+  const total = model.variances.reduce((a, b) => a + b, 0) || 1;
+  const weight = new Float64Array(K), rows = [];
+  const options = { colour: true, particles: false };
+
+  // One scale for all modes: the largest displacement along the normal at 2 sd of any mode.
+  let reach = 0;
+  for (const d of D)
+    for (let k = 0; k < d.length; k += 3)
+      reach = Math.max(reach, Math.abs(2 * (d[k] * N0[k] + d[k + 1] * N0[k + 1] + d[k + 2] * N0[k + 2])));
+  reach = reach || 1;
+
+  const shape = () => {
+    V.set(V0);
+    P.set(P0);
+    for (let m = 0; m < K; m++) {
+      const b = weight[m];
+      if (b === 0) continue;
+      for (let k = 0; k < V.length; k++) V[k] += b * D[m][k];
+      for (let k = 0; k < P.length; k++) P[k] += b * DP[m][k];
+    }
+    vertexNormals(V, F, N);
+    for (let k = 0; k < V.length; k += 3)
+      value[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
+    for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
+    dots.getAttribute("place").needsUpdate = true;
+    view.invalidate();
+  };
+  const dress = () => {
+    view.set({ surface, particles: options.particles ? dots : null, palette: options.colour ? "signed" : null, range: [-reach, reach] });
+    view.setPickable(options.particles ? P : null, normalsAt(P0, V0, N0));
+    key.hidden = !options.colour;
+  };
+  const setMode = (m, b) => {
+    weight[m] = b;
+    rows[m].range.value = b;
+    const text = `${b < 0 ? "\u2212" : "+"}${Math.abs(b).toFixed(2)} sd`;
+    rows[m].value.textContent = text;
+    rows[m].range.setAttribute("aria-valuetext", text);
+  };
+
+  let playing = -1, started = 0;
+  const play = (m) => {
+    const was = playing;
+    stop();
+    if (was === m) return;
+    playing = m;
+    started = performance.now() - (Math.asin(Math.min(Math.max(weight[m] / 2, -1), 1)) / 1.6) * 1000;
+    rows[m].play.setAttribute("aria-pressed", "true");
+    rows[m].play.textContent = "\u275a\u275a";
+    requestAnimationFrame(frame);
+  };
+  const stop = () => {
+    if (playing < 0) return;
+    rows[playing].play.setAttribute("aria-pressed", "false");
+    rows[playing].play.textContent = "\u25b6";
+    playing = -1;
+  };
+  const frame = (now) => {
+    if (playing < 0) return;
+    setMode(playing, 2 * Math.sin(((now - started) / 1000) * 1.6));
+    shape();
+    requestAnimationFrame(frame);
+  };
+
+  mean.modes.forEach((_, m) => {
+    const range = el("input", {
+      type: "range", min: -3, max: 3, step: 0.01, value: 0, "aria-label": `mode ${m + 1} in standard deviations`,
+      oninput: () => { if (playing === m) stop(); setMode(m, Number(range.value)); shape(); },
+    });
+    const button = el("button", { type: "button", "aria-label": `play mode ${m + 1}`, "aria-pressed": "false", onclick: () => play(m) }, "\u25b6");
+    const text = el("span", { class: "value" }, "+0.00 sd");
+    rows.push({ range, play: button, value: text });
+    rows[m].row = el("div", { class: "mode" }, button,
+      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, `${percent(model.variances[m] / total)} of the variance`)),
+      text, el("div", { class: "range" }, range));
+  });
+  const reset = () => {
+    stop();
+    mean.modes.forEach((_, m) => setMode(m, 0));
+    shape();
+  };
+  const key = legend("signed", [`\u2212${show(reach)} inward`, "0", `+${show(reach)} outward`]);
+  const shown = model.variances.slice(0, K).reduce((a, b) => a + b, 0) / total;
+  const first = rows.slice(0, 5).map((r) => r.row), more = rows.slice(5).map((r) => r.row);
+  body.append(
+    el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
+      : `The mean of all shapes, and how they vary. ${K === 1 ? "One mode is" : `The first ${K} modes are`} shown: ${percent(shown)} of the variance. Colour tells how far the surface has moved from the mean along its normal.`),
+    el("div", { class: "split" },
+      el("div", { class: "main" }, box, key),
+      el("div", {},
+        el("div", { class: "tools" },
+          el("button", { type: "button", onclick: reset }, "Reset to the mean"),
+          checkbox("Colour", true, (on) => { options.colour = on; dress(); }),
+          checkbox("Particles", false, (on) => { options.particles = on; dress(); })),
+        first, more.length > 0 && el("details", {}, el("summary", {}, `${plural(more.length, "more mode")}`), more))),
+  );
+  dress();
+  shape();
+  return { setMode: (m, b) => { setMode(m, b); shape(); }, weight, V };
+}
+
+// ---- cohort ----
+
+function fillCohort(strange) {
+  const body = byId("cohort").querySelector(".body"), grid = el("div", { class: "grid" });
+  const worst = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.distance_step * 65535;
+  const tiles = facts.map((fact, i) => {
+    const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `${fact.name}, drag to turn all` });
+    const name = el("button", { type: "button", class: "link", title: `${fact.name}: show its surface distances`, onclick: () => chooseShape(i, { go: true }) }, shorts[i]);
+    const info = el("div", { class: "soft" });
+    const node = el("figure", { class: "tile" }, canvas,
+      el("figcaption", {}, name, info,
+        i === model.template && el("span", { class: "badge plain" }, "template"),
+        model.shapes[i].mirrored && el("span", { class: "badge plain" }, "mirrored"),
+        !fact.fine && el("span", { class: "badge bad" }, "needs review"),
+        strange.has(i) && el("span", { class: "badge bad", title: strange.get(i).join("; ") }, "outlier")));
+    const view = new gl.View(canvas, {
+      radius: 1.4 * radius, // seen small
+      pick: (j, how) => {
+        pickParticle(j, how);
+        if (how === "click") chooseShape(i);
+      },
+    });
+    const dress = view.show.bind(view);
+    view.show = (on) => { if (on) clothe(i); dress(on); };
+    return { node, view, info };
+  });
+  const clothe = (i) => {
+    const { view } = tiles[i];
+    view.set({
+      surface: surfaceOf(i, state.surface).geometry, particles: state.particles ? dotsOf(i) : null,
+      palette: state.heat ? "heat" : null, range: [0, worst],
+    });
+    view.setPickable(state.particles ? particlesOf(i) : null, state.particles ? normalsOf(i) : null);
+  };
+  const dressAll = () => { tiles.forEach((t, i) => t.view.on && clothe(i)); key.hidden = !state.heat; };
+  const orders = {
+    name: () => 0,
+    surface: (f) => -(Number.isFinite(f.mean) ? f.mean : -1),
+    mismatched: (f) => -(f.mismatched + f.strict / 1e6),
+    distance: (f) => -f.distance,
+  };
+  const texts = {
+    name: (f) => (Number.isFinite(f.mean) ? `error ${show(f.mean)}` : ""),
+    surface: (f) => `error ${show(f.mean)}`,
+    mismatched: (f) => `${f.mismatched} mismatched`,
+    distance: (f) => `${show(f.distance)} from the mean`,
+  };
+  const arrange = () => {
+    const order = facts.map((_, i) => i).sort((a, b) => orders[state.sort](facts[a]) - orders[state.sort](facts[b]) || a - b);
+    grid.append(...order.map((i) => tiles[i].node));
+    tiles.forEach((t, i) => (t.info.textContent = texts[state.sort](facts[i])));
+  };
+  const key = legend("heat", ["0", `distance to the ${"other"} surface`, `\u2265 ${show(worst)}`]);
+  const list = [...strange.entries()];
+  const readout = el("p", { class: "small", "aria-live": "polite" });
+  const hint = "Point at a particle to find it on every shape; click keeps it.";
+  const tell = () => (readout.textContent = readoutText() || hint);
+  refresh.particle.push(tell);
+  tell();
+  body.append(
+    el("p", { class: "soft" }, "A particle has the same colour on every shape; neighbours differ. All views turn together."),
+    list.length > 0
+      ? el("div", {}, el("p", {}, el("strong", {}, "Outliers"), " (beyond the median by 3.5 robust standard deviations):"),
+        el("ul", {}, list.slice(0, 15).map(([i, why]) => el("li", {}, el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`)),
+          list.length > 15 && el("li", {}, `and ${list.length - 15} more`)))
+      : el("p", {}, "No outliers: no shape is beyond the median by 3.5 robust standard deviations in surface error, mismatched particles or distance from the mean."),
+    el("div", { class: "tools" },
+      choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "mismatches"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
+      choice("Surface", [["original", "original"], ["warped", "reconstruction"]], state.surface, (v) => { state.surface = v; dressAll(); }),
+      checkbox("Particles", state.particles, (on) => { state.particles = on; dressAll(); }),
+      checkbox("Surface distance", state.heat, (on) => { state.heat = on; dressAll(); }),
+      choice("Size", [["8", "small"], ["10.5", "medium"], ["17", "large"]], "10.5", (v) => grid.style.setProperty("--tile", `${v}rem`))),
+    key, readout, grid,
+  );
+  arrange();
+  key.hidden = !state.heat;
+  const frame = () => tiles.forEach((t, i) => t.node.classList.toggle("selected", i === state.chosen));
+  refresh.shape.push(frame);
+  return tiles;
+}
+
+// ---- fidelity ----
+
+function fillFidelity() {
+  const body = byId("fidelity").querySelector(".body");
+  const left = makeView("original surface coloured by distance to the reconstruction");
+  const right = makeView("reconstruction coloured by distance to the original surface");
+  const select = choice("Shape", facts.map((f, i) => [String(i), f.name]), "0", (v) => chooseShape(Number(v)));
+  const figures = el("div"), chart = el("figure", { class: "chart" }), ends = el("div");
+  const options = { particles: false, scale: "cohort" };
+  const largest = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.distance_step * 65535;
+  const largestOf = (i) => Math.max(...["original", "warped"].map((w) => surfaceOf(i, w).value.reduce((a, b) => Math.max(a, b), 0)));
+  const step = (n) => chooseShape((state.chosen + n + model.I) % model.I);
+
+  const render = () => {
+    const i = state.chosen, fact = facts[i], d = fact.surface;
+    const a = surfaceOf(i, "original"), b = surfaceOf(i, "warped"), most = largestOf(i);
+    const hi = options.scale === "cohort" ? largest : most;
+    select.querySelector("select").value = String(i);
+    [[left, a], [right, b]].forEach(([v, s]) => {
+      v.view.set({ surface: s.geometry, particles: options.particles ? dotsOf(i) : null, palette: "heat", range: [0, hi] });
+      v.view.setPickable(options.particles ? particlesOf(i) : null, options.particles ? normalsOf(i) : null);
+    });
+    ends.replaceChildren(legend("heat", ["0", "distance", `${hi < most ? "\u2265 " : ""}${show(hi)}`]));
+    const length = (x) => (x === undefined ? "" : show(x < 1e-9 * d.diagonal ? 0 : x)); // rounding is 0
+    const row = (name, s) => [name, length(s.mean), length(s.median), length(s.p95), length(s.p99), length(s.max)];
+    figures.replaceChildren(
+      d ? table(["distance", "mean", "median", "95 %", "99 %", "max"],
+        [row("two-way", d), row("reconstruction to original", d.pull), row("original to reconstruction", d.push)], [1, 2, 3, 4, 5])
+        : el("p", {}, "The surface distance was not measured (option surface_distance); the maps show distances of the vertices on the page."),
+      el("p", { class: "small soft" },
+        i === model.template ? "This is the template: its reconstruction is itself. " : "",
+        d ? `Two-way: vertices of both surfaces in one list. Diagonal of the shape's box: ${show(d.diagonal)}. ` : "",
+        `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}.`),
+    );
+    chart.replaceChildren(histogram({
+      hi: options.scale === "cohort" ? model.distance_step * 65535 : most || 1,
+      series: [{ name: "original to reconstruction", values: a.value }, { name: "reconstruction to original", values: b.value, second: true }],
+    }));
+  };
+  refresh.shape.push(render);
+  body.append(
+    el("p", { class: "soft" }, "What the particles reproduce of a shape: the template\u2019s surface is warped to the shape\u2019s particles (the reconstruction) and compared with the original surface, both ways."),
+    el("div", { class: "tools" }, select,
+      el("button", { type: "button", "aria-label": "previous shape", onclick: () => step(-1) }, "\u2190"),
+      el("button", { type: "button", "aria-label": "next shape", onclick: () => step(1) }, "\u2192"),
+      choice("Scale", [["cohort", "same for all shapes"], ["shape", "this shape"]], "cohort", (v) => { options.scale = v; render(); }),
+      checkbox("Particles", false, (on) => { options.particles = on; render(); })),
+    el("div", { class: "pair" },
+      el("div", {}, el("h3", {}, "Original"), left.box),
+      el("div", {}, el("h3", {}, "Reconstruction"), right.box)),
+    ends,
+    el("div", { class: "pair" }, el("div", {}, figures), chart),
+  );
+  return { showParticles: () => {
+    options.particles = true;
+    [...body.querySelectorAll("input[type=checkbox]")].forEach((b) => (b.checked = true));
+    render();
+  } };
+}
+
+// ---- quality ----
+
+function fillQuality() {
+  const body = byId("quality").querySelector(".body"), e = model.evaluation;
+  const sd = model.variances.map(Math.sqrt), total = model.variances.reduce((a, b) => a + b, 0) || 1;
+  const figure = (title, chart, text) => el("figure", { class: "chart" }, el("h3", {}, title), chart, el("p", {}, text));
+  const charts = el("div", { class: "charts" });
+  const one = (key, title, yLabel, text, errors) =>
+    e[key]?.length > 0 && charts.append(figure(title, curve({ title: `${title} by number of modes`, values: e[key], errors, yLabel }), text));
+  one("compactness", "Compactness", "share of variance", "Share of the variance in the first modes; higher is better.");
+  one("generalization", "Generalization", "distance", "Leave one out: mean distance of a shape\u2019s particles to their best fit by a model of the others; lower is better. Band: one standard error.", e.generalization_standard_error);
+  one("specificity", "Specificity", "distance", `Mean distance of ${e.specificity_samples.toLocaleString("en")} random shapes of the model to the nearest real one; lower is better. Band: one standard error.`, e.specificity_standard_error);
+
+  const plot = el("figure", { class: "chart" }), K = model.variances.length;
+  const draw = () => {
+    const [p, q] = state.axes;
+    plot.replaceChildren(
+      el("h3", {}, "Shapes by their modes"),
+      scatter({
+        title: `scores of mode ${p + 1} and mode ${q + 1}`, ring: 2, onpick: (i) => chooseShape(i),
+        xLabel: `mode ${p + 1} (${percent(model.variances[p] / total)}), sd`, yLabel: `mode ${q + 1} (${percent(model.variances[q] / total)}), sd`,
+        points: model.shapes.map((s, i) => {
+          const x = s.scores[p] / sd[p], y = s.scores[q] / sd[q];
+          return { index: i, name: shorts[i], x, y, title: `${s.name}: ${show(x)} sd, ${show(y)} sd`, chosen: i === state.chosen, always: i === state.chosen };
+        }),
+      }),
+      el("p", {}, "Dashed: two standard deviations. Click a point to choose its shape; names are left out where they would collide."));
+  };
+  if (K >= 2) {
+    charts.append(plot);
+    refresh.shape.push(draw);
+    const list = model.variances.slice(0, 10).map((_, m) => [String(m), `mode ${m + 1}`]);
+    body.append(el("div", { class: "tools" },
+      choice("Scatter: across", list, "0", (v) => { state.axes[0] = Number(v); draw(); }),
+      choice("up", list, "1", (v) => { state.axes[1] = Number(v); draw(); })));
+  }
+  body.prepend(el("p", { class: "soft" }, `Definition \u201c${e.definition}\u201d: ${e.definition_text}. Distances are means over particles.`));
+  body.append(charts);
+  const n = e.compactness.length;
+  body.append(el("details", {}, el("summary", {}, "The figures as a table"),
+    table(["modes", "compactness", "generalization", "standard error", "specificity", "standard error"],
+      Array.from({ length: n }, (_, m) => [String(m + 1), show(e.compactness[m], 4), show(e.generalization[m]), show(e.generalization_standard_error[m], 2), show(e.specificity[m]), show(e.specificity_standard_error[m], 2)]),
+      [0, 1, 2, 3, 4, 5])));
+}
+
+// ---- certificate ----
+
+let fidelity = null;
+function showParticle(i, j) {
+  chooseShape(i, { go: true });
+  fidelity.showParticles();
+  state.pin = -1;
+  state.hover = -1;
+  pickParticle(j, "click");
+  gl.face([...normalsOf(i).slice(3 * j, 3 * j + 3)]);
+}
+function trouble(c) {
+  return [
+    ["mismatched", c["mismatched_1.5_2.0"]?.map((j) => [j, String(j)])],
+    ["swapped", c.swaps?.map((s) => [s[0], s.join("\u2194")])],
+    ["folded", c.folds?.map((f) => [f[0], f.join("-")])],
+  ].filter(([, list]) => list?.length > 0);
+}
+function showTrouble(i) {
+  const first = trouble(facts[i].certificate)[0]?.[1][0][0];
+  if (first === undefined) chooseShape(i, { go: true });
+  else showParticle(i, first);
+}
+function places(i, c) {
+  const links = (list) => list.map(([j, text]) => el("button", { type: "button", class: "link", title: `show particle ${j} on ${facts[i].name}`, onclick: () => showParticle(i, j) }, text));
+  return trouble(c).map(([word, list]) => el("div", {}, `${word}: `, links(list.slice(0, 8)),
+    list.length > 8 && el("details", {}, el("summary", { class: "small" }, `${list.length - 8} more`), links(list.slice(8)))));
+}
+
+function fillCertificate() {
+  const body = byId("certificate").querySelector(".body"), c = model.certificate, limits = c.thresholds ?? {};
+  const order = facts.map((_, i) => i).sort((a, b) => Number(facts[a].fine) - Number(facts[b].fine) || facts[b].mismatched - facts[a].mismatched || a - b);
+  const row = (i) => {
+    const f = facts[i], k = f.certificate;
+    return [
+      el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, f.name),
+      el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : "! needs review"),
+      `${f.mismatched} (${percent(f.mismatched / model.J)})`, String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
+      k.off_surface_max < 1e-6 ? "0" : show(k.off_surface_max, 2), show(k.min_separation, 2),
+      el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ")), places(i, k)),
+    ];
+  };
+  body.append(
+    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% mismatched), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
+    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
+    table(["shape", "verdict", "mismatched", "swaps", "folds", "off surface", "closest pair", "where and why"], order.map(row), [2, 3, 4, 5, 6]),
+  );
+}
+
+// ---- provenance ----
+
+function fillProvenance() {
+  const body = byId("provenance").querySelector(".body"), m = model.manifest, stages = Object.entries(m.stages ?? {});
+  const seconds = (s) => (s >= 100 ? `${Math.round(s)} s` : `${show(s)} s`);
+  const sum = (key) => stages.reduce((a, [, s]) => a + (s[key] ?? 0), 0);
+  body.append(
+    el("p", {}, `Made by apsm ${m.apsm}, seed ${m.options?.seed ?? "0"}, ${plural(m.inputs.length, "input")}.`),
+    table(["step", "wall clock", "processor", "memory so far", "threads"],
+      stages.map(([name, s]) => [name, seconds(s.wall_seconds), seconds(s.cpu_seconds), `${Math.round(s.peak_memory_mb)} MB`, String(s.threads)])
+        .concat([["together", seconds(sum("wall_seconds")), seconds(sum("cpu_seconds")), "", ""]]), [1, 2, 3, 4]),
+    el("details", {}, el("summary", {}, `Options (${Object.keys(m.options ?? {}).length})`),
+      table(["option", "value"], Object.entries(m.options ?? {}).map(([k, v]) => [el("code", {}, k), el("code", {}, v)]))),
+    el("details", {}, el("summary", {}, `Inputs (${m.inputs.length}) with SHA-256`),
+      table(["name", "file", "bytes", "SHA-256"], m.inputs.map((f) => [f.name, f.path, f.bytes.toLocaleString("en"), el("code", {}, f.sha256 || "\u2013")]), [2])),
+  );
+}
+
+// ---- light and dark, printing ----
+
+function chooseTheme() {
+  const dark = matchMedia("(prefers-color-scheme: dark)"), root = document.documentElement, button = byId("theme");
+  let own = null;
+  const apply = (theme) => {
+    root.dataset.theme = theme;
+    button.textContent = theme === "dark" ? "\u2600 Light" : "\u263e Dark";
+    gl.invalidateAll();
+  };
+  button.addEventListener("click", () => apply((own = root.dataset.theme === "dark" ? "light" : "dark")));
+  dark.addEventListener("change", () => own ?? apply(dark.matches ? "dark" : "light"));
+  apply(dark.matches ? "dark" : "light");
+  let before, opened;
+  addEventListener("beforeprint", () => {
+    before = root.dataset.theme;
+    root.dataset.theme = "light";
+    opened = [...document.querySelectorAll("details:not([open])")];
+    opened.forEach((d) => (d.open = true));
+    gl.paintAll();
+  });
+  addEventListener("afterprint", () => {
+    opened.forEach((d) => (d.open = false));
+    apply(before);
+  });
+}
+
+function problem(text) {
+  byId("problem").textContent = text;
+  byId("problem").hidden = false;
+}
+
+/** Where to look first. */
+function worstShape() {
+  const rank = (f) => (f.fine ? 0 : 1e9) + (Number.isFinite(f.mean) ? f.mean : 0);
+  return facts.reduce((best, f, i) => (rank(f) > rank(facts[best]) ? i : best), 0);
+}
+
+/** Where all shapes lie, so that every view has the same scale. */
+function setStage() {
+  const P = model.array(model.mean.particles, "positions"), c = [0, 0, 0];
+  for (let k = 0; k < P.length; k++) c[k % 3] += (3 * P[k]) / P.length;
+  let r = 0;
+  const widen = (X) => {
+    for (let k = 0; k < X.length; k += 3) r = Math.max(r, Math.hypot(X[k] - c[0], X[k + 1] - c[1], X[k + 2] - c[2]));
+  };
+  widen(model.array(model.mean.vertices, "positions"));
+  for (let i = 0; i < model.I; i++) widen(particlesOf(i));
+  // The longest direction in the plane x, y: half the angle of the second moments.
+  let xx = 0, xy = 0, yy = 0;
+  for (let k = 0; k < P.length; k += 3) {
+    const x = P[k] - c[0], y = P[k + 1] - c[1];
+    xx += x * x; xy += x * y; yy += y * y;
+  }
+  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
+  gl.setStage(c, r, angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25);
+  return r;
+}
+
+async function start() {
+  chooseTheme();
+  model = await readModel(byId("data").textContent);
+  byId("data").remove();
+  const reach = setStage();
+  radius = Math.min(0.15 * (model.certificate.h || reach), 0.03 * reach);
+  tint = particleColours(model.array(model.mean.particles, "positions"));
+  shorts = shortNames(model.shapes.map((s) => s.name));
+  facts = gatherFacts();
+  try {
+    gl.startGraphics();
+  } catch (error) {
+    problem("This browser cannot draw in three dimensions (WebGL); figures and tables are complete all the same.");
+  }
+  fillHeader();
+  const modes = fillModes();
+  const tiles = fillCohort(findOutliers());
+  fidelity = fillFidelity();
+  fillQuality();
+  fillCertificate();
+  fillProvenance();
+  chooseShape(worstShape());
+  addEventListener("keydown", (e) => {
+    if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (e.key === "n" || e.key === "p") chooseShape((state.chosen + (e.key === "n" ? 1 : -1) + model.I) % model.I);
+    if (e.key === "Escape") { state.hover = -1; if (state.pin >= 0) pickParticle(state.pin, "click"); }
+  });
+  window.apsmReport = { model, state, pose: gl.pose, modes, tiles, idle: gl.idle }; // for tests and the curious
+  document.documentElement.dataset.ready = "yes";
+}
+
+start().catch((error) => {
+  byId("summary").textContent = "";
+  problem(`The model cannot be shown: ${error.message}`);
+});

@@ -1,0 +1,29 @@
+/* display.h -- the meshes and heat maps that the page shows, all in the world frame. */
+#ifndef APSM_REPORT_DISPLAY_H
+#define APSM_REPORT_DISPLAY_H
+
+#include "apsm/warp.h"
+#include "report/model_folder.h"
+
+/* One shape and its reconstruction: the template's mesh warped to the shape's particles. */
+typedef struct display_shape {
+    apsm_mesh mesh;
+    double *distance;        /* mesh.nv: to the reconstruction */
+    double *warped;          /* template nv x 3: vertices of the reconstruction */
+    double *warped_distance; /* template nv: to the shape */
+} display_shape;
+
+/* Owns everything.  Zero-initialise with {0}; display_free leaves it so. */
+typedef struct display {
+    size_t I;
+    display_shape *shape;    /* I */
+    apsm_mesh template_mesh; /* its faces are those of all reconstructions */
+    size_t modes;            /* that are shown */
+    double *mean;            /* template nv x 3: the template's mesh warped to the mean */
+    double *mode;            /* modes x template nv x 3: displacement at one standard deviation */
+} display;
+
+apsm_status display_make(apsm_context *ctx, const model_folder *m, display *d);
+void display_free(display *d);
+
+#endif

@@ -1,0 +1,33 @@
+/* pack.h -- arrays of numbers as bytes that compress well, and the way into a text file. */
+#ifndef APSM_REPORT_PACK_H
+#define APSM_REPORT_PACK_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "apsm/files.h"
+
+struct json_t;
+
+/* Packed arrays one after the other.  Zero-initialise with {0}; pack_free leaves it so. */
+typedef struct pack {
+    unsigned char *data;
+    size_t size, capacity;
+    int failed; /* out of memory, at any time: told by pack_write */
+} pack;
+
+/* Appends n integers below 2^(8 width), width 1, 2 or 4, as differences to the number `stride`
+ * before, folded to small positive ones, all lowest bytes first.  Returns where and what it is for
+ * the viewer, [offset, n, stride, width]: a new reference, NULL if out of memory. */
+struct json_t *pack_integers(pack *p, size_t n, size_t stride, int width, const uint32_t *x);
+
+/* As integers of 16 bits, x[k] = lo[k % 3] + step * integer; lo NULL: 0. */
+struct json_t *pack_reals(pack *p, size_t n, size_t stride, const double *lo, double step,
+                          const double *x);
+
+/* Writes root and the packed arrays as base64 of a zlib stream: length of the JSON text (4
+ * bytes, little-endian), the text, the arrays. */
+apsm_status pack_write(apsm_context *ctx, pack *p, const struct json_t *root, apsm_writer *out);
+void pack_free(pack *p);
+
+#endif

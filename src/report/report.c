@@ -1,0 +1,256 @@
+/* What the page gets: one JSON object, in which arrays are given by their place among the packed
+ * bytes.  All of it is compressed and base64, so that no name of a shape can break out of it; the
+ * viewer puts texts into the page as text only. */
+#include "apsm/report.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/files.h"
+#include "report/display.h"
+#include "report/model_folder.h"
+#include "report/pack.h"
+#include "report/viewer.h"
+
+enum { DATA_VERSION = 1 };
+
+/* Where the data go in the viewer. */
+static const char mark[] = "APSM-DATA-GOES-HERE";
+
+typedef struct composing {
+    const model_folder *m;
+    const display *d;
+    pack bytes;
+    double lo[3], step;   /* positions: lo + step * integer of 16 bits */
+    double distance_step; /* distances */
+    double mode_step;     /* displacements, counted from -32768 */
+} composing;
+
+/* ---- quantisation ---- */
+
+static void widen(double lo[3], double hi[3], size_t n, const double *x)
+{
+    for (size_t k = 0; k < 3 * n; k++) {
+        if (x[k] < lo[k % 3]) lo[k % 3] = x[k];
+        if (x[k] > hi[k % 3]) hi[k % 3] = x[k];
+    }
+}
+
+static double largest(double so_far, size_t n, const double *x)
+{
+    for (size_t k = 0; k < n; k++)
+        if (fabs(x[k]) > so_far) so_far = fabs(x[k]);
+    return so_far;
+}
+
+static double step_of(double range, double levels)
+{
+    return range > 0 ? range / levels : 1;
+}
+
+static void choose_steps(composing *c)
+{
+    const model_folder *m = c->m;
+    const display *d = c->d;
+    const size_t nv = d->template_mesh.nv;
+    double hi[3] = { -INFINITY, -INFINITY, -INFINITY }, distance = 0;
+    for (int k = 0; k < 3; k++) c->lo[k] = INFINITY;
+    widen(c->lo, hi, m->I * m->J, m->P);
+    widen(c->lo, hi, m->J, m->mean);
+    widen(c->lo, hi, nv, d->mean);
+    for (size_t i = 0; i < d->I; i++) {
+        const display_shape *s = &d->shape[i];
+        widen(c->lo, hi, s->mesh.nv, s->mesh.V);
+        widen(c->lo, hi, nv, s->warped);
+        distance = largest(distance, s->mesh.nv, s->distance);
+        distance = largest(distance, nv, s->warped_distance);
+    }
+    c->step = step_of(fmax(hi[0] - c->lo[0], fmax(hi[1] - c->lo[1], hi[2] - c->lo[2])), 65535);
+    c->distance_step = step_of(distance, 65535);
+    double mode = largest(0, d->modes * nv * 3, d->mode);
+    for (size_t k = 0; k < d->modes; k++)
+        mode = fmax(mode, sqrt(m->variance[k])); /* bounds the particles' displacements */
+    c->mode_step = step_of(mode, 32767);
+}
+
+/* ---- arrays ---- */
+
+static json_t *positions(composing *c, size_t n, const double *x)
+{
+    return pack_reals(&c->bytes, 3 * n, 3, c->lo, c->step, x);
+}
+
+static json_t *distances(composing *c, size_t n, const double *x)
+{
+    return pack_reals(&c->bytes, n, 1, NULL, c->distance_step, x);
+}
+
+static json_t *displacements(composing *c, size_t n, const double *x)
+{
+    const double zero = -32768 * c->mode_step, lo[3] = { zero, zero, zero };
+    return pack_reals(&c->bytes, 3 * n, 3, lo, c->mode_step, x);
+}
+
+static json_t *faces(composing *c, const apsm_mesh *mesh)
+{
+    return pack_integers(&c->bytes, 3 * mesh->nf, 3, mesh->nv > 65535 ? 4 : 2, mesh->F);
+}
+
+/* ---- the object ---- */
+
+static json_t *json_scores(const model_folder *m, size_t i)
+{
+    json_t *row = json_array();
+    for (size_t k = 0; k < m->modes; k++) {
+        double b = 0;
+        for (size_t x = 0; x < 3 * m->J; x++)
+            b += (m->P[i * m->J * 3 + x] - m->mean[x]) * m->mode[k * m->J * 3 + x];
+        json_array_append_new(row, json_real(b));
+    }
+    return row;
+}
+
+static json_t *json_shape(composing *c, size_t i)
+{
+    const model_folder *m = c->m;
+    const display_shape *s = &c->d->shape[i];
+    const apsm_subject *subject = &m->project.subjects[i];
+    const size_t nv = c->d->template_mesh.nv;
+    return json_pack("{s:s, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name", subject->name,
+                     "mirrored", subject->mirrored, "scores", json_scores(m, i), "particles",
+                     positions(c, m->J, m->P + i * m->J * 3), "vertices",
+                     positions(c, s->mesh.nv, s->mesh.V), "faces", faces(c, &s->mesh), "distance",
+                     distances(c, s->mesh.nv, s->distance), "warped", positions(c, nv, s->warped),
+                     "warped_distance", distances(c, nv, s->warped_distance));
+}
+
+static json_t *json_modes(composing *c)
+{
+    const model_folder *m = c->m;
+    const display *d = c->d;
+    const size_t nv = d->template_mesh.nv, J3 = 3 * m->J;
+    double *p = malloc(J3 * sizeof *p);
+    json_t *modes = p ? json_array() : NULL;
+    for (size_t k = 0; modes && k < d->modes; k++) {
+        for (size_t x = 0; x < J3; x++) p[x] = sqrt(m->variance[k]) * m->mode[k * J3 + x];
+        json_array_append_new(modes, json_pack("{s:o, s:o}", "vertices",
+                                               displacements(c, nv, d->mode + k * nv * 3),
+                                               "particles", displacements(c, m->J, p)));
+    }
+    free(p);
+    return modes;
+}
+
+static json_t *json_mean(composing *c)
+{
+    const apsm_mesh *mesh = &c->d->template_mesh;
+    return json_pack("{s:o, s:o, s:o, s:o}", "vertices", positions(c, mesh->nv, c->d->mean),
+                     "faces", faces(c, mesh), "particles", positions(c, c->m->J, c->m->mean),
+                     "modes", json_modes(c));
+}
+
+static json_t *json_shapes(composing *c)
+{
+    json_t *shapes = json_array();
+    for (size_t i = 0; i < c->m->I; i++) json_array_append_new(shapes, json_shape(c, i));
+    return shapes;
+}
+
+/* The manifest with names of files instead of paths: who gets the page need not know our disks. */
+static json_t *json_manifest(const json_t *manifest)
+{
+    size_t i;
+    json_t *input, *copy = json_deep_copy(manifest);
+    json_array_foreach(json_object_get(copy, "inputs"), i, input)
+    {
+        const char *path = json_string_value(json_object_get(input, "path"));
+        const char *slash = path ? strrchr(path, '/') : NULL;
+        if (slash && slash[1]) {
+            json_t *name = json_string(slash + 1);
+            json_object_set_new(input, "path", name);
+        }
+    }
+    return copy;
+}
+
+/* Last component of the folder's path, whatever it is called on the command line. */
+static char *title_of(const char *folder)
+{
+    char *parent = apsm_path_join(folder, "..");
+    char *title = parent ? apsm_path_relative(parent, folder) : NULL;
+    free(parent);
+    return title;
+}
+
+static json_t *compose(composing *c)
+{
+    const model_folder *m = c->m;
+    char *title = title_of(m->path);
+    choose_steps(c);
+    json_t *root = json_pack(
+        "{s:s, s:i, s:s, s:I, s:I, s:[f, f, f], s:f, s:f, s:f, s:o, s:o, s:o, s:O, s:O, s:o}",
+        "format", "apsm-report", "version", DATA_VERSION, "title", title ? title : "model",
+        "particles", (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin",
+        c->lo[0], c->lo[1], c->lo[2], "step", c->step, "distance_step", c->distance_step,
+        "mode_step", c->mode_step, "variances", apsm_json_vector(m->modes, m->variance), "mean",
+        json_mean(c), "shapes", json_shapes(c), "evaluation", m->evaluation, "certificate",
+        m->certificate, "manifest", json_manifest(m->manifest));
+    free(title);
+    return root;
+}
+
+/* ---- the page ---- */
+
+static const char *find_mark(void)
+{
+    const char *html = (const char *)apsm_viewer_html;
+    const size_t n = sizeof mark - 1;
+    for (size_t k = 0; k + n <= apsm_viewer_html_size; k++)
+        if (memcmp(html + k, mark, n) == 0) return html + k;
+    return NULL;
+}
+
+static apsm_status write_page(apsm_context *ctx, composing *c, const json_t *root, apsm_writer *out)
+{
+    const char *html = (const char *)apsm_viewer_html, *at = find_mark();
+    if (!at) return apsm_fail(ctx, APSM_ERR_UNSUPPORTED, "this build has no viewer");
+    const char *rest = at + sizeof mark - 1;
+    apsm_writer_write(out, html, (size_t)(at - html));
+    APSM_TRY(pack_write(ctx, &c->bytes, root, out));
+    apsm_writer_write(out, rest, (size_t)(html + apsm_viewer_html_size - rest));
+    return APSM_OK;
+}
+
+static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
+{
+    apsm_writer *out = NULL;
+    json_t *root = compose(c);
+    apsm_status status = apsm_writer_open(ctx, path, &out);
+    if (status == APSM_OK) {
+        status = write_page(ctx, c, root, out);
+        if (status == APSM_OK)
+            status = apsm_writer_commit(out);
+        else
+            apsm_writer_abort(out);
+    }
+    json_decref(root);
+    return status;
+}
+
+apsm_status apsm_report_write(apsm_context *ctx, const char *folder)
+{
+    model_folder m = { 0 };
+    display d = { 0 };
+    composing c = { .m = &m, .d = &d };
+    char *path = apsm_path_join(folder, "report.html");
+    apsm_status status = path ? model_folder_read(ctx, folder, &m) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = display_make(ctx, &m, &d);
+    if (status == APSM_OK) status = write_file(ctx, &c, path);
+    pack_free(&c.bytes);
+    display_free(&d);
+    model_folder_free(&m);
+    free(path);
+    return status;
+}
