@@ -9,6 +9,7 @@
  * labels is outside of it. */
 #include <algorithm>
 #include <cerrno>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -133,6 +134,21 @@ double nifti_size(const std::vector<char> &header)
     damaged("voxels are of NIfTI type " + std::to_string(type) + "; save them as integers");
 }
 
+/* ITK's singular value decomposition does not end on numbers whose squares leave the floats. */
+void check_nifti_grid(const std::vector<char> &header)
+{
+    const struct {
+        size_t at, count;
+        bool used;
+    } fields[] = { { 80, 3, true },                                       /* voxel sizes */
+                   { 256, 6, nifti_value<int16_t>(header, 252) != 0 },    /* qform */
+                   { 280, 12, nifti_value<int16_t>(header, 254) != 0 } }; /* sform */
+    for (const auto &f : fields)
+        for (size_t k = 0; f.used && k < f.count; k++)
+            if (!(std::fabs(nifti_value<float>(header, f.at + 4 * k)) < 1e15f))
+                damaged("its grid has no place in space; correct qform and sform in its header");
+}
+
 /* niftiio prints what is wrong with a header, fills up with zeros what a file lacks, and does not
  * look at gzip's check sum: so all of that is looked at before. */
 void check_nifti(const std::string &path)
@@ -147,6 +163,7 @@ void check_nifti(const std::string &path)
         if (total > 0.0) continue;
         if (n < 348) break;
         wanted = nifti_size(bytes);
+        check_nifti_grid(bytes);
     }
     if (!(wanted >= 348.0) || !(total >= wanted))
         damaged("ends before its last voxel; copy or export it again");

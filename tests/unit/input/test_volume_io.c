@@ -257,6 +257,31 @@ static void truncated_files_are_refused(void **state)
     }
 }
 
+/* The reader's decomposition of the matrix would never end on these. */
+static void wild_nifti_grids_are_refused(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "wild.nii");
+    const float wild[] = { NAN, INFINITY, -1.7e38f, 1e18f };
+    const size_t places[] = { 80, 256, 268, 280, 296, 324 }; /* sizes, qform, sform */
+    apsm_volume v = make_volume(0.3, false), back = { 0 };
+    assert_int_equal(apsm_itk_write_volume(f->ctx, path, &v), APSM_OK);
+    size_t size;
+    char *const bytes = scratch_read(path, &size);
+    for (size_t p = 0; p < sizeof places / sizeof *places; p++)
+        for (size_t w = 0; w < sizeof wild / sizeof *wild; w++) {
+            float saved;
+            memcpy(&saved, bytes + places[p], sizeof saved);
+            memcpy(bytes + places[p], &wild[w], sizeof saved);
+            scratch_write(path, bytes, size);
+            memcpy(bytes + places[p], &saved, sizeof saved);
+            expect_failure(f->ctx, apsm_itk_read_volume(f->ctx, path, &back), APSM_ERR_FORMAT,
+                           "grid", "wild.nii");
+        }
+    free(bytes);
+    apsm_volume_free(&v);
+}
+
 /* Voxels in a file of their own, as some programs write them; complete, cut, gone. */
 static void detached_voxels_are_read(void **state)
 {
@@ -332,6 +357,7 @@ int main(void)
         cmocka_unit_test(values_must_be_labels),
         cmocka_unit_test(grids_must_be_proper),
         cmocka_unit_test(truncated_files_are_refused),
+        cmocka_unit_test(wild_nifti_grids_are_refused),
         cmocka_unit_test(detached_voxels_are_read),
         cmocka_unit_test(threads_do_not_disturb_each_other),
     };
