@@ -104,7 +104,7 @@ static inline double synthetic_truth_error(const apsm_bvh *shape, const apsm_mes
     for (size_t j = 0; j < J; j++) {
         double y[3], d2 = 0;
         synthetic_carry(shape, template_mesh, P + 3 * j, y);
-        for (int k = 0; k < 3; k++) d2 += (y[k] - T[3 * j + k]) * (y[k] - T[3 * j + k]);
+        for (size_t k = 0; k < 3; k++) d2 += (y[k] - T[3 * j + k]) * (y[k] - T[3 * j + k]);
         sum += sqrt(d2);
     }
     return sum / (double)J;
