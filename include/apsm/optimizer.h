@@ -28,7 +28,7 @@ typedef enum apsm_stop { APSM_STOP_LIST(APSM_STOP_ENUM) APSM_STOP_COUNT } apsm_s
 const char *apsm_stop_text(apsm_stop stop);
 
 /* Everything that decides what happens next: saving and restoring it changes no byte of the
- * result.  Owns P and mean. */
+ * result.  Owns P, mean and own. */
 typedef struct apsm_optimizer_state {
     size_t I, J;
     int stage;              /* APSM_STAGE_*; DONE after the last epoch */
@@ -40,6 +40,8 @@ typedef struct apsm_optimizer_state {
     apsm_stop stage1_stop;
     double *P;    /* I x J x 3, world frame */
     double *mean; /* J x 3: mean of the last epoch's end (minibatches) */
+    size_t own_size;
+    double *own; /* own_size: what method psm keeps beside P (apsm/psm.h); NULL otherwise */
 } apsm_optimizer_state;
 
 apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,

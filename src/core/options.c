@@ -130,8 +130,8 @@ static apsm_status set_enum(apsm_context *ctx, const apsm_option_info *o, const 
     return apsm_fail(ctx, APSM_ERR_ARG, "option %s = %s: give one of %s", o->name, value, o->words);
 }
 
-apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
-                             const char *value)
+static apsm_status set_one(apsm_context *ctx, apsm_options *options, const char *key,
+                           const char *value)
 {
     const int k = find(key);
     if (k < 0) return unknown_key(ctx, key);
@@ -144,6 +144,38 @@ apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const cha
     default:
         return set_number(ctx, &table[k], value, at);
     }
+}
+
+/* The earlier paper's method; METHOD 8.  Its gamma/2 |P_i - mean|^2 has the gradient
+ * gamma (P_i - mean): a length, so gamma is the share of the way to the mean made in an epoch. */
+static const char *const xu2023[][2] = {
+    { "correspondence", "frobenius-squared" },
+    { "gamma", "0.1" },
+    { "snap", "none" },
+    { "geodesic_correspondence", "false" },
+};
+enum { XU2023_LENGTH = sizeof xu2023 / sizeof xu2023[0] };
+
+/* The method has just changed from `before`. */
+static apsm_status follow_method(apsm_context *ctx, apsm_options *options, int before)
+{
+    const apsm_options defaults = apsm_options_defaults();
+    const bool now = options->method == APSM_METHOD_XU2023;
+    if (now == (before == APSM_METHOD_XU2023)) return APSM_OK;
+    for (size_t k = 0; k < XU2023_LENGTH; k++) {
+        char text[64];
+        APSM_TRY(apsm_options_get(&defaults, xu2023[k][0], text));
+        APSM_TRY(set_one(ctx, options, xu2023[k][0], now ? xu2023[k][1] : text));
+    }
+    return APSM_OK;
+}
+
+apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
+                             const char *value)
+{
+    const int before = options->method;
+    APSM_TRY(set_one(ctx, options, key, value));
+    return follow_method(ctx, options, before);
 }
 
 static void word_at(const char *words, int k, char text[64])

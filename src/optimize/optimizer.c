@@ -49,7 +49,9 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state)
 {
     free(state->P);
     free(state->mean);
-    state->P = state->mean = NULL;
+    free(state->own);
+    state->P = state->mean = state->own = NULL;
+    state->own_size = 0;
 }
 
 /* Scratch of one thread.  Point arrays have room for R points, particle arrays for J. */

@@ -1,7 +1,9 @@
 /* Groomed meshes to first particles: state/initial.ckpt and, to look at, particles/. */
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "apsm/psm.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -17,20 +19,36 @@ static apsm_status remove_checkpoint(apsm_run *run)
     return status;
 }
 
+/* Method psm begins with one particle a shape: it alone is shown, not its copies. */
+static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
+{
+    double *P = malloc(state->I * 3 * sizeof *P);
+    if (!P) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < state->I; i++)
+        memcpy(P + 3 * i, state->P + i * state->J * 3, 3 * sizeof *P);
+    const apsm_status status = run_write_particles(run, 1, P);
+    free(P);
+    return status;
+}
+
 static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
 {
     const size_t J = (size_t)run->options.particles;
     APSM_TRY(apsm_optimizer_state_alloc(run->cohort.I, J, state));
-    APSM_TRY(apsm_first_particles(run->ctx, &run->cohort, &run->options, J, state->P));
+    const bool psm = run->options.method == APSM_METHOD_PSM;
+    if (psm)
+        apsm_psm_first_particle(&run->cohort, state);
+    else
+        APSM_TRY(apsm_first_particles(run->ctx, &run->cohort, &run->options, J, state->P));
     APSM_TRY(remove_checkpoint(run));
     APSM_TRY(run_save_state(run, RUN_INITIAL, state, NULL, 0));
-    return run_write_particles(run, J, state->P);
+    return psm ? write_first(run, state) : run_write_particles(run, J, state->P);
 }
 
 apsm_status apsm_run_initialize(apsm_run *run)
 {
     const stage_clock clock = stage_begin();
-    APSM_TRY(run_load_cohort(run, true));
+    APSM_TRY(run_load_cohort(run, run->options.method != APSM_METHOD_PSM));
     stage_undo(run, "initialize");
     APSM_TRY(manifest_set_options(run));
     APSM_TRY(manifest_write(run));

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/psm.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -103,7 +104,7 @@ static apsm_status load_start(apsm_run *run, apsm_optimizer_state *state, record
 
 static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, const recorder *r)
 {
-    if (run->options.stage1_epochs > 0)
+    if (run->options.method != APSM_METHOD_PSM && run->options.stage1_epochs > 0)
         apsm_log(run->ctx, APSM_LOG_INFO, "stage 1 ended: %s", apsm_stop_text(state->stage1_stop));
     APSM_TRY(write_history(r));
     APSM_TRY(run_write_particles(run, state->J, state->P));
@@ -113,7 +114,9 @@ static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, cons
 
 static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    apsm_status status = apsm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+    const bool psm = run->options.method == APSM_METHOD_PSM;
+    apsm_status status = (psm ? apsm_psm_optimize : apsm_optimize)(
+        run->ctx, &run->cohort, &run->options, state, on_epoch, r);
     if (status == APSM_OK) return finish(run, state, r);
     if (status != APSM_ERR_INTERRUPTED) return status;
     /* The state of the last full epoch is worth keeping, even if that one was never recorded. */
@@ -126,7 +129,7 @@ apsm_status apsm_run_optimize(apsm_run *run)
 {
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };
-    apsm_status status = run_load_cohort(run, true);
+    apsm_status status = run_load_cohort(run, run->options.method != APSM_METHOD_PSM);
     if (status == APSM_OK) status = load_start(run, &state, &r);
     if (status == APSM_OK) {
         stage_undo(run, "optimize");

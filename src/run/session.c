@@ -373,7 +373,7 @@ apsm_status run_identity(apsm_run *run, char hex[65])
 
 /* The numbers of a state, apart from its arrays. */
 typedef struct state_numbers {
-    int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop;
+    int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop, own_size;
     double h, best_mismatched;
 } state_numbers;
 
@@ -394,12 +394,14 @@ apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer
                                   s->epochs_run,
                                   s->passes_without_gain,
                                   (int64_t)s->stage1_stop,
+                                  (int64_t)s->own_size,
                                   s->h,
                                   s->best_mismatched };
         apsm_checkpoint_add(w, "identity", identity, sizeof identity);
         apsm_checkpoint_add(w, "numbers", &n, sizeof n);
         apsm_checkpoint_add(w, "P", s->P, s->I * s->J * 3 * sizeof *s->P);
         apsm_checkpoint_add(w, "mean", s->mean, s->J * 3 * sizeof *s->mean);
+        if (s->own_size) apsm_checkpoint_add(w, "own", s->own, s->own_size * sizeof *s->own);
         apsm_checkpoint_add(w, "history", records, n_records * sizeof *records);
         status = apsm_checkpoint_commit(w);
     }
@@ -452,7 +454,12 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
     s->h = n.h;
     s->best_mismatched = n.best_mismatched;
     APSM_TRY(apsm_checkpoint_get(run->ctx, c, "P", s->P, s->I * s->J * 3 * sizeof *s->P));
-    return apsm_checkpoint_get(run->ctx, c, "mean", s->mean, s->J * 3 * sizeof *s->mean);
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "mean", s->mean, s->J * 3 * sizeof *s->mean));
+    if (n.own_size <= 0) return APSM_OK;
+    s->own = malloc((size_t)n.own_size * sizeof *s->own);
+    if (!s->own) return APSM_ERR_MEMORY;
+    s->own_size = (size_t)n.own_size;
+    return apsm_checkpoint_get(run->ctx, c, "own", s->own, s->own_size * sizeof *s->own);
 }
 
 apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
