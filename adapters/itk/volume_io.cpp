@@ -195,6 +195,11 @@ meta_header read_meta_header(std::istream &file)
         const std::string key = trimmed(line.substr(0, sign)),
                           value = trimmed(line.substr(sign + 1));
         const bool yes = !value.empty() && std::strchr("Tt1", value[0]);
+        if (line.find("NDims") != std::string::npos) {
+            const int dimensions = std::atoi(value.c_str());
+            if (dimensions < 1 || dimensions > 10) /* MetaIO would count down for ever */
+                damaged("has " + one_line(value.substr(0, 40)) + " dimensions; export it again");
+        }
         if (key == "BinaryData") h.binary = yes;
         if (key == "CompressedData") h.compressed = yes;
         if (key == "CompressedDataSize") h.compressed_size = std::atof(value.c_str());
@@ -261,6 +266,10 @@ void read_volume(const std::string &path, apsm_volume *volume)
     if (access(path.c_str(), R_OK))
         throw failure{ APSM_ERR_IO, std::string(std::strerror(errno)) +
                                         "; check its name and your right to read it" };
+    if (f.make == make_io<itk::MetaImageIO>) {
+        std::ifstream header(path, std::ios::binary);
+        read_meta_header(header);
+    }
     apsm_volume v{};
     std::vector<char> raw;
     itk::ImageIOBase::IOComponentEnum type;

@@ -205,6 +205,7 @@ static void grids_must_be_proper(void **state)
         const char *head, *word;
     } cases[] = {
         { MHA("2", "4 2", "1 1", "MET_UCHAR", ""), "flat" },
+        { MHA("-3", "2 2 2", "1 1 1", "MET_UCHAR", ""), "-3 dimensions" },
         { MHA("4", "2 2 1 2", "1 1 1 1", "MET_UCHAR", ""), "3-D" },
         { MHA("3", "2 2 2", "1 0 1", "MET_UCHAR", ""), "spacing" },
         { MHA("3", "2 2 2", "1 nan 1", "MET_UCHAR", ""), "" },
