@@ -8,6 +8,7 @@
 
 #include "apsm/remesh.h"
 #include "apsm/surface_distance.h"
+#include "report/order.h"
 
 /* Faces that are shown: of all shapes together about this many, which a browser draws smoothly
  * and which fit into less than 10 MB; but never so few that a shape loses its look. */
@@ -19,7 +20,7 @@ typedef struct making {
     size_t faces;
     apsm_mesh template_mesh; /* as groomed */
     apsm_warp warp;          /* of template_mesh */
-    apsm_warp shown_warp;    /* of d->template_mesh; without W if they are the same */
+    apsm_warp shown_warp;    /* of d->template_mesh */
 } making;
 
 static size_t faces_shown(size_t I)
@@ -28,7 +29,7 @@ static size_t faces_shown(size_t I)
     return faces < FACES_LEAST ? FACES_LEAST : faces > FACES_MOST ? FACES_MOST : faces;
 }
 
-/* shown <- mesh with about `faces` faces, or as it is if it has few or cannot be remeshed. */
+/* shown <- mesh with about `faces` faces, or all of them if it has few or cannot be remeshed. */
 static apsm_status reduce(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *bvh,
                           size_t faces, apsm_mesh *shown)
 {
@@ -36,14 +37,10 @@ static apsm_status reduce(apsm_context *ctx, const apsm_mesh *mesh, const apsm_b
     options.target_faces = faces;
     options.iterations = 3;
     options.turn = 0;
-    if (mesh->nf <= faces) return apsm_mesh_copy(mesh, shown);
-    const apsm_status status = apsm_remesh(ctx, mesh, bvh, &options, shown, NULL);
-    return status == APSM_ERR_GEOMETRY ? apsm_mesh_copy(mesh, shown) : status;
-}
-
-static const apsm_warp *shown_warp(const making *w)
-{
-    return w->shown_warp.W ? &w->shown_warp : &w->warp;
+    apsm_status status = APSM_ERR_GEOMETRY;
+    if (mesh->nf > faces) status = apsm_remesh(ctx, mesh, bvh, &options, shown, NULL);
+    if (status == APSM_ERR_GEOMETRY) status = apsm_mesh_copy(mesh, shown);
+    return status == APSM_OK ? order_mesh(shown) : status;
 }
 
 static apsm_status make_template(apsm_context *ctx, making *w)
@@ -59,7 +56,6 @@ static apsm_status make_template(apsm_context *ctx, making *w)
     APSM_TRY(status);
     APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, full->nv, full->V, J, P, &w->warp));
     const apsm_mesh *shown = &w->d->template_mesh;
-    if (full->nf <= w->faces) return APSM_OK;
     return apsm_warp_build(ctx, APSM_PHI_R, shown->nv, shown->V, J, P, &w->shown_warp);
 }
 
@@ -72,10 +68,10 @@ static apsm_status make_modes(making *w)
     d->mean = malloc(n * sizeof *d->mean);
     d->mode = malloc((d->modes * n + 1) * sizeof *d->mode);
     if (!d->mean || !d->mode) return APSM_ERR_MEMORY;
-    apsm_warp_apply(shown_warp(w), m->mean, d->mean);
+    apsm_warp_apply(&w->shown_warp, m->mean, d->mean);
     for (size_t k = 0; k < d->modes; k++) {
         double *y = d->mode + k * n;
-        apsm_warp_apply(shown_warp(w), m->mode + k * J3, y);
+        apsm_warp_apply(&w->shown_warp, m->mode + k * J3, y);
         for (size_t x = 0; x < n; x++) y[x] *= sqrt(m->variance[k]);
     }
     return APSM_OK;
@@ -108,7 +104,7 @@ static apsm_status make_from(apsm_context *ctx, const making *w, const double *p
     }
     if (status == APSM_OK) {
         apsm_warp_apply(&w->warp, p, warped->V);
-        apsm_warp_apply(shown_warp(w), p, s->warped);
+        apsm_warp_apply(&w->shown_warp, p, s->warped);
         status = measure(w, bvh, warped, s);
     }
     apsm_bvh_free(bvh);

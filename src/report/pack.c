@@ -47,16 +47,31 @@ struct json_t *pack_integers(pack *p, size_t n, size_t stride, int width, const 
     return json_pack("[I, I, I, i]", (json_int_t)offset, (json_int_t)n, (json_int_t)stride, width);
 }
 
-struct json_t *pack_reals(pack *p, size_t n, size_t stride, const double *lo, double step,
-                          const double *x)
+static uint32_t rounded(double x, uint32_t most)
+{
+    return x >= most ? most : x > 0 ? (uint32_t)(x + 0.5) : 0;
+}
+
+struct json_t *pack_points(pack *p, size_t n, const double lo[3], double step, const double *base,
+                           const double *x)
+{
+    uint32_t *q = malloc((3 * n + 1) * sizeof *q);
+    if (!q) return p->failed = 1, NULL;
+    for (size_t k = 0; k < 3 * n; k++) {
+        q[k] = rounded((x[k] - lo[k % 3]) / step, 0xffff);
+        if (base) q[k] = (q[k] - rounded((base[k] - lo[k % 3]) / step, 0xffff)) & 0xffff;
+    }
+    json_t *where = pack_integers(p, 3 * n, 3, 2, q);
+    free(q);
+    return where;
+}
+
+struct json_t *pack_distances(pack *p, size_t n, double largest, const double *x)
 {
     uint32_t *q = malloc((n + 1) * sizeof *q);
     if (!q) return p->failed = 1, NULL;
-    for (size_t k = 0; k < n; k++) {
-        const double t = floor((x[k] - (lo ? lo[k % 3] : 0)) / step + 0.5);
-        q[k] = t > 65535 ? 65535 : t > 0 ? (uint32_t)t : 0;
-    }
-    json_t *where = pack_integers(p, n, stride, 2, q);
+    for (size_t k = 0; k < n; k++) q[k] = rounded(255 * sqrt(x[k] / largest), 255);
+    json_t *where = pack_integers(p, n, 1, 1, q);
     free(q);
     return where;
 }

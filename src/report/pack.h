@@ -21,9 +21,12 @@ typedef struct pack {
  * the viewer, [offset, n, stride, width]: a new reference, NULL if out of memory. */
 struct json_t *pack_integers(pack *p, size_t n, size_t stride, int width, const uint32_t *x);
 
-/* As integers of 16 bits, x[k] = lo[k % 3] + step * integer; lo NULL: 0. */
-struct json_t *pack_reals(pack *p, size_t n, size_t stride, const double *lo, double step,
-                          const double *x);
+/* Points x (n x 3) as integers of 16 bits, x = lo + step * integer; base (n x 3, or NULL): as the
+ * difference to the integers of those points, modulo 2^16. */
+struct json_t *pack_points(pack *p, size_t n, const double lo[3], double step, const double *base,
+                           const double *x);
+/* Numbers x >= 0 as bytes, x = largest * (integer / 255)^2: fine where they are small. */
+struct json_t *pack_distances(pack *p, size_t n, double largest, const double *x);
 
 /* Writes root and the packed arrays as base64 of a zlib stream: length of the JSON text (4
  * bytes, little-endian), the text, the arrays. */

@@ -16,6 +16,9 @@
 
 enum { DATA_VERSION = 1 };
 
+/* Steps in which numbers are told: a shape's length in 16,384, far below what a screen resolves. */
+static const double position_levels = 16383, mode_levels = 8191;
+
 /* Where the data go in the viewer. */
 static const char mark[] = "APSM-DATA-GOES-HERE";
 
@@ -23,9 +26,9 @@ typedef struct composing {
     const model_folder *m;
     const display *d;
     pack bytes;
-    double lo[3], step;   /* positions: lo + step * integer of 16 bits */
-    double distance_step; /* distances */
-    double mode_step;     /* displacements, counted from -32768 */
+    double lo[3], step; /* positions: lo + step * integer of 16 bits */
+    double largest_distance;
+    double mode_step; /* displacements, counted from -8192 */
 } composing;
 
 /* ---- quantisation ---- */
@@ -67,30 +70,37 @@ static void choose_steps(composing *c)
         distance = largest(distance, s->mesh.nv, s->distance);
         distance = largest(distance, nv, s->warped_distance);
     }
-    c->step = step_of(fmax(hi[0] - c->lo[0], fmax(hi[1] - c->lo[1], hi[2] - c->lo[2])), 65535);
-    c->distance_step = step_of(distance, 65535);
+    c->step =
+        step_of(fmax(hi[0] - c->lo[0], fmax(hi[1] - c->lo[1], hi[2] - c->lo[2])), position_levels);
+    c->largest_distance = step_of(distance, 1);
     double mode = largest(0, d->modes * nv * 3, d->mode);
     for (size_t k = 0; k < d->modes; k++)
         mode = fmax(mode, sqrt(m->variance[k])); /* bounds the particles' displacements */
-    c->mode_step = step_of(mode, 32767);
+    c->mode_step = step_of(mode, mode_levels);
 }
 
 /* ---- arrays ---- */
 
 static json_t *positions(composing *c, size_t n, const double *x)
 {
-    return pack_reals(&c->bytes, 3 * n, 3, c->lo, c->step, x);
+    return pack_points(&c->bytes, n, c->lo, c->step, NULL, x);
+}
+
+/* As differences to the warped mean, which are smooth. */
+static json_t *warped_positions(composing *c, const double *x)
+{
+    return pack_points(&c->bytes, c->d->template_mesh.nv, c->lo, c->step, c->d->mean, x);
 }
 
 static json_t *distances(composing *c, size_t n, const double *x)
 {
-    return pack_reals(&c->bytes, n, 1, NULL, c->distance_step, x);
+    return pack_distances(&c->bytes, n, c->largest_distance, x);
 }
 
 static json_t *displacements(composing *c, size_t n, const double *x)
 {
-    const double zero = -32768 * c->mode_step, lo[3] = { zero, zero, zero };
-    return pack_reals(&c->bytes, 3 * n, 3, lo, c->mode_step, x);
+    const double zero = -(mode_levels + 1) * c->mode_step, lo[3] = { zero, zero, zero };
+    return pack_points(&c->bytes, n, lo, c->mode_step, NULL, x);
 }
 
 static json_t *faces(composing *c, const apsm_mesh *mesh)
@@ -100,10 +110,12 @@ static json_t *faces(composing *c, const apsm_mesh *mesh)
 
 /* ---- the object ---- */
 
-static json_t *json_scores(const model_folder *m, size_t i)
+/* Of the modes shown. */
+static json_t *json_scores(const composing *c, size_t i)
 {
+    const model_folder *m = c->m;
     json_t *row = json_array();
-    for (size_t k = 0; k < m->modes; k++) {
+    for (size_t k = 0; k < c->d->modes; k++) {
         double b = 0;
         for (size_t x = 0; x < 3 * m->J; x++)
             b += (m->P[i * m->J * 3 + x] - m->mean[x]) * m->mode[k * m->J * 3 + x];
@@ -118,12 +130,12 @@ static json_t *json_shape(composing *c, size_t i)
     const display_shape *s = &c->d->shape[i];
     const apsm_subject *subject = &m->project.subjects[i];
     const size_t nv = c->d->template_mesh.nv;
-    return json_pack("{s:s, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name", subject->name,
-                     "mirrored", subject->mirrored, "scores", json_scores(m, i), "particles",
-                     positions(c, m->J, m->P + i * m->J * 3), "vertices",
-                     positions(c, s->mesh.nv, s->mesh.V), "faces", faces(c, &s->mesh), "distance",
-                     distances(c, s->mesh.nv, s->distance), "warped", positions(c, nv, s->warped),
-                     "warped_distance", distances(c, nv, s->warped_distance));
+    return json_pack(
+        "{s:s, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name", subject->name, "mirrored",
+        subject->mirrored, "scores", json_scores(c, i), "particles",
+        positions(c, m->J, m->P + i * m->J * 3), "vertices", positions(c, s->mesh.nv, s->mesh.V),
+        "faces", faces(c, &s->mesh), "distance", distances(c, s->mesh.nv, s->distance), "warped",
+        warped_positions(c, s->warped), "warped_distance", distances(c, nv, s->warped_distance));
 }
 
 static json_t *json_modes(composing *c)
@@ -193,7 +205,7 @@ static json_t *compose(composing *c)
         "{s:s, s:i, s:s, s:I, s:I, s:[f, f, f], s:f, s:f, s:f, s:o, s:o, s:o, s:O, s:O, s:o}",
         "format", "apsm-report", "version", DATA_VERSION, "title", title ? title : "model",
         "particles", (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin",
-        c->lo[0], c->lo[1], c->lo[2], "step", c->step, "distance_step", c->distance_step,
+        c->lo[0], c->lo[1], c->lo[2], "step", c->step, "largest_distance", c->largest_distance,
         "mode_step", c->mode_step, "variances", apsm_json_vector(m->modes, m->variance), "mean",
         json_mean(c), "shapes", json_shapes(c), "evaluation", m->evaluation, "certificate",
         m->certificate, "manifest", json_manifest(m->manifest));

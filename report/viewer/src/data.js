@@ -34,8 +34,12 @@ export class Model {
     this.cache = new Map();
     this.reads = {
       positions: (q) => Float32Array.from(q, (v, k) => root.origin[k % 3] + root.step * v),
-      distances: (q) => Float32Array.from(q, (v) => root.distance_step * v),
-      displacements: (q) => Float32Array.from(q, (v) => root.mode_step * (v - 32768)),
+      warped: (q) => {
+        const mean = unpack(bytes, root.mean.vertices);
+        return this.reads.positions(q.map((v, k) => v + mean[k])); // 16 bits, modulo 2^16
+      },
+      distances: (q) => Float32Array.from(q, (v) => root.largest_distance * (v / 255) ** 2),
+      displacements: (q) => Float32Array.from(q, (v) => root.mode_step * (v - 8192)),
       integers: (q) => q,
     };
   }

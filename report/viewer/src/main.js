@@ -26,7 +26,7 @@ function once(key, make) {
 function surfaceOf(i, which) {
   return once(`${which} ${i}`, () => {
     const s = model.shapes[i], warped = which === "warped";
-    const V = model.array(warped ? s.warped : s.vertices, "positions");
+    const V = warped ? model.array(s.warped, "warped") : model.array(s.vertices, "positions");
     const F = model.array(warped ? model.mean.faces : s.faces, "integers");
     const N = vertexNormals(V, F);
     const value = model.array(warped ? s.warped_distance : s.distance, "distances");
@@ -110,11 +110,12 @@ function shortNames(names) {
 let facts; // per shape: name, surface, mismatched, strict, distance, certificate
 
 function gatherFacts() {
+  const mean = model.array(model.mean.particles, "positions");
   const surface = new Map((model.evaluation.surface_distance?.per_shape ?? []).map((s) => [s.name, s]));
   const certificate = new Map(model.certificate.per_shape.map((s) => [s.name, s]));
   return model.shapes.map((s) => {
     const c = certificate.get(s.name) ?? { verdict: "needs review", reasons: ["is not in the certificate"] };
-    const sum = s.scores.reduce((a, b) => a + b * b, 0);
+    const P = model.array(s.particles, "positions"), sum = P.reduce((a, x, k) => a + (x - mean[k]) ** 2, 0);
     return {
       name: s.name, certificate: c, surface: surface.get(s.name) ?? null,
       mean: surface.get(s.name)?.mean ?? NaN,
@@ -266,7 +267,8 @@ function fillModes() {
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
       : `The mean of all shapes, and how they vary. ${K === 1 ? "One mode is" : `The first ${K} modes are`} shown: ${percent(shown)} of the variance. Colour tells how far the surface has moved from the mean along its normal.`),
     el("div", { class: "split" },
-      el("div", { class: "main" }, box, key),
+      el("div", { class: "main" }, box, key,
+        el("p", { class: "small soft" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
       el("div", {},
         el("div", { class: "tools" },
           el("button", { type: "button", onclick: reset }, "Reset to the mean"),
@@ -283,7 +285,7 @@ function fillModes() {
 
 function fillCohort(strange) {
   const body = byId("cohort").querySelector(".body"), grid = el("div", { class: "grid" });
-  const worst = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.distance_step * 65535;
+  const worst = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.largest_distance;
   const tiles = facts.map((fact, i) => {
     const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": `${fact.name}, drag to turn all` });
     const name = el("button", { type: "button", class: "link", title: `${fact.name}: show its surface distances`, onclick: () => chooseShape(i, { go: true }) }, shorts[i]);
@@ -333,6 +335,8 @@ function fillCohort(strange) {
   };
   const key = legend("heat", ["0", `distance to the ${"other"} surface`, `\u2265 ${show(worst)}`]);
   const list = [...strange.entries()];
+  const item = ([i, why]) => el("li", {},
+    el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
   const readout = el("p", { class: "small", "aria-live": "polite" });
   const hint = "Point at a particle to find it on every shape; click keeps it.";
   const tell = () => (readout.textContent = readoutText() || hint);
@@ -342,8 +346,8 @@ function fillCohort(strange) {
     el("p", { class: "soft" }, "A particle has the same colour on every shape; neighbours differ. All views turn together."),
     list.length > 0
       ? el("div", {}, el("p", {}, el("strong", {}, "Outliers"), " (beyond the median by 3.5 robust standard deviations):"),
-        el("ul", {}, list.slice(0, 15).map(([i, why]) => el("li", {}, el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`)),
-          list.length > 15 && el("li", {}, `and ${list.length - 15} more`)))
+        el("ul", {}, list.slice(0, 5).map(item)),
+        list.length > 5 && el("details", {}, el("summary", {}, `${plural(list.length - 5, "more outlier")}`), el("ul", {}, list.slice(5).map(item))))
       : el("p", {}, "No outliers: no shape is beyond the median by 3.5 robust standard deviations in surface error, mismatched particles or distance from the mean."),
     el("div", { class: "tools" },
       choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "mismatches"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
@@ -369,7 +373,7 @@ function fillFidelity() {
   const select = choice("Shape", facts.map((f, i) => [String(i), f.name]), "0", (v) => chooseShape(Number(v)));
   const figures = el("div"), chart = el("figure", { class: "chart" }), ends = el("div");
   const options = { particles: false, scale: "cohort" };
-  const largest = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.distance_step * 65535;
+  const largest = Math.max(0, ...facts.map((f) => f.surface?.p95 ?? 0)) || model.largest_distance;
   const largestOf = (i) => Math.max(...["original", "warped"].map((w) => surfaceOf(i, w).value.reduce((a, b) => Math.max(a, b), 0)));
   const step = (n) => chooseShape((state.chosen + n + model.I) % model.I);
 
@@ -395,7 +399,7 @@ function fillFidelity() {
         `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}.`),
     );
     chart.replaceChildren(histogram({
-      hi: options.scale === "cohort" ? model.distance_step * 65535 : most || 1,
+      hi: options.scale === "cohort" ? model.largest_distance : most || 1,
       series: [{ name: "original to reconstruction", values: a.value }, { name: "reconstruction to original", values: b.value, second: true }],
     }));
   };
@@ -433,7 +437,7 @@ function fillQuality() {
   one("generalization", "Generalization", "distance", "Leave one out: mean distance of a shape\u2019s particles to their best fit by a model of the others; lower is better. Band: one standard error.", e.generalization_standard_error);
   one("specificity", "Specificity", "distance", `Mean distance of ${e.specificity_samples.toLocaleString("en")} random shapes of the model to the nearest real one; lower is better. Band: one standard error.`, e.specificity_standard_error);
 
-  const plot = el("figure", { class: "chart" }), K = model.variances.length;
+  const plot = el("figure", { class: "chart" }), K = model.mean.modes.length;
   const draw = () => {
     const [p, q] = state.axes;
     plot.replaceChildren(
@@ -451,7 +455,7 @@ function fillQuality() {
   if (K >= 2) {
     charts.append(plot);
     refresh.shape.push(draw);
-    const list = model.variances.slice(0, 10).map((_, m) => [String(m), `mode ${m + 1}`]);
+    const list = model.mean.modes.map((_, m) => [String(m), `mode ${m + 1}`]);
     body.append(el("div", { class: "tools" },
       choice("Scatter: across", list, "0", (v) => { state.axes[0] = Number(v); draw(); }),
       choice("up", list, "1", (v) => { state.axes[1] = Number(v); draw(); })));
@@ -497,12 +501,14 @@ function places(i, c) {
 function fillCertificate() {
   const body = byId("certificate").querySelector(".body"), c = model.certificate, limits = c.thresholds ?? {};
   const order = facts.map((_, i) => i).sort((a, b) => Number(facts[a].fine) - Number(facts[b].fine) || facts[b].mismatched - facts[a].mismatched || a - b);
+  const bad = facts.filter((f) => !f.fine).length;
+  const list = (some) => table(["shape", "verdict", "mismatched", "swaps", "folds", "off surface", "closest pair", "where and why"], some.map(row), [2, 3, 4, 5, 6]);
   const row = (i) => {
     const f = facts[i], k = f.certificate;
     return [
       el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, f.name),
       el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : "! needs review"),
-      `${f.mismatched} (${percent(f.mismatched / model.J)})`, String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
+      `${f.mismatched} (${show((100 * f.mismatched) / model.J, 2)}\u00a0%)`, String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
       k.off_surface_max < 1e-6 ? "0" : show(k.off_surface_max, 2), show(k.min_separation, 2),
       el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ")), places(i, k)),
     ];
@@ -510,7 +516,8 @@ function fillCertificate() {
   body.append(
     el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% mismatched), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
     el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
-    table(["shape", "verdict", "mismatched", "swaps", "folds", "off surface", "closest pair", "where and why"], order.map(row), [2, 3, 4, 5, 6]),
+    list(order.slice(0, Math.max(bad, 15))),
+    order.length > Math.max(bad, 15) && el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
   );
 }
 
