@@ -17,7 +17,7 @@ typedef struct apsm_groom_options {
     /* segmentations */
     bool fill_cavities; /* fill background enclosed by the label (default true) */
     double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
-                           0: none, 2: twice its reach.  No inner voxel gets outside */
+                           0: none, 2: twice its reach.  Sheets and tips of a voxel stay */
     double fairing; /* then ripples shorter than so many voxels (cube root of the voxel's volume)
                        are taken off the surface, by at most one voxel; default 5, 0: none */
     /* both */

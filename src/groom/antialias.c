@@ -5,16 +5,17 @@
  *   G    small binomial filter, equally wide along all axes in space
  *
  * u minimises  |(I - G) u|^2 + mu sum over mask nodes of (u - M)^2                           (A1)
- * subject to   u >= l + m at inner, u <= l - m at outer mask nodes                           (A2)
+ * subject to   u >= l + m at inner, u <= l - m at outer firm mask nodes                      (A2)
  *
  * The first term is close to the squared Laplacian (a thin plate), so that planes and, nearly,
- * spheres pass unchanged where a blur would shrink them; the constraint keeps every voxel's
- * centre on its side, so that sheets and tips of one voxel survive; between slices far apart
- * (fine nodes without data) the first term alone interpolates.  The level l makes the volume
- * that of the mask; it is found anew after every round of iterations, as the constraint refers
- * to it.  Constraints on a level set: Whitaker, "Reducing aliasing artifacts in iso-surfaces of
- * binary volumes", 2000; there the curvature flow shrinks.  Solved by projected accelerated
- * gradients (Beck & Teboulle 2009) on the nodes near the surface; elsewhere u = M. */
+ * spheres pass unchanged where a blur would shrink them.  The constraint holds for voxels behind
+ * the surface and for all of thin parts (thin.c), so that sheets and tips of one voxel survive
+ * while raggedness of a voxel on thick parts goes.  Between slices far apart (fine nodes without
+ * data) the first term alone interpolates.  The level l makes the volume that of the mask; it is
+ * found anew after every round of iterations, as the constraint refers to it.  Constraints on a
+ * level set: Whitaker, "Reducing aliasing artifacts in iso-surfaces of binary volumes", 2000;
+ * there the curvature flow shrinks.  Solved by projected accelerated gradients (Beck & Teboulle
+ * 2009) on the nodes near the surface; elsewhere u = M. */
 #include "groom/antialias.h"
 
 #include <math.h>
@@ -24,11 +25,13 @@
 #include <string.h>
 
 #include "core/kernel.h"
+#include "groom/thin.h"
 
 static const double fidelity = 0.02; /* mu for smoothing = 1 */
 static const float margin = 0.03f;   /* m */
 enum { REACH = 4, ROUNDS = 3, ITERATIONS = 8, BINS = 4096 };
-enum { FREE, INNER, OUTER }; /* kinds of active fine nodes */
+/* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not. */
+enum { FREE, INNER, OUTER, INNER_LOOSE, OUTER_LOOSE };
 
 /* Fine nodes [from, to) of row `row` (= y + ny z) that may change. */
 typedef struct run {
@@ -195,7 +198,7 @@ static float mask_between(const antialias_input *in, size_t x, size_t y, size_t 
     return sum;
 }
 
-static void start(work *w)
+static void start(work *w, const unsigned char *firm)
 {
     const antialias_input *in = w->in;
     const size_t *r =
@@ -206,10 +209,12 @@ static void start(work *w)
             for (size_t x = 0; x < w->n[0]; x++, i++) {
                 const bool node = x % r[0] == 0 && y % r[1] == 0 && z % r[2] == 0;
                 if (node) {
-                    const unsigned char m =
-                        in->mask[x / r[0] + in->n[0] * (y / r[1] + in->n[1] * (z / r[2]))];
-                    w->kind[i] = m ? INNER : OUTER;
-                    w->u[i] = (float)m;
+                    const size_t at = x / r[0] + in->n[0] * (y / r[1] + in->n[1] * (z / r[2]));
+                    if (firm[at])
+                        w->kind[i] = in->mask[at] ? INNER : OUTER;
+                    else
+                        w->kind[i] = in->mask[at] ? INNER_LOOSE : OUTER_LOOSE;
+                    w->u[i] = (float)in->mask[at];
                 } else {
                     w->kind[i] = FREE;
                     w->u[i] = mask_between(in, x, y, z);
@@ -243,7 +248,8 @@ static void step_row(size_t n, const float *restrict gradient, const unsigned ch
 {
     const float scale = 1.0f / (1.0f + mu), low = level - margin, high = level + margin;
     for (size_t i = 0; i < n; i++) {
-        const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - (kind[i] == INNER ? 1.0f : 0.0f));
+        const bool inside = kind[i] == INNER || kind[i] == INNER_LOOSE;
+        const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - (inside ? 1.0f : 0.0f));
         float z = y[i] - scale * (gradient[i] + pull);
         z = kind[i] == INNER && z < high ? high : z;
         z = kind[i] == OUTER && z > low ? low : z;
@@ -359,7 +365,7 @@ static void set_filter(work *w)
     for (int c = 0; c < 3; c++) w->w[c] = (float)(0.25 * (least / h[c]) * (least / h[c]));
 }
 
-/* Least depth of an inner node below the level. */
+/* Least depth of a firm inner node below the level. */
 static double least_depth(const work *w)
 {
     const antialias_input *in = w->in;
@@ -372,7 +378,7 @@ static double least_depth(const work *w)
                     const size_t at =
                         x * (size_t)in->refine[0] +
                         w->n[0] * (y * (size_t)in->refine[1] + w->n[1] * z * (size_t)in->refine[2]);
-                    least = fminf(least, w->u[at] - w->level);
+                    if (w->kind[at] == INNER) least = fminf(least, w->u[at] - w->level);
                 }
     return least;
 }
@@ -390,9 +396,12 @@ apsm_status antialias(const antialias_input *in, float *values, double *inward)
     w.kind = malloc(count);
     w.line = malloc((2 * w.n[0] + 4) * sizeof *w.line);
     uint32_t *bins = malloc(BINS * sizeof *bins);
-    apsm_status status = w.y && w.r && w.kind && w.line && bins ? find_runs(&w) : APSM_ERR_MEMORY;
+    unsigned char *firm = malloc(in->n[0] * in->n[1] * in->n[2]);
+    apsm_status status =
+        w.y && w.r && w.kind && w.line && bins && firm ? find_runs(&w) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = thin_mark(in->n, in->mask, firm);
     if (status == APSM_OK) {
-        start(&w);
+        start(&w, firm);
         if (s > 0.0) smooth(&w, bins);
         *inward = 0.9 * least_depth(&w);
         for (size_t i = 0; i < count; i++) values[i] = w.level - values[i];
@@ -403,5 +412,6 @@ apsm_status antialias(const antialias_input *in, float *values, double *inward)
     free(w.line);
     free(w.runs);
     free(bins);
+    free(firm);
     return status;
 }

@@ -22,9 +22,9 @@ void antialias_rim(const antialias_input *in, size_t rim[3]);
 void antialias_fine(const antialias_input *in, size_t fine[3]);
 
 /* values (fine, out) is negative inside; its zero level encloses the mask's volume, as far as
- * that leaves all inner nodes inside.  *inward (out): by how much the level may be lowered before
- * an inner node gets out.  O(fine) memory (13 bytes a node), O(nodes near the surface) time beside
- * clearing it. */
+ * that leaves firm inner nodes (thin.h) inside.  *inward (out): by how much the level may be
+ * lowered before one gets out.  O(fine) memory (13 bytes a node), O(nodes near the surface) time
+ * beside clearing it. */
 apsm_status antialias(const antialias_input *in, float *values, double *inward) APSM_NODISCARD;
 
 #endif

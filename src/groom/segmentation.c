@@ -48,7 +48,7 @@ static apsm_status contour(apsm_context *ctx, const apsm_volume *v, const mask *
 }
 
 /* A mesh of flat triangles has a little more or less volume than the function.  The level is moved
- * by the secant rule until the mesh has the mask's volume, but not so far inward that an inner
+ * by the secant rule until the mesh has the mask's volume, but not so far inward that a firm inner
  * voxel gets out. */
 static apsm_status contour_volume(apsm_context *ctx, const apsm_volume *v, const mask *m,
                                   const antialias_input *in, const float *values, double inward,

@@ -62,15 +62,15 @@ static void surfaces_are_smooth_and_true(void **state)
         { "ball", solid_ball12, 0, 1, 0.07, 0.4 },
         { "ball", solid_ball12, 0, 3, 0.18, 1.0 },
         { "ball", solid_ball12, 0, 5, 0.40, 2.0 },
-        { "small ball", solid_ball4, 0, 1, 0.09, 0.3 },
-        { "ellipsoid", solid_ellipsoid, 0, 1, 0.12, 0.6 },
-        { "torus", solid_torus, 1, 1, 0.09, 0.4 },
-        { "torus", solid_torus, 1, 3, 0.22, 1.0 },
+        { "small ball", solid_ball4, 0, 1, 0.13, 0.4 },
+        { "ellipsoid", solid_ellipsoid, 0, 1, 0.15, 0.75 },
+        { "torus", solid_torus, 1, 1, 0.10, 0.4 },
+        { "torus", solid_torus, 1, 3, 0.23, 1.0 },
         { "plate", solid_plate1, 0, 1, 0.23, 1.0 },
-        { "plate", solid_plate3, 0, 3, 0.50, 2.0 },
-        { "bone", solid_bone, 0, 1, 0.14, 0.9 },
-        { "bone", solid_bone, 0, 3, 0.32, 1.8 },
-        { "tip", solid_tip, 0, 1, 0.15, 1.0 },
+        { "plate", solid_plate3, 0, 3, 0.52, 2.0 },
+        { "bone", solid_bone, 0, 1, 0.20, 1.1 },
+        { "bone", solid_bone, 0, 3, 0.37, 1.8 },
+        { "tip", solid_tip, 0, 1, 0.17, 1.0 },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         for (int mirrored = 0; mirrored < 2; mirrored++) {
@@ -132,6 +132,34 @@ static void cavities_strays_and_borders_are_reported(void **state)
     assert_near(volume, 1728.0, 17.0);
 }
 
+/* Single voxels and a ridge on a block go; a fin of one voxel and a pin stay. */
+static void raggedness_is_smoothed_and_fins_are_kept(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_groom_options opt = apsm_groom_defaults();
+    apsm_volume v = image(40);
+    apsm_mesh mesh;
+    double lo[3], hi[3];
+    opt.remesh = false;
+    set_box(&v, (const size_t[3]){ 10, 10, 10 }, (const size_t[3]){ 25, 25, 25 }, 1);
+    for (size_t k = 12; k < 24; k += 3)
+        set_box(&v, (const size_t[3]){ k, 26, k }, (const size_t[3]){ k, 26, k }, 1);
+    set_box(&v, (const size_t[3]){ 14, 14, 9 }, (const size_t[3]){ 20, 14, 9 }, 1);
+    set_box(&v, (const size_t[3]){ 12, 17, 26 }, (const size_t[3]){ 22, 17, 33 }, 1);
+    set_box(&v, (const size_t[3]){ 26, 18, 18 }, (const size_t[3]){ 37, 19, 19 }, 1);
+    assert_ok(apsm_groom_segmentation(ctx, "mask", &v, &opt, &mesh, NULL));
+    apsm_mesh_bounds(&mesh, lo, hi);
+    /* A voxel kept would have its centre inside: at least 0.5. */
+    assert_near(hi[1], 25.5, 0.49);
+    assert_near(lo[2], 9.5, 0.49);
+    assert_true(hi[2] > 33.0);
+    assert_true(hi[0] > 37.0);
+    apsm_mesh_free(&mesh);
+    apsm_volume_free(&v);
+    apsm_context_free(ctx);
+}
+
 static void corner_contact_does_not_lose_a_sheet(void **state)
 {
     (void)state;
@@ -167,6 +195,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surfaces_are_smooth_and_true),
         cmocka_unit_test(cavities_strays_and_borders_are_reported),
+        cmocka_unit_test(raggedness_is_smoothed_and_fins_are_kept),
         cmocka_unit_test(corner_contact_does_not_lose_a_sheet),
         cmocka_unit_test(unusable_labels_are_refused),
     };
