@@ -21,13 +21,13 @@ test: deps ## deps, build, then all tests
 
 demo: deps ## a model of the 27 tali in data/talus
 	@$(MAKE) --no-print-directory all
-	$(BUILD)/apsm run data/talus -o $(BUILD)/demo-talus --reflect-match '_L_'
-	@echo "The model of the tali is in $(BUILD)/demo-talus:"; ls $(BUILD)/demo-talus
+	$(BUILD)/apsm run data/talus -o $(BUILD)/demo-talus --reflect-match '_L_' --overwrite
+	@echo "The report: $(CURDIR)/$(BUILD)/demo-talus/report.html"
 
 demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocampus
 	@$(MAKE) --no-print-directory all
-	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2
-	@echo "The model of the hippocampi is in $(BUILD)/demo-hippocampus:"; ls $(BUILD)/demo-hippocampus
+	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2 --overwrite
+	@echo "The report: $(CURDIR)/$(BUILD)/demo-hippocampus/report.html"
 
 viewer: ## rebuild the page of `apsm report` from report/viewer (needs npm)
 	cd report/viewer && npm ci --no-audit --no-fund && npm run --silent build
