@@ -121,25 +121,6 @@ extern "C" {
     BOOL(psm_procrustes_scaling, false, "registrations remove size")                               \
     BOOL(psm_procrustes_rotation_translation, true, "registrations remove pose")                   \
     REAL(psm_unit, 1, 1e-9, 1e9, "length that stands for ShapeWorks' mm, in the input's unit")     \
-    /* method psm: names and defaults of ShapeWorks, lengths in psm_unit */                        \
-    REAL(psm_initial_relative_weighting, 0.05, 0, 1e6,                                             \
-         "weight of the correspondence term while particles are split")                            \
-    REAL(psm_relative_weighting, 1, 0, 1e6, "weight of the correspondence term afterwards")        \
-    REAL(psm_starting_regularization, 1000, 1e-9, 1e12, "of the entropy, at the start")            \
-    REAL(psm_ending_regularization, 10, 1e-9, 1e12, "of the entropy, at the end")                  \
-    REAL(psm_starting_share, 0, 0, 1,                                                              \
-         "starting regularization as a share of the largest eigenvalue, ending at a tenth of "     \
-         "that; 0: the two absolute values; 0.05 is ShapeWorks' advice")                           \
-    INT(psm_iterations_per_split, 1000, 0, 1000000, "iterations after each split")                 \
-    INT(psm_optimization_iterations, 1000, 0, 1000000, "iterations when all particles are there")  \
-    BOOL(psm_shape_statistics_in_init, false,                                                      \
-         "the entropy during splitting too, not the distance from the mean (part of ShapeWorks' "  \
-         "multiscale)")                                                                            \
-    BOOL(psm_procrustes, false, "register the shapes anew as the optimisation goes on")            \
-    INT(psm_procrustes_interval, 10, 1, 1000000, "iterations between two registrations")           \
-    BOOL(psm_procrustes_scaling, false, "registrations remove size")                               \
-    BOOL(psm_procrustes_rotation_translation, true, "registrations remove pose")                   \
-    REAL(psm_unit, 1, 1e-9, 1e9, "length that stands for ShapeWorks' mm, in the input's unit")     \
     /* evaluate */                                                                                 \
     ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \
     INT(specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")            \
