@@ -51,7 +51,7 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state);
 /* What an epoch did.  Means are over the shapes; mismatched is NaN in epochs without a pass of
  * Algorithm 1. */
 typedef struct apsm_epoch_record {
-    int stage;
+    long stage; /* no int: checkpoints hold these bytes, and padding is not ours to decide */
     long epoch; /* in its stage, from 0 */
     double alpha, gamma, beta, c;
     double sampling, correspondence, eigenshape; /* losses; NaN where switched off */

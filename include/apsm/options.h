@@ -124,7 +124,9 @@ extern "C" {
     /* evaluate */                                                                                 \
     ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \
     INT(specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")            \
-    BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")
+    BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")               \
+    /* run */                                                                                      \
+    REAL(checkpoint_seconds, 60, 0, 1e9, "seconds between two checkpoints; 0: after every epoch")
 
 #define APSM_FIELD_INT(name, dflt, lo, hi, doc)  long name;
 #define APSM_FIELD_REAL(name, dflt, lo, hi, doc) double name;
@@ -139,7 +141,6 @@ typedef struct apsm_options {
 #undef APSM_FIELD_ENUM
 
 /* Indices of the words above, in their order. */
-enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
 enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
@@ -163,7 +164,7 @@ typedef enum apsm_option_kind {
 typedef struct apsm_option_info {
     const char *name;
     apsm_option_kind kind;
-    const char *dflt;   /* as text; of an ENUM the first word */
+    const char *dflt;   /* as text; NULL for an ENUM: the first of its words */
     double least, most; /* INT and REAL */
     const char *words;  /* ENUM: "first|second" */
     const char *doc;

@@ -151,17 +151,22 @@ static void begin_task(loop *l, size_t i)
     task->last = &task->first;
 }
 
-/* Only the calling thread talks to the sinks; the others' progress shows at its next task. */
-static void show_progress(loop *l)
+static void show_progress(const loop *l, size_t done)
+{
+    const apsm_progress p = {
+        .stage = l->stage, .done = done, .total = l->n, .loss = { NAN, NAN, NAN }, .mismatched = NAN
+    };
+    if (l->stage) apsm_report_progress(l->parent, &p);
+}
+
+/* Only the calling thread talks to the sinks; the others' progress shows at its next task, and
+ * the last of all is told after the loop. */
+static void count_task(loop *l)
 {
     size_t done;
 #pragma omp atomic capture
     done = ++l->done;
-    if (!l->stage || omp_get_thread_num() != 0) return;
-    const apsm_progress p = {
-        .stage = l->stage, .done = done, .total = l->n, .loss = { NAN, NAN, NAN }, .mismatched = NAN
-    };
-    apsm_report_progress(l->parent, &p);
+    if (done < l->n && omp_get_thread_num() == 0) show_progress(l, done);
 }
 
 static void run_task(loop *l, size_t i)
@@ -172,7 +177,7 @@ static void run_task(loop *l, size_t i)
         return;
     }
     l->status[i] = l->fn(&l->task[i], i, omp_get_thread_num(), l->user);
-    show_progress(l);
+    count_task(l);
 }
 
 /* Tells the parent, in the order of the tasks, what they logged. */
@@ -209,6 +214,7 @@ apsm_status apsm_parallel_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void
         const int threads = (size_t)ctx->threads < n ? ctx->threads : (int)n;
 #pragma omp parallel for schedule(dynamic, 1) num_threads(threads)
         for (size_t i = 0; i < n; i++) run_task(&l, i);
+        if (l.done == n) show_progress(&l, n);
         for (size_t i = 0; i < n; i++) end_task(&l, i);
         result = first_failure(&l);
     }

@@ -6,11 +6,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define STR(x)                            #x
-#define ROW_INT(name, dflt, lo, hi, doc)  { #name, APSM_OPTION_INT, STR(dflt), lo, hi, NULL, doc },
-#define ROW_REAL(name, dflt, lo, hi, doc) { #name, APSM_OPTION_REAL, STR(dflt), lo, hi, NULL, doc },
-#define ROW_BOOL(name, dflt, doc)         { #name, APSM_OPTION_BOOL, STR(dflt), 0, 1, NULL, doc },
-#define ROW_ENUM(name, words, doc)        { #name, APSM_OPTION_ENUM, words, 0, 0, words, doc },
+/* #dflt is the text as it stands in the table: true, not what the macro true stands for. */
+#define ROW_INT(name, dflt, lo, hi, doc)  { #name, APSM_OPTION_INT, #dflt, lo, hi, NULL, doc },
+#define ROW_REAL(name, dflt, lo, hi, doc) { #name, APSM_OPTION_REAL, #dflt, lo, hi, NULL, doc },
+#define ROW_BOOL(name, dflt, doc)         { #name, APSM_OPTION_BOOL, #dflt, 0, 1, NULL, doc },
+#define ROW_ENUM(name, words, doc)        { #name, APSM_OPTION_ENUM, NULL, 0, 0, words, doc },
 static const apsm_option_info table[] = { APSM_OPTIONS(ROW_INT, ROW_REAL, ROW_BOOL, ROW_ENUM) };
 enum { TABLE_LENGTH = sizeof table / sizeof table[0] };
 

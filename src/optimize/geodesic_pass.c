@@ -23,7 +23,7 @@ static apsm_walk_options walk_options(const apsm_options *o, double h)
     return w;
 }
 
-/* Where the particles of shape i are on its mesh; P stays as it is. */
+/* Where the particles of shape i are on its mesh; P moves there too. */
 static apsm_status surface_points(const pass *p, size_t i, apsm_surface_point **S)
 {
     *S = malloc(p->J * sizeof **S);

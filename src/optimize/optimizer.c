@@ -537,7 +537,9 @@ static void fill_record(const optimizer *op, apsm_epoch_record *r)
     r->correspondence = mean_over_shapes(op, offsetof(shape_record, correspondence));
     r->surface_error = sqrt(mean_over_shapes(op, offsetof(shape_record, error2))) / op->state->h;
     r->step = mean_over_shapes(op, offsetof(shape_record, step));
-    r->eigenshape = op->eigenshape;
+    /* Of (9) itself, whatever its factor: a cohort's size does not change the figure. */
+    const double size = op->o->eigen_scale == 0 ? 3.0 * (double)(op->J * op->batch_size) : 1.0;
+    r->eigenshape = op->eigenshape / size;
 }
 
 static void tell_progress(const optimizer *op, const apsm_epoch_record *r)

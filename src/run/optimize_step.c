@@ -8,9 +8,6 @@
 #include "run/manifest.h"
 #include "run/session.h"
 
-/* A checkpoint a minute costs far below 1 % of the time. */
-static const double checkpoint_seconds = 60;
-
 /* What on_epoch needs; records grows by doubling. */
 typedef struct recorder {
     apsm_run *run;
@@ -38,7 +35,7 @@ static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
 {
     recorder *r = user;
     APSM_TRY(append_record(r, record));
-    if (stage_wall(&r->clock) - r->saved_at < checkpoint_seconds) return APSM_OK;
+    if (stage_wall(&r->clock) - r->saved_at < r->run->options.checkpoint_seconds) return APSM_OK;
     APSM_TRY(run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n));
     r->saved_at = stage_wall(&r->clock);
     return APSM_OK;
@@ -57,7 +54,7 @@ static void write_record(apsm_writer *w, const apsm_epoch_record *r)
     const double cells[] = { r->alpha,    r->beta,           r->gamma,           r->c,
                              r->sampling, r->correspondence, r->eigenshape,      r->surface_error,
                              r->step,     r->mismatched,     r->worst_mismatched };
-    apsm_writer_printf(w, "%d,%ld", r->stage, r->epoch);
+    apsm_writer_printf(w, "%ld,%ld", r->stage, r->epoch);
     for (size_t k = 0; k < sizeof cells / sizeof cells[0]; k++) write_cell(w, cells[k]);
     apsm_writer_printf(w, ",%ld\n", r->walked);
 }

@@ -21,8 +21,8 @@ static const char *const texts[] = { "labels",   "reflect_match",  "exclude",
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */
-static const char *const only_evaluate[] = { "definition", "specificity_samples",
-                                             "surface_distance", "original_frame" };
+static const char *const harmless[] = { "definition", "specificity_samples", "surface_distance",
+                                        "original_frame", "checkpoint_seconds" };
 
 static bool is_one_of(const char *const *words, size_t n, const char *word)
 {
@@ -35,9 +35,9 @@ static bool is_text(const char *key)
 {
     return is_one_of(texts, TEXTS, key);
 }
-static bool is_only_evaluate(const char *key)
+static bool is_harmless(const char *key)
 {
-    return is_one_of(only_evaluate, sizeof only_evaluate / sizeof only_evaluate[0], key);
+    return is_one_of(harmless, sizeof harmless / sizeof harmless[0], key);
 }
 
 const char *apsm_run_text(const apsm_run *run, const char *name)
@@ -127,7 +127,7 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
         char a[64], b[64];
         APSM_TRY(apsm_options_get(before, table[k].name, a));
         APSM_TRY(apsm_options_get(&run->options, table[k].name, b));
-        if (strcmp(a, b) != 0 && !is_only_evaluate(table[k].name))
+        if (strcmp(a, b) != 0 && !is_harmless(table[k].name))
             return refuse_change(run, table[k].name, a, b);
     }
     return APSM_OK;
@@ -155,7 +155,7 @@ static apsm_status settle_options(apsm_run *run, const apsm_run_settings *s)
     const apsm_options before = run->options;
     for (size_t k = 0; k < s->n_set; k++) {
         const char *key = s->set[k][0], *value = s->set[k][1];
-        if (run->resume && is_text(key) && !is_only_evaluate(key) &&
+        if (run->resume && is_text(key) && !is_harmless(key) &&
             strcmp(apsm_run_text(run, key), value) != 0 &&
             apsm_project_get(&run->project, "apsm", "version"))
             return refuse_change(run, key, apsm_run_text(run, key), value);
@@ -341,7 +341,7 @@ static void hash_options(const apsm_run *run, apsm_sha256 *sha)
     const apsm_option_info *table = apsm_options_table(&n);
     for (size_t k = 0; k < n; k++) {
         char text[64];
-        if (is_only_evaluate(table[k].name)) continue;
+        if (is_harmless(table[k].name)) continue;
         if (apsm_options_get(&run->options, table[k].name, text) != APSM_OK) continue;
         apsm_sha256_add(sha, table[k].name, strlen(table[k].name) + 1);
         apsm_sha256_add(sha, text, strlen(text) + 1);
@@ -502,13 +502,28 @@ static apsm_status write_frame(apsm_context *ctx, const apsm_run *run, const cha
     return status;
 }
 
+/* The 16 numbers of the project's column, separated by spaces. */
+static apsm_status parse_reflection(apsm_context *ctx, const char *name, const char *text,
+                                    double M[16])
+{
+    for (int k = 0; k < 16; k++) {
+        text += strspn(text, " ");
+        const size_t length = strcspn(text, " ");
+        if (!apsm_parse_number(text, length, &M[k]))
+            return apsm_fail(ctx, APSM_ERR_FORMAT,
+                             "%s: reflection in the project is not 16 numbers; groom again", name);
+        text += length;
+    }
+    return APSM_OK;
+}
+
 static apsm_status write_original(apsm_context *ctx, const apsm_run *run, const apsm_subject *s,
                                   size_t J, double *P)
 {
     double M[16], inverse[16];
     const char *text = apsm_subject_column(s, "reflection");
     if (text) {
-        for (int k = 0; k < 16; k++) M[k] = strtod(text, (char **)&text);
+        APSM_TRY(parse_reflection(ctx, s->name, text, M));
         APSM_TRY(apsm_affine_invert(M, inverse));
         apsm_affine_apply(inverse, J, P, P);
     }
