@@ -17,6 +17,7 @@ deps: ## install what the build needs (says what before it does)
 
 test: deps ## deps, build, then all tests
 	@$(MAKE) --no-print-directory all
+	-@scripts/setup-browser $(BUILD)/browser
 	@cd $(BUILD) && ctest -j2 --output-on-failure
 
 demo: deps ## a model of the 27 tali in data/talus

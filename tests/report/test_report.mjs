@@ -1,0 +1,321 @@
+// The report in headless Chromium, offline from a file: it loads, draws, reacts, and asks for nothing.
+//   node test_report.mjs APSM CHROMIUM [FOLDER for screenshots]
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { pathToFileURL } from "node:url";
+import { chromium } from "playwright-core";
+import { NAMES, writeCohort } from "./cohort.mjs";
+
+const [apsm, browserPath, pictures] = process.argv.slice(2);
+const folder = mkdtempSync(join(tmpdir(), "apsm-report-"));
+const model = join(folder, "model \u2018<i>\u2019 & co");
+const run = (...words) => execFileSync(apsm, words, { stdio: ["ignore", "ignore", "inherit"] });
+
+// ---- a model, with one shape that needs review ----
+
+const HARM = "</script><script>window.harmed = 1</script><!--";
+
+function makeModel() {
+  const inputs = join(folder, "in");
+  mkdirSync(inputs);
+  writeCohort(inputs);
+  run("run", inputs, "-o", model, "-J", "48", "--faces", "1500", "--stage1-epochs", "6", "--stage2-epochs", "4", "-q");
+  const first = statSync(join(model, "report.html"));
+  assert.ok(first.size > 100e3 && first.size < 2e6, `size of the page at the end of run: ${first.size}`);
+  const path = join(model, "certificate.json"), c = JSON.parse(readFileSync(path, "utf8"));
+  for (const shape of c.per_shape)
+    Object.assign(shape, { verdict: "certified", reasons: [], swaps: [], folds: [], "mismatched_1.5_2.0": [] });
+  Object.assign(c.per_shape[2], { verdict: "needs review", reasons: [HARM, "particles have changed places"], swaps: [[7, 11]] });
+  Object.assign(c, { verdict: "needs review", certified: 7 });
+  writeFileSync(path, JSON.stringify(c));
+  run("report", model, "-q");
+  const before = readFileSync(join(model, "report.html"));
+  run("report", model, "-q", "--threads", "1");
+  assert.ok(before.equals(readFileSync(join(model, "report.html"))), "the page depends on threads");
+}
+
+// ---- the browser ----
+
+const complaints = [];
+async function open(browser, options = {}) {
+  const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, offline: true, ...options });
+  const page = await context.newPage();
+  page.on("console", (m) => ["error", "warning"].includes(m.type()) && complaints.push(`console: ${m.text()}`));
+  page.on("pageerror", (e) => complaints.push(`page: ${e.message}`));
+  page.on("dialog", (d) => (complaints.push(`dialog: ${d.message()}`), d.dismiss()));
+  page.on("request", (r) => /^(file|data|blob):/.test(r.url()) || complaints.push(`request: ${r.url()}`));
+  await page.goto(pathToFileURL(join(model, "report.html")).href);
+  await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
+  await settle(page);
+  return page;
+}
+const settle = (page) => page.waitForFunction(() => apsmReport.idle(), null, { timeout: 30000 });
+
+async function show(page, selector) {
+  await page.evaluate((s) => document.querySelector(s).scrollIntoView({ block: "center", behavior: "instant" }), selector);
+  await page.waitForTimeout(150);
+  await settle(page);
+}
+
+/** What a canvas shows: share of drawn pixels, a sum to compare, their colours' variety. */
+const look = (page, selector) =>
+  page.evaluate((s) => {
+    const canvas = document.querySelector(s), copy = new OffscreenCanvas(canvas.width, canvas.height);
+    const flat = copy.getContext("2d", { willReadFrequently: true });
+    flat.drawImage(canvas, 0, 0);
+    const { data } = flat.getImageData(0, 0, canvas.width, canvas.height);
+    let drawn = 0, sum = 0, vivid = 0;
+    for (let k = 0; k < data.length; k += 4) {
+      if (data[k + 3] < 128) continue;
+      drawn++;
+      sum = (sum * 31 + data[k] + 3 * data[k + 1] + 7 * data[k + 2] + k) % 1000000007;
+      if (Math.max(data[k], data[k + 1], data[k + 2]) - Math.min(data[k], data[k + 1], data[k + 2]) > 60) vivid++;
+    }
+    return { share: drawn / (data.length / 4), sum, vivid: vivid / Math.max(drawn, 1) };
+  }, selector);
+
+const tests = {
+  async "the summary, the verdict and all names are there, as text"(page) {
+    assert.match(await page.title(), /model .<i>. & co/);
+    assert.match(await page.textContent("#summary"), /8 shapes, 48 particles/);
+    assert.match(await page.textContent("#verdict"), /1 of 8 shapes needs review/);
+    const names = await page.$$eval("#fidelity option", (o) => o.map((x) => x.textContent));
+    for (const name of NAMES) assert.ok(names.includes(name), `${name} is missing`);
+    assert.equal(await page.evaluate(() => window.harmed), undefined);
+    assert.equal(await page.locator("#certificate img, #cohort img, #cohort b").count(), 0);
+    assert.ok((await page.textContent("#certificate")).includes(HARM));
+  },
+  async "the mean is drawn, and a slider moves it, by the keyboard too"(page) {
+    const canvas = "#modes canvas", range = "#modes input[type=range]";
+    await show(page, canvas);
+    const mean = await look(page, canvas);
+    assert.ok(mean.share > 0.05 && mean.share < 0.9, `share of pixels ${mean.share}`);
+    assert.ok(mean.vivid < 0.05, "the mean has no displacement to colour");
+    await page.locator(range).first().fill("2");
+    await settle(page);
+    const moved = await look(page, canvas);
+    assert.notEqual(moved.sum, mean.sum);
+    assert.ok(moved.vivid > 0.1, "no colour by displacement");
+    assert.match(await page.textContent("#modes .value"), /\+2\.00 sd/);
+    await page.locator(range).first().press("ArrowLeft");
+    assert.match(await page.textContent("#modes .value"), /\+1\.99 sd/);
+    await page.getByRole("button", { name: "Reset to the mean" }).click();
+    await settle(page);
+    assert.equal((await look(page, canvas)).sum, mean.sum);
+  },
+  async "the mode at 2 sd is where the model says"(page) {
+    const errors = await page.evaluate(() => {
+      const { model, modes } = apsmReport, before = modes.V.slice();
+      modes.setMode(0, 2);
+      const d = model.array(model.mean.modes[0].vertices, "displacements");
+      const worst = d.reduce((w, x, k) => Math.max(w, Math.abs(modes.V[k] - before[k] - 2 * x)), 0);
+      const far = d.reduce((w, x) => Math.max(w, Math.abs(x)), 0);
+      modes.setMode(0, 0);
+      return { worst, far };
+    });
+    assert.ok(errors.worst < 1e-4 && errors.far > 0.5, JSON.stringify(errors));
+  },
+  async "play runs and stops"(page) {
+    const play = page.getByRole("button", { name: "play mode 1", exact: true }), value = () => page.textContent("#modes .value");
+    await play.click();
+    const first = await value();
+    await page.waitForFunction((text) => document.querySelector("#modes .value").textContent !== text, first);
+    await play.click();
+    const stopped = await value();
+    await page.waitForTimeout(200);
+    assert.equal(await value(), stopped);
+    await page.getByRole("button", { name: "Reset to the mean" }).click();
+  },
+  async "all shapes are drawn with particles, and turn together"(page) {
+    await show(page, "#cohort .grid");
+    const tile = (k) => `#cohort .tile:nth-child(${k}) canvas`;
+    const before = [await look(page, tile(1)), await look(page, tile(5))];
+    for (const b of before) assert.ok(b.share > 0.05 && b.vivid > 0.02, JSON.stringify(b));
+    await page.locator(tile(1)).focus();
+    await page.keyboard.press("ArrowLeft");
+    await settle(page);
+    assert.notEqual((await look(page, tile(1))).sum, before[0].sum);
+    assert.notEqual((await look(page, tile(5))).sum, before[1].sum);
+    const box = await page.locator(tile(2)).boundingBox(), yaw = await page.evaluate(() => apsmReport.pose.yaw);
+    await page.mouse.move(box.x + 40, box.y + 40);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 90, box.y + 40, { steps: 4 });
+    await page.mouse.up();
+    assert.notEqual(await page.evaluate(() => apsmReport.pose.yaw), yaw);
+    await page.keyboard.press("Escape");
+  },
+  async "a click on a particle marks it on every shape"(page) {
+    await show(page, "#cohort .grid");
+    const at = await page.evaluate(() => {
+      const { tiles } = apsmReport, view = tiles[1].view, c = view.canvas;
+      for (let y = 10; y < c.clientHeight; y += 3)
+        for (let x = 10; x < c.clientWidth; x += 3) {
+          const j = view.particleAt(x, y);
+          if (j >= 0) return { x, y, j };
+        }
+      return null;
+    });
+    assert.ok(at, "no particle can be picked");
+    const canvas = page.locator("#cohort .tile canvas").nth(1), other = "#cohort .tile:nth-child(6) canvas";
+    const plain = await look(page, other);
+    await canvas.hover({ position: at });
+    await settle(page);
+    assert.equal(await page.evaluate(() => apsmReport.state.hover), at.j);
+    assert.notEqual((await look(page, other)).sum, plain.sum, "hover shows on no other shape");
+    await canvas.click({ position: at });
+    await page.mouse.move(2, 2);
+    await settle(page);
+    const marks = await page.evaluate(() => [apsmReport.state.pin, apsmReport.state.hover, apsmReport.state.chosen]);
+    assert.deepEqual(marks, [at.j, -1, 1]);
+    assert.match(await page.textContent("#cohort"), new RegExp(`particle ${at.j} \\(kept`));
+    await page.keyboard.press("Escape");
+    assert.equal(await page.evaluate(() => apsmReport.state.pin), -1);
+  },
+  async "the cohort sorts"(page) {
+    const order = () => page.$$eval("#cohort .tile", (t) => t.map((x) => Number(x.textContent.match(/([\d.]+) from the mean/)?.[1])));
+    await page.locator("#cohort select").first().selectOption("distance");
+    const far = await order();
+    assert.equal(far.length, 8);
+    assert.deepEqual(far, [...far].sort((a, b) => b - a));
+    await page.locator("#cohort select").first().selectOption("name");
+  },
+  async "heat maps and histogram follow the shape chosen"(page) {
+    await show(page, "#fidelity .pair");
+    const template = await page.evaluate(() => apsmReport.model.template);
+    const other = template === 5 ? 6 : 5;
+    await page.locator("#fidelity select").first().selectOption(String(other));
+    await settle(page);
+    const maps = [];
+    for (const k of [0, 1]) maps.push(await page.evaluate((n) => document.querySelectorAll("#fidelity canvas")[n].id = `map${n}`, k));
+    for (const id of maps) assert.ok((await look(page, `#${id}`)).vivid > 0.02, "no heat");
+    const before = await page.innerHTML("#fidelity svg");
+    await page.getByRole("button", { name: "next shape" }).click();
+    await settle(page);
+    assert.notEqual(await page.innerHTML("#fidelity svg"), before);
+  },
+  async "figures and scatter are there; a point chooses its shape"(page) {
+    assert.equal(await page.locator("#quality svg").count(), 4);
+    assert.match(await page.textContent("#quality"), /Definition .standard./);
+    assert.equal(await page.locator("#quality svg .point").count(), 8);
+    await page.locator("#quality svg .point").nth(3).press("Enter");
+    assert.equal(await page.evaluate(() => apsmReport.state.chosen), 3);
+  },
+  async "a click in the certificate goes to the place"(page) {
+    await page.getByTitle("show particle 7 on c", { exact: true }).click();
+    await page.waitForTimeout(700);
+    await settle(page);
+    const now = await page.evaluate(() => ({ chosen: apsmReport.state.chosen, pin: apsmReport.state.pin, y: document.querySelector("#fidelity").getBoundingClientRect().top }));
+    assert.deepEqual([now.chosen, now.pin], [2, 7]);
+    assert.ok(Math.abs(now.y) < 500, `not scrolled: ${now.y}`);
+    const seen = await page.evaluate(() => {
+      const view = document.querySelector("#fidelity canvas").view, n = view.pickable.N.slice(21, 24), p = apsmReport.pose;
+      return n[0] * Math.sin(p.yaw) * Math.cos(p.pitch) - n[1] * Math.cos(p.yaw) * Math.cos(p.pitch) + n[2] * Math.sin(p.pitch);
+    });
+    assert.ok(seen > 0.99, `the particle looks elsewhere: ${seen}`);
+    await page.keyboard.press("Escape");
+  },
+  async "provenance names inputs with hashes, but no folders"(page) {
+    const text = await page.textContent("#provenance");
+    assert.match(text, /[0-9a-f]{64}/);
+    assert.ok(text.includes("stage1_epochs"));
+    assert.ok(!(await page.content()).includes(folder));
+  },
+  async "text has enough contrast, light and dark"(page) {
+    for (const theme of ["light", "dark"]) {
+      const poor = await page.evaluate((name) => {
+        document.documentElement.dataset.theme = name;
+        const rgb = (text) => text.match(/[\d.]+/g).map(Number);
+        const light = (c) => {
+          const [r, g, b] = c.slice(0, 3).map((x) => (x / 255 <= 0.04045 ? x / 255 / 12.92 : ((x / 255 + 0.055) / 1.055) ** 2.4));
+          return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+        };
+        const ground = (node) => {
+          for (let n = node; n; n = n.parentElement) {
+            const c = rgb(getComputedStyle(n).backgroundColor);
+            if (c.length < 4 || c[3] > 0.99) return c;
+          }
+          return [255, 255, 255];
+        };
+        const out = [];
+        for (const node of document.querySelectorAll("body *")) {
+          if (node.closest("script, style, noscript") || ![...node.childNodes].some((c) => c.nodeType === 3 && c.data.trim())) continue;
+          const style = getComputedStyle(node), a = light(rgb(node.namespaceURI.includes("svg") ? style.fill : style.color)), b = light(ground(node));
+          const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+          if (ratio < 4.5) out.push(`${name} ${node.tagName} ${node.textContent.slice(0, 30)} ${ratio.toFixed(2)}`);
+        }
+        return [...new Set(out)].slice(0, 5);
+      }, theme);
+      assert.deepEqual(poor, []);
+    }
+  },
+  async "every control has a name"(page) {
+    const nameless = await page.evaluate(() =>
+      [...document.querySelectorAll("button, input, select, canvas, [role=button]")]
+        .filter((n) => !n.getAttribute("aria-label") && !n.textContent.trim() && !n.closest("label")?.textContent.trim())
+        .map((n) => n.outerHTML.slice(0, 80)));
+    assert.deepEqual(nameless, []);
+  },
+};
+
+async function picture(page, name) {
+  if (pictures) await page.screenshot({ path: join(pictures, `${name}.png`), fullPage: true });
+}
+
+async function main() {
+  makeModel();
+  const browser = await chromium.launch({
+    executablePath: browserPath,
+    args: ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-angle=swiftshader", "--disable-quic", "--no-first-run",
+      "--disable-background-networking", "--disable-component-update", "--disable-sync"],
+  });
+  let failed = 0;
+  const check = async (name, test) => {
+    try {
+      await test();
+      assert.deepEqual(complaints.splice(0), []);
+      console.log(`ok   ${name}`);
+    } catch (error) {
+      failed++;
+      console.log(`FAIL ${name}\n     ${String(error.message).replaceAll("\n", "\n     ")}`);
+    }
+  };
+  const page = await open(browser);
+  await picture(page, "light");
+  for (const [name, test] of Object.entries(tests)) await check(name, () => test(page));
+  await check("nothing is cut off on a phone in the dark", async () => {
+    const phone = await open(browser, { viewport: { width: 360, height: 740 }, colorScheme: "dark", hasTouch: true, isMobile: true });
+    assert.equal(await phone.evaluate(() => document.documentElement.dataset.theme), "dark");
+    const wide = await phone.evaluate(() => [...document.querySelectorAll("main *, header *")]
+      .filter((n) => !n.closest(".scroll, svg") && n.getBoundingClientRect().right > 361).map((n) => n.outerHTML.slice(0, 90)));
+    assert.deepEqual(wide.slice(0, 3), []);
+    await picture(phone, "phone");
+    await phone.context().close();
+  });
+  await check("it prints", async () => {
+    const pdf = await page.pdf({ format: "A4" });
+    assert.ok(pdf.length > 30000);
+    if (pictures) writeFileSync(join(pictures, "print.pdf"), pdf);
+  });
+  await check("without WebGL the figures and tables are still there", async () => {
+    const plain = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-background-networking"] });
+    const context = await plain.newContext({ offline: true }), poor = await context.newPage();
+    await poor.goto(pathToFileURL(join(model, "report.html")).href);
+    await poor.waitForFunction(() => document.documentElement.dataset.ready === "yes");
+    assert.match(await poor.textContent("#problem"), /WebGL/);
+    assert.equal(await poor.locator("#quality svg").count(), 4);
+    await plain.close();
+  });
+  await browser.close();
+  return failed;
+}
+
+let code = 1;
+try {
+  code = (await main()) > 0 ? 1 : 0;
+} finally {
+  rmSync(folder, { recursive: true, force: true });
+}
+process.exit(code);
