@@ -1,0 +1,218 @@
+#!/bin/bash
+# The program from shapes to a model: what is written, that it depends on nothing but shapes and
+# options, that an interrupted run goes on, and what happens with shapes that are hard or broken.
+# $1 is the program, $2 make_synthetic.
+set -u -m # -m: background jobs must not ignore SIGINT
+apsm=$1
+synthetic=$2
+folder=$(mktemp -d)
+trap 'chmod -R u+w "$folder"; rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+quick=(-J 64 --faces 1500 --stage1-epochs 12 --stage2-epochs 8)
+
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+
+# expect CODE WORDS ARGUMENT...: exit code, and words in what the program says (both streams).
+expect() {
+    local code=$1 words=$2
+    shift 2
+    "$apsm" "$@" >said 2>&1 </dev/null
+    local got=$?
+    if [ $got -ne "$code" ]; then
+        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
+    elif ! grep -qF -- "$words" said; then
+        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
+    fi
+}
+
+# silent about errors of the program's own making
+sound() {
+    grep -qiE "segmentation|sanitizer|assert|core dumped" said && fail "$1: $(cat said)"
+}
+
+same_particles() {
+    diff -rq "$1/particles" "$2/particles" >/dev/null || fail "$1 and $2 differ: $3"
+}
+
+# particles FOLDER J SHAPES: so many files, of so many lines of three numbers.
+particles() {
+    local number='-?[0-9.]+(e[-+][0-9]+)?' n=0
+    for file in "$1"/particles/*_world.particles "$1"/particles/*_local.particles; do
+        n=$((n + 1))
+        [ "$(grep -cE "^$number $number $number\$" "$file")" -eq "$2" ] &&
+            [ "$(wc -l <"$file")" -eq "$2" ] || fail "$file: not $2 lines of three numbers"
+    done
+    [ $n -eq $((2 * $3)) ] || fail "$1: $n files of particles, not $((2 * $3))"
+}
+
+# snapshot FOLDER: names and contents of all its files
+snapshot() {
+    find "$1" -type f -exec cksum {} + | sort
+}
+
+mkdir cohort
+for i in 0 1 2 3 4; do
+    "$synthetic" bump cohort/s$i.ply index $i turn $((50 * i)) shift $((4 * i)) || exit 1
+done
+
+# ---- a run and what it leaves ----
+expect 0 "about" run cohort -o model "${quick[@]}" --dry-run
+[ -e model ] && fail "--dry-run wrote something"
+expect 0 "verdict:" run cohort -o model "${quick[@]}" --threads 1
+for file in project.swproj manifest.json history.csv model.json scores.csv evaluation.json \
+    evaluation.csv certificate.json report.html state/initial.ckpt state/optimize.ckpt \
+    meshes/mean.ply groomed/s0.ply meshes/s4_reconstructed.ply; do
+    [ -s "model/$file" ] || fail "no model/$file"
+done
+find model -name '*.tmp' -o -name .apsm.lock | grep -q . && fail "left-overs in model"
+particles model 64 5
+[ "$(wc -l <model/scores.csv)" -eq 6 ] || fail "scores.csv has not one line a shape"
+[ "$(wc -l <model/evaluation.csv)" -eq 6 ] || fail "evaluation.csv has not one line a shape"
+grep -q '"format": "apsm-model"' model/model.json || fail "model.json without format"
+grep -q '"definition": "standard"' model/evaluation.json || fail "evaluation.json: definition"
+grep -q '"verdict"' model/certificate.json || fail "certificate.json without verdict"
+[ "$(grep -c '"sha256": "[0-9a-f]\{64\}"' model/manifest.json)" -eq 5 ] || fail "inputs' SHA-256"
+expect 0 "particles a shape: 64" info model
+expect 0 "no problems" check model/project.swproj
+
+# ---- the same again, on other ways ----
+expect 0 "" run cohort -o two "${quick[@]}" --threads 2
+same_particles model two "1 and 2 threads"
+expect 0 "" run cohort/s3.ply cohort/s0.ply cohort/s4.ply cohort/s2.ply cohort/s1.ply \
+    -o order "${quick[@]}"
+same_particles model order "order on the command line"
+expect 0 "" groom cohort -o steps "${quick[@]}"
+for step in initialize optimize evaluate; do expect 0 "" $step -o steps; done
+same_particles model steps "run, and step by step"
+expect 0 "" run cohort -o again --config model/manifest.json
+same_particles model again "options from the manifest"
+
+snapshot model >before
+expect 1 "--resume" run cohort -o model "${quick[@]}"
+snapshot model | cmp -s - before || fail "a refused run changed the model"
+expect 0 "" run cohort -o model "${quick[@]}" --overwrite
+same_particles model two "--overwrite"
+expect 0 "" run -o model --resume
+same_particles model two "--resume of a finished run"
+expect 1 "drop the option" run -o model --resume -J 65
+
+# ---- interrupted runs ----
+slow=(-J 128 --faces 1500 --stage1-epochs 30 --stage2-epochs 60 --threads 2)
+expect 0 "" run cohort -o whole "${slow[@]}"
+
+# stop SIGNAL FOLDER OPTION...: sends the signal as soon as stage 2 has begun; code in $stopped.
+stop() {
+    local signal=$1 model=$2 tries=0
+    shift 2
+    "$apsm" run cohort -o "$model" "${slow[@]}" --progress json "$@" >progress 2>said &
+    local process=$!
+    until grep -q 'stage 2' progress || [ $((tries += 1)) -gt 3000 ]; do sleep 0.01; done
+    kill -"$signal" $process
+    wait $process 2>/dev/null
+    stopped=$?
+    [ -e "$model/model.json" ] && fail "$signal came too late to interrupt"
+}
+
+stop INT interrupted
+[ $stopped -eq 130 ] || fail "SIGINT: exit code $stopped"
+grep -qF "apsm run --resume -o interrupted" said || fail "SIGINT: no word on how to go on"
+[ -s interrupted/state/optimize.ckpt ] || fail "SIGINT: no checkpoint"
+cp -r interrupted damaged
+expect 0 "resuming stage 2" run --resume -o interrupted
+same_particles whole interrupted "SIGINT and --resume"
+cmp -s whole/history.csv interrupted/history.csv || fail "SIGINT and --resume: history"
+
+stop KILL killed --checkpoint-seconds 0
+[ $stopped -eq 137 ] || fail "kill -9: exit code $stopped"
+expect 0 "resuming stage" run --resume -o killed --threads 1
+same_particles whole killed "kill -9 and --resume"
+cmp -s whole/history.csv killed/history.csv || fail "kill -9 and --resume: history"
+
+printf '\377' | dd of=damaged/state/optimize.ckpt bs=1 seek=3000 conv=notrunc 2>/dev/null
+expect 1 "optimize.ckpt" run --resume -o damaged
+expect 1 "" optimize -o nothing
+[ -e damaged/model.json ] && fail "a damaged checkpoint was used"
+
+# ---- mirrored inputs ----
+mkdir pair
+for i in 0 1 2; do
+    "$synthetic" bump pair/right_$i.ply index $i
+    "$synthetic" bump pair/left_$i.ply index $i mirror 1 turn 100 shift 7
+done
+expect 0 "3 of them mirrored" run pair -o mirrored "${quick[@]}" --reflect-match left \
+    --original-frame --template right_1
+particles mirrored 64 6
+[ "$(grep -c '"mirrored": "yes"' mirrored/project.swproj)" -eq 3 ] || fail "mirrored is not told"
+[ "$(find mirrored/particles -name '*_original.particles' | wc -l)" -eq 6 ] ||
+    fail "no particles in the original frame"
+cmp -s mirrored/particles/right_0_{local,original}.particles || fail "original is not local"
+cmp -s mirrored/particles/left_0_{local,original}.particles && fail "original is mirrored"
+
+# ---- how many shapes, how many particles ----
+expect 0 "verdict:" run cohort/s0.ply -o one "${quick[@]}"
+particles one 64 1
+expect 0 "verdict:" run cohort/s0.ply cohort/s1.ply -o pair_of "${quick[@]}"
+particles pair_of 64 2
+few=(--faces 1500 --stage1-epochs 2 --stage2-epochs 2)
+expect 0 "" run cohort -o seven -J 7 "${few[@]}" --adaptivity 0
+particles seven 7 5
+expect 1 "faces" run cohort/s0.ply cohort/s1.ply -o crowd -J 1000 "${few[@]}"
+expect 0 "" run cohort -o plain "${few[@]}" -J 32 --align none --seed 7
+expect 0 "" run cohort -o literal "${few[@]}" -J 32 --preset paper-literal-femur
+particles literal 32 5
+expect 2 "nowhere" run cohort -o x --template nowhere
+expect 2 "the nearest is 'gamma'" run cohort -o x --set gama=1
+
+# ---- shapes that are hard ----
+mkdir torus sheet plate mixed open
+for i in 0 1 2; do
+    "$synthetic" torus torus/t$i.ply level 2 index $i turn $((30 * i))
+    "$synthetic" sheet sheet/t$i.ply level 2 index $i
+    "$synthetic" plate plate/p$i.ply index $i count 3
+    "$synthetic" ellipsoid mixed/m$i.ply index $i level $((i + 2))
+    "$synthetic" sphere open/o$i.ply index $i hole $((20 * i))
+done
+for kind in torus sheet plate mixed open; do
+    expect 0 "verdict:" run $kind -o of_$kind "${quick[@]}"
+    particles of_$kind 64 3
+done
+grep -q hole said || fail "a filled hole is not told: $(cat said)"
+
+# ---- files that are broken ----
+bad=(run cohort/s0.ply cohort/s1.ply -o x "${quick[@]}")
+sed 's/^X//' >nan.ply <<'END'
+Xply
+Xformat ascii 1.0
+Xelement vertex 4
+Xproperty float x
+Xproperty float y
+Xproperty float z
+Xelement face 4
+Xproperty list uchar int vertex_indices
+Xend_header
+X0 0 0
+X1 0 0
+X0 nan 0
+X0 0 1
+X3 0 2 1
+X3 0 1 3
+X3 1 2 3
+X3 0 3 2
+END
+: >empty.ply
+head -c 2000 cohort/s2.ply >short.ply
+for file in nan empty short missing; do
+    expect 1 "$file.ply" "${bad[@]}" $file.ply
+    sound $file.ply
+done
+[ -e x/project.swproj ] && fail "broken inputs left a project"
+if [ "$(id -u)" -ne 0 ]; then
+    mkdir locked && chmod a-w locked
+    expect 1 "locked" run cohort -o locked/model "${quick[@]}"
+    expect 1 "locked" run cohort -o locked "${quick[@]}"
+fi
+exit $failed

@@ -1,0 +1,106 @@
+/* Writes one mesh of a known shape, for tests of the command line; or a moved or scaled copy of a
+ * mesh file:
+ *
+ *   make_synthetic SHAPE OUT.ply [OPTION VALUE...]
+ *   make_synthetic IN.ply OUT.ply [OPTION VALUE...]
+ *
+ * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
+ * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
+ * out), mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)),
+ * scale; applied in this order whatever their order on the command line. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/context.h"
+#include "synthetic.h"
+
+enum { LEVEL, INDEX, COUNT, HOLE, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
+static const char *const names[OPTIONS] = { "level",  "index", "count", "hole",
+                                            "mirror", "turn",  "shift", "scale" };
+
+static bool parse(int n, char **words, double value[OPTIONS])
+{
+    if (n % 2) return false;
+    for (int k = 0; k < n; k += 2) {
+        int o = 0;
+        char *end;
+        while (o < OPTIONS && strcmp(words[k], names[o]) != 0) o++;
+        if (o == OPTIONS) return false;
+        value[o] = strtod(words[k + 1], &end);
+        if (*end) return false;
+    }
+    return true;
+}
+
+static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPTIONS],
+                        apsm_mesh *mesh)
+{
+    static const char *const kinds[] = { "ellipsoid", "bump", "plate" };
+    const int level = (int)v[LEVEL];
+    const size_t cells = (size_t)4 << level;
+    for (int k = 0; k < 3; k++)
+        if (strcmp(shape, kinds[k]) == 0) {
+            *mesh = synthetic_shape((synthetic_kind)k, (size_t)v[INDEX], (size_t)v[COUNT], level);
+            return APSM_OK;
+        }
+    if (strcmp(shape, "sphere") == 0)
+        *mesh = shape_sphere(level, 20 + v[INDEX]);
+    else if (strcmp(shape, "torus") == 0)
+        *mesh = shape_torus(2 * cells, cells, 30, 8 + v[INDEX]);
+    else if (strcmp(shape, "sheet") == 0)
+        *mesh = shape_box((size_t[3]){ cells, cells, 1 }, (double[3]){ 40 + v[INDEX], 30, 1 });
+    else
+        return apsm_vtk_read_mesh(ctx, shape, mesh);
+    return APSM_OK;
+}
+
+/* Rodrigues' formula about the unit vector u. */
+static void turn(const double u[3], double angle, double x[3])
+{
+    const double c = cos(angle), s = sin(angle);
+    const double along = (u[0] * x[0] + u[1] * x[1] + u[2] * x[2]) * (1 - c);
+    const double across[3] = { u[1] * x[2] - u[2] * x[1], u[2] * x[0] - u[0] * x[2],
+                               u[0] * x[1] - u[1] * x[0] };
+    for (int k = 0; k < 3; k++) x[k] = c * x[k] + s * across[k] + along * u[k];
+}
+
+static void move(const double v[OPTIONS], apsm_mesh *mesh)
+{
+    const double n = sqrt(14), u[3] = { 1 / n, 2 / n, 3 / n }, way[3] = { 1, -2, 0.5 };
+    for (size_t i = 0; i < mesh->nv; i++) {
+        double *x = mesh->V + 3 * i;
+        if (v[MIRROR] != 0) x[0] = -x[0];
+        if (v[TURN] != 0) turn(u, v[TURN] * M_PI / 180, x);
+        for (int k = 0; k < 3; k++) x[k] = v[SCALE] * (x[k] + v[SHIFT] * way[k]);
+    }
+    for (size_t f = 0; v[MIRROR] != 0 && f < mesh->nf; f++) { /* outward again */
+        const uint32_t b = mesh->F[3 * f + 1];
+        mesh->F[3 * f + 1] = mesh->F[3 * f + 2];
+        mesh->F[3 * f + 2] = b;
+    }
+}
+
+int main(int argc, char **argv)
+{
+    double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1 };
+    if (argc < 3 || !parse(argc - 3, argv + 3, v)) {
+        fprintf(stderr, "usage: make_synthetic SHAPE|IN.ply OUT.ply [OPTION VALUE...]\n");
+        return 2;
+    }
+    apsm_context *ctx = apsm_context_new();
+    apsm_mesh mesh = { 0 };
+    if (!ctx) return 1;
+    apsm_status status = make(ctx, argv[1], v, &mesh);
+    if (status == APSM_OK) {
+        mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;
+        move(v, &mesh);
+        status = apsm_vtk_write_mesh(ctx, argv[2], &mesh);
+    }
+    if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
+    apsm_mesh_free(&mesh);
+    apsm_context_free(ctx);
+    return status != APSM_OK;
+}
