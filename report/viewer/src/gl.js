@@ -101,7 +101,7 @@ export function surfaceGeometry(V, F, N, value) {
   return g;
 }
 
-const ball = new IcosahedronGeometry(1, 2);
+const ball = new IcosahedronGeometry(1, 1);
 
 export function particleGeometry(P, tint) {
   const g = new InstancedBufferGeometry();
@@ -161,12 +161,14 @@ function glide(to) {
 // ---- views ----
 
 const views = new Set(), dirty = new Set();
-let waiting = false;
+let waiting = false, active = null; // the view under the pointer comes first
 
 function paintSome() {
   waiting = false;
   const begin = performance.now();
-  for (const view of dirty) {
+  const ordered = dirty.has(active) ? [active, ...dirty] : [...dirty];
+  for (const view of ordered) {
+    if (!dirty.has(view)) continue;
     dirty.delete(view);
     view.paint();
     if (performance.now() - begin > 40 && dirty.size > 0) break; // the rest in the next frame
@@ -298,7 +300,9 @@ export class View {
 function listen(view) {
   const canvas = view.canvas, fingers = new Map();
   let moved = 0, spread = 0;
+  canvas.addEventListener("pointerenter", () => (active = view));
   canvas.addEventListener("pointerdown", (e) => {
+    active = view;
     fingers.set(e.pointerId, e);
     moved = 0;
     spread = 0;

@@ -107,6 +107,9 @@ function shortNames(names) {
 
 // ---- figures about shapes ----
 
+/** A distance on the template is rounding: 0. */
+const tidy = (x, surface) => (x < 1e-9 * surface.diagonal ? 0 : x);
+
 let facts; // per shape: name, surface, mismatched, strict, distance, certificate
 
 function gatherFacts() {
@@ -118,7 +121,7 @@ function gatherFacts() {
     const P = model.array(s.particles, "positions"), sum = P.reduce((a, x, k) => a + (x - mean[k]) ** 2, 0);
     return {
       name: s.name, certificate: c, surface: surface.get(s.name) ?? null,
-      mean: surface.get(s.name)?.mean ?? NaN,
+      mean: surface.has(s.name) ? tidy(surface.get(s.name).mean, surface.get(s.name)) : NaN,
       mismatched: c["mismatched_1.5_2.0"]?.length ?? 0, strict: c["mismatched_1.5_1.5"]?.length ?? 0,
       distance: Math.sqrt(sum / model.J),
       fine: c.verdict === "certified",
@@ -268,7 +271,7 @@ function fillModes() {
       : `The mean of all shapes, and how they vary. ${K === 1 ? "One mode is" : `The first ${K} modes are`} shown: ${percent(shown)} of the variance. Colour tells how far the surface has moved from the mean along its normal.`),
     el("div", { class: "split" },
       el("div", { class: "main" }, box, key,
-        el("p", { class: "small soft" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
+        el("p", { class: "small soft screen" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
       el("div", {},
         el("div", { class: "tools" },
           el("button", { type: "button", onclick: reset }, "Reset to the mean"),
@@ -337,7 +340,7 @@ function fillCohort(strange) {
   const list = [...strange.entries()];
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
-  const readout = el("p", { class: "small", "aria-live": "polite" });
+  const readout = el("p", { class: "small screen", "aria-live": "polite" });
   const hint = "Point at a particle to find it on every shape; click keeps it.";
   const tell = () => (readout.textContent = readoutText() || hint);
   refresh.particle.push(tell);
@@ -387,7 +390,7 @@ function fillFidelity() {
       v.view.setPickable(options.particles ? particlesOf(i) : null, options.particles ? normalsOf(i) : null);
     });
     ends.replaceChildren(legend("heat", ["0", "distance", `${hi < most ? "\u2265 " : ""}${show(hi)}`]));
-    const length = (x) => (x === undefined ? "" : show(x < 1e-9 * d.diagonal ? 0 : x)); // rounding is 0
+    const length = (x) => (x === undefined ? "" : show(tidy(x, d)));
     const row = (name, s) => [name, length(s.mean), length(s.median), length(s.p95), length(s.p99), length(s.max)];
     figures.replaceChildren(
       d ? table(["distance", "mean", "median", "95 %", "99 %", "max"],
@@ -517,7 +520,7 @@ function fillCertificate() {
     el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% mismatched), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
     el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
     list(order.slice(0, Math.max(bad, 15))),
-    order.length > Math.max(bad, 15) && el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
+    order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
   );
 }
 
