@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/files.h"
 #include "help.h"
 #include "signals.h"
 #include "verbs.h"
@@ -41,11 +42,21 @@ static int exit_code(apsm_status status)
     return status == APSM_OK ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
+/* Before the shapes are groomed there is nothing to go on with. */
+static bool can_resume(const cli_args *args)
+{
+    if (!args->out_dir || !(args->verb->verb & (CLI_RUN | CLI_OPTIMIZE))) return false;
+    char *project = apsm_path_join(args->out_dir, "project.swproj");
+    const bool can = project && apsm_file_exists(project);
+    free(project);
+    return can;
+}
+
 static void tell_interrupted(const cli_args *args, cli_ui *ui)
 {
     char line[1024];
     const char *verb = args->verb->name;
-    if (args->out_dir && (args->verb->verb & (CLI_RUN | CLI_OPTIMIZE)))
+    if (can_resume(args))
         snprintf(line, sizeof line, "interrupted; go on with: apsm %s --resume -o %s", verb,
                  args->out_dir);
     else

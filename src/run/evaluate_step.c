@@ -298,6 +298,17 @@ static apsm_status write_modes(const evaluation_work *w)
     return status;
 }
 
+/* An earlier model may have shown more modes. */
+static apsm_status remove_other_modes(const evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    for (size_t k = shown_modes(&w->evaluation); k < MOST_SHOWN; k++) {
+        APSM_TRY(run_remove(run, run_pathf(run, "meshes/mode_%02zu_minus2sd.ply", k + 1)));
+        APSM_TRY(run_remove(run, run_pathf(run, "meshes/mode_%02zu_plus2sd.ply", k + 1)));
+    }
+    return APSM_OK;
+}
+
 static apsm_status write_meshes(evaluation_work *w)
 {
     apsm_run *run = w->run;
@@ -308,6 +319,7 @@ static apsm_status write_meshes(evaluation_work *w)
     APSM_TRY(status);
     APSM_TRY(write_warped(run->ctx, w, w->model.mean, NULL, run_path(run, "meshes/mean.ply")));
     APSM_TRY(write_modes(w));
+    APSM_TRY(remove_other_modes(w));
     return apsm_parallel_for(run->ctx, w->I, write_reconstruction, w, "reconstruct");
 }
 
@@ -347,6 +359,8 @@ apsm_status apsm_run_evaluate(apsm_run *run)
     apsm_status status = run_load_cohort(run, false);
     if (status == APSM_OK) status = load_particles(run, &w);
     if (status == APSM_OK) status = evaluate_and_write(&w);
+    if (status == APSM_OK) status = run_write_project(run); /* the definition may be another one */
+    if (status == APSM_OK) status = manifest_set_options(run);
     if (status == APSM_OK) status = stage_end(run, "evaluate", &clock);
     if (status == APSM_OK) tell(&w);
     certify_free(&w.certificate);

@@ -54,6 +54,23 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
                              &in->list);
 }
 
+apsm_status groom_inputs_compare(apsm_run *run)
+{
+    if (run->n_inputs == 0) return APSM_OK;
+    groom_inputs in = { 0 };
+    apsm_status status = groom_inputs_list(run, &in);
+    bool same = in.list.n == run->project.n;
+    for (size_t i = 0; i < in.list.n && same; i++)
+        same = apsm_project_find(&run->project, in.list.cases[i].name) < run->project.n;
+    if (status == APSM_OK && !same)
+        status = apsm_fail(run->ctx, APSM_ERR_STATE,
+                           "%s: the run that --resume continues has other shapes (%zu) than these "
+                           "inputs (%zu); name no inputs, or start anew with --overwrite",
+                           run->folder, run->project.n, in.list.n);
+    groom_inputs_free(&in);
+    return status;
+}
+
 /* ---- one shape ---- */
 
 static apsm_groom_options groom_options(const apsm_options *o)

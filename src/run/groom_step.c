@@ -128,6 +128,30 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     return describe_reflection(w, i, s);
 }
 
+static bool is_groomed(const groom_work *w, const char *name)
+{
+    for (size_t i = 0; i < w->in.list.n; i++)
+        if (strcmp(w->in.list.cases[i].name, name) == 0) return true;
+    return false;
+}
+
+/* What we wrote for shapes of an earlier model that this one does not have: left behind, they
+ * would be taken for shapes of this one. */
+static apsm_status remove_other_shapes(groom_work *w)
+{
+    static const char *const files[] = { "groomed/%s.ply", "particles/%s_local.particles",
+                                         "particles/%s_world.particles",
+                                         "particles/%s_original.particles",
+                                         "meshes/%s_reconstructed.ply" };
+    apsm_run *run = w->run;
+    for (size_t i = 0; i < run->project.n; i++) {
+        const char *name = run->project.subjects[i].name;
+        for (size_t k = 0; k < sizeof files / sizeof files[0] && !is_groomed(w, name); k++)
+            APSM_TRY(run_remove(run, run_pathf(run, files[k], name)));
+    }
+    return APSM_OK;
+}
+
 /* The project's shapes are replaced; other groups of the file stay. */
 static apsm_status describe_project(groom_work *w)
 {
@@ -181,6 +205,7 @@ static apsm_status save(groom_work *w)
     stage_undo(run, "groom");
     APSM_TRY(manifest_write(run));
     APSM_TRY(apsm_parallel_for(run->ctx, w->in.list.n, write_mesh, w, NULL));
+    APSM_TRY(remove_other_shapes(w));
     APSM_TRY(describe_project(w));
     APSM_TRY(list_inputs(w));
     APSM_TRY(manifest_set_options(run));
@@ -202,10 +227,12 @@ static void tell(const groom_work *w)
              w->in.list.n > 1 ? sum / (double)(w->in.list.n - 1) : 0.0);
 }
 
+/* A project that has not been groomed here (ShapeWorks', say) is what to groom if there are no
+ * other inputs. */
 static apsm_status refuse_replacing(apsm_run *run)
 {
-    if (run->overwrite || run->resume || run->project.n == 0 || !stage_is_done(run, "groom"))
-        return APSM_OK;
+    if (run->overwrite || run->resume || run->project.n == 0) return APSM_OK;
+    if (run->n_inputs == 0 && !stage_is_done(run, "groom")) return APSM_OK;
     return apsm_fail(run->ctx, APSM_ERR_STATE,
                      "%s: holds a model already; continue it with --resume, replace it with "
                      "--overwrite, or choose another folder",

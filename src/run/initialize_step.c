@@ -7,18 +7,6 @@
 #include "run/manifest.h"
 #include "run/session.h"
 
-/* An earlier run's checkpoint must not be taken for one of these particles. */
-static apsm_status remove_checkpoint(apsm_run *run)
-{
-    char *path = run_path(run, RUN_CHECKPOINT);
-    if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = APSM_OK;
-    if (apsm_file_exists(path) && remove(path) != 0)
-        status = apsm_fail(run->ctx, APSM_ERR_IO, "%s: cannot be removed", path);
-    free(path);
-    return status;
-}
-
 /* Method psm begins with one particle a shape: it alone is shown, not its copies. */
 static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
 {
@@ -40,7 +28,8 @@ static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
         apsm_psm_first_particle(&run->cohort, state);
     else
         APSM_TRY(apsm_first_particles(run->ctx, &run->cohort, &run->options, J, state->P));
-    APSM_TRY(remove_checkpoint(run));
+    /* An earlier run's checkpoint must not be taken for one of these particles. */
+    APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
     APSM_TRY(run_save_state(run, RUN_INITIAL, state, NULL, 0));
     return psm ? write_first(run, state) : run_write_particles(run, J, state->P);
 }

@@ -12,6 +12,7 @@
 #include "apsm/linalg.h"
 #include "apsm/particles_file.h"
 #include "apsm/report.h"
+#include "run/groom_inputs.h"
 #include "run/manifest.h"
 
 /* ---- texts beside the option table ---- */
@@ -118,7 +119,8 @@ static apsm_status refuse_change(apsm_run *run, const char *key, const char *bef
                      run->folder, key, *before ? before : "(none)", *after ? after : "(none)");
 }
 
-/* With resume: what was asked for must be what the run began with. */
+/* With resume: what was asked for must be what the run began with.  Harmless options may change,
+ * and then what depends on them is made again: the checkpoint's particles only written again. */
 static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
 {
     size_t n;
@@ -127,9 +129,18 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
         char a[64], b[64];
         APSM_TRY(apsm_options_get(before, table[k].name, a));
         APSM_TRY(apsm_options_get(&run->options, table[k].name, b));
-        if (strcmp(a, b) != 0 && !is_harmless(table[k].name))
-            return refuse_change(run, table[k].name, a, b);
+        if (strcmp(a, b) == 0) continue;
+        if (!is_harmless(table[k].name)) return refuse_change(run, table[k].name, a, b);
+        if (strcmp(table[k].name, "checkpoint_seconds") != 0) stage_undo(run, "evaluate");
     }
+    return APSM_OK;
+}
+
+static apsm_status refuse_other_text(apsm_run *run, const char *key, const char *value)
+{
+    if (!is_text(key) || strcmp(apsm_run_text(run, key), value) == 0) return APSM_OK;
+    if (!is_harmless(key)) return refuse_change(run, key, apsm_run_text(run, key), value);
+    stage_undo(run, "optimize"); /* original_frame: particles/ */
     return APSM_OK;
 }
 
@@ -153,16 +164,13 @@ static apsm_status settle_options(apsm_run *run, const apsm_run_settings *s)
     run->options = apsm_options_defaults();
     APSM_TRY(take_stored(run));
     const apsm_options before = run->options;
+    const bool goes_on = run->resume && apsm_project_get(&run->project, "apsm", "version");
     for (size_t k = 0; k < s->n_set; k++) {
         const char *key = s->set[k][0], *value = s->set[k][1];
-        if (run->resume && is_text(key) && !is_harmless(key) &&
-            strcmp(apsm_run_text(run, key), value) != 0 &&
-            apsm_project_get(&run->project, "apsm", "version"))
-            return refuse_change(run, key, apsm_run_text(run, key), value);
+        if (goes_on) APSM_TRY(refuse_other_text(run, key, value));
         APSM_TRY(take_pair(run, key, value));
     }
-    if (run->resume && apsm_project_get(&run->project, "apsm", "version"))
-        APSM_TRY(refuse_changes(run, &before));
+    if (goes_on) APSM_TRY(refuse_changes(run, &before));
     APSM_TRY(apsm_options_check(run->ctx, &run->options));
     return store_options(run);
 }
@@ -245,6 +253,16 @@ void apsm_run_close(apsm_run *run)
     free(run->inputs);
     free(run->folder);
     free(run);
+}
+
+apsm_status run_remove(apsm_run *run, char *path)
+{
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    if (apsm_file_exists(path) && remove(path) != 0)
+        status = apsm_fail(run->ctx, APSM_ERR_IO, "%s: cannot be removed; check its folder", path);
+    free(path);
+    return status;
 }
 
 apsm_status run_write_project(apsm_run *run)
@@ -574,6 +592,7 @@ apsm_status apsm_run_all(apsm_run *run)
                   { "initialize", apsm_run_initialize },
                   { "optimize", apsm_run_optimize },
                   { "evaluate", apsm_run_evaluate } };
+    if (run->resume && stage_is_done(run, "groom")) APSM_TRY(groom_inputs_compare(run));
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
     return apsm_report_write(run->ctx, run->folder);

@@ -41,6 +41,9 @@ char *run_path(const apsm_run *run, const char *name);
 /* Path made as by printf below the folder. */
 char *run_pathf(const apsm_run *run, const char *format, ...) APSM_PRINTF(2, 3);
 
+/* Removes a file of the model folder if it is there; path is run_path's, and freed. */
+apsm_status run_remove(apsm_run *run, char *path);
+
 apsm_status run_write_project(apsm_run *run);
 
 /* Loads groomed meshes and transforms unless they are there; refuses a project that has not been

@@ -99,6 +99,17 @@ same_particles model two "--overwrite"
 expect 0 "" run -o model --resume
 same_particles model two "--resume of a finished run"
 expect 1 "drop the option" run -o model --resume -J 65
+expect 1 "other shapes" run cohort/s0.ply -o model --resume
+expect 0 "(paper)" run cohort -o model --resume --definition paper --original-frame
+grep -q '"definition": "paper"' model/evaluation.json || fail "--resume --definition: not used"
+grep -q '"definition": "paper"' model/project.swproj || fail "--resume --definition: not told"
+[ -e model/particles/s4_original.particles ] || fail "--resume --original-frame: not used"
+cmp -s model/particles/s4_world.particles two/particles/s4_world.particles ||
+    fail "--resume --original-frame changed the particles"
+expect 0 "" run cohort/s0.ply cohort/s1.ply -o model "${quick[@]}" --overwrite
+find model -name '*s4*' -o -name '*mode_03*' | grep -q . && fail "left-overs of another model"
+rm model/manifest.json # as if the project were another program's
+expect 1 "holds a model" groom cohort -o model "${quick[@]}"
 
 # ---- interrupted runs ----
 slow=(-J 128 --faces 1500 --stage1-epochs 30 --stage2-epochs 60 --threads 2)
@@ -131,6 +142,13 @@ stop KILL killed --checkpoint-seconds 0
 expect 0 "resuming stage" run --resume -o killed --threads 1
 same_particles whole killed "kill -9 and --resume"
 cmp -s whole/history.csv killed/history.csv || fail "kill -9 and --resume: history"
+
+"$apsm" run cohort -o begun --faces 90000 >said 2>&1 &
+sleep 0.3
+kill -INT $!
+wait $!
+[ $? -eq 130 ] || fail "SIGINT while grooming: $(cat said)"
+grep -q "can be started again" said || fail "SIGINT while grooming: $(cat said)"
 
 printf '\377' | dd of=damaged/state/optimize.ckpt bs=1 seek=3000 conv=notrunc 2>/dev/null
 expect 1 "optimize.ckpt" run --resume -o damaged
