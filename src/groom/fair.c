@@ -1,18 +1,20 @@
-/* Taubin's lambda-mu filter ("A signal processing approach to fair surface design", SIGGRAPH
- * 1995) with the uniform Laplacian  (L x)_v = mean of the neighbours - x_v.
+/* A low-pass filter with the uniform Laplacian  (L x)_v = mean of the neighbours - x_v:
  *
- *   x <- x + lambda L x,  x <- x + mu L x,   1/lambda + 1/mu = k
+ *   x <- x + lambda L x,  x <- x - lambda L x
  *
- * passes eigenvalues below k of -L and damps those above.  On a mesh of edge e a ripple of
- * wavelength l has the eigenvalue (pi e / l)^2, which chooses mu. */
+ * multiplies the part of x with eigenvalue k of -L by 1 - (lambda k)^2 a round, never by more than
+ * 1.  (Taubin's filter, SIGGRAPH 1995, has a second step somewhat longer than the first: it keeps
+ * the volume by itself, but amplifies middle frequencies; here the volume is looked after at the
+ * end.) On a mesh of edge e a ripple of wavelength l has the eigenvalue (pi e / l)^2; the number of
+ * rounds takes the wanted wavelength down to about 1/sqrt(e). */
 #include "groom/fair.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const double lambda = 0.5;
-enum { ITERATIONS = 40 };
+static const double lambda = 0.5, tolerance = 0.005;
+enum { MOST_ROUNDS = 200 };
 
 /* Y <- X + factor L X, by the half-edges: every edge of a closed mesh is seen once from each of
  * its ends. */
@@ -48,12 +50,15 @@ static void hold_back(size_t nv, const double *from, double bound, double *X)
     }
 }
 
-/* Moves all vertices along their normals until the volume is right to first order, twice. */
+/* Moves all vertices along their normals until the volume is within `tolerance` of what it was:
+ * what edges and tips lost would otherwise inflate faces that were right. */
 static void restore_volume(apsm_mesh *mesh, double volume, double *N)
 {
     for (int round = 0; round < 2; round++) {
+        const double off = volume - apsm_mesh_volume(mesh), excess = fabs(off) - tolerance * volume;
+        if (!(excess > 0)) return;
         apsm_mesh_vertex_normals(mesh, N);
-        const double d = (volume - apsm_mesh_volume(mesh)) / apsm_mesh_area(mesh);
+        const double d = copysign(excess, off) / apsm_mesh_area(mesh);
         for (size_t x = 0; x < 3 * mesh->nv; x++) mesh->V[x] += d * N[x];
     }
 }
@@ -61,7 +66,8 @@ static void restore_volume(apsm_mesh *mesh, double volume, double *N)
 apsm_status fair_surface(apsm_mesh *mesh, double wavelength, double bound)
 {
     const double ratio = 3.14159265358979323846 * apsm_mesh_mean_edge(mesh) / wavelength;
-    const double pass = fmin(ratio * ratio, 0.5), mu = 1 / (pass - 1 / lambda);
+    const double decay = lambda * ratio * ratio; /* lambda k of the wavelength */
+    const int rounds = (int)fmin(fmax(0.5 / (decay * decay), 1), MOST_ROUNDS);
     const double volume = apsm_mesh_volume(mesh);
     double *X = malloc(7 * mesh->nv * sizeof *X);
     if (!X) return APSM_ERR_MEMORY;
@@ -69,9 +75,9 @@ apsm_status fair_surface(apsm_mesh *mesh, double wavelength, double bound)
     memcpy(from, mesh->V, 3 * mesh->nv * sizeof *from);
     memset(degree, 0, mesh->nv * sizeof *degree);
     for (size_t k = 0; k < 3 * mesh->nf; k++) degree[mesh->F[k]] += 1;
-    for (int n = 0; n < ITERATIONS; n++) {
+    for (int n = 0; n < rounds; n++) {
         filter(mesh, degree, lambda, mesh->V, X);
-        filter(mesh, degree, mu, X, mesh->V);
+        filter(mesh, degree, -lambda, X, mesh->V);
     }
     hold_back(mesh->nv, from, bound, mesh->V);
     restore_volume(mesh, volume, X);

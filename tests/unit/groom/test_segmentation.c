@@ -150,9 +150,10 @@ static void raggedness_is_smoothed_and_fins_are_kept(void **state)
     set_box(&v, (const size_t[3]){ 26, 18, 18 }, (const size_t[3]){ 37, 19, 19 }, 1);
     assert_ok(apsm_groom_segmentation(ctx, "mask", &v, &opt, &mesh, NULL));
     apsm_mesh_bounds(&mesh, lo, hi);
-    /* A voxel kept would have its centre inside: at least 0.5. */
+    /* A voxel kept would stand out by about 1, and single ones have to go below their centre; a
+     * ridge of seven is lowered by its flanks only. */
     assert_near(hi[1], 25.5, 0.49);
-    assert_near(lo[2], 9.5, 0.49);
+    assert_near(lo[2], 9.5, 0.60);
     assert_true(hi[2] > 33.0);
     assert_true(hi[0] > 37.0);
     apsm_mesh_free(&mesh);
