@@ -33,11 +33,12 @@ demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocam
 viewer: ## rebuild the page of `apsm report` from report/viewer (needs npm)
 	cd report/viewer && npm ci --no-audit --no-fund && npm run --silent build
 
-check: ## format, lint, rules between rooms, goldens, the built viewer
+check: ## format, lint, rules between rooms, goldens, options.md, the viewer
 	@scripts/check-format
 	@scripts/check-lint
 	@scripts/check-rooms
 	@scripts/check-golden
+	@scripts/make-options-doc --check
 	@scripts/check-viewer
 
 sanitize: deps ## all tests with address and undefined-behaviour sanitizers

@@ -271,6 +271,11 @@ apsm_status apsm_options_preset(apsm_context *ctx, apsm_options *options, const 
 
 apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *o)
 {
+    if (o->particles < 7 && o->method != APSM_METHOD_PSM)
+        return apsm_fail(
+            ctx, APSM_ERR_ARG,
+            "particles = %ld: at least 7 are needed, a particle and its six neighbours",
+            o->particles);
     if (o->decay2_at < o->decay1_at)
         return apsm_fail(ctx, APSM_ERR_ARG, "decay2_at = %g comes before decay1_at = %g",
                          o->decay2_at, o->decay1_at);

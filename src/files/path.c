@@ -23,8 +23,10 @@ bool apsm_file_exists(const char *path)
 /* Another process may make the same folder meanwhile: what counts is that it is there. */
 static int make_one(const char *path)
 {
-    if (mkdir(path, 0777) == 0 || apsm_is_folder(path)) return 0;
-    return errno == EEXIST ? ENOTDIR : errno;
+    if (mkdir(path, 0777) == 0) return 0;
+    const int error = errno;
+    if (apsm_is_folder(path)) return 0;
+    return error == EEXIST ? ENOTDIR : error;
 }
 
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path)
