@@ -244,7 +244,7 @@ export class View {
   }
   aim(width, height) {
     const wide = width > height; // seen across, a shape is rarely as high as it is long
-    const r = (stage.radius * (width > 1.25 * height ? 0.8 : 1.04)) / pose.zoom;
+    const r = (stage.radius * (width > 1.25 * height ? 0.86 : 1.04)) / pose.zoom;
     const x = wide ? (r * width) / height : r, y = wide ? r : (r * height) / width;
     const c = this.camera, to = direction(pose);
     Object.assign(c, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 8 * stage.radius });
