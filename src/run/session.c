@@ -198,8 +198,18 @@ static apsm_status open_project(apsm_run *run, bool fresh)
     return status;
 }
 
+/* Before a folder is made for them. */
+static apsm_status try_settings(apsm_run *run, const apsm_run_settings *s)
+{
+    run->options = apsm_options_defaults();
+    for (size_t k = 0; k < s->n_set; k++)
+        if (!is_text(s->set[k][0])) APSM_TRY(take_pair(run, s->set[k][0], s->set[k][1]));
+    return apsm_options_check(run->ctx, &run->options);
+}
+
 static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 {
+    if (!apsm_is_folder(s->folder)) APSM_TRY(try_settings(run, s));
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
     if (!s->dry) {

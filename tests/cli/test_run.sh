@@ -176,7 +176,8 @@ particles one 64 1
 expect 0 "verdict:" run cohort/s0.ply cohort/s1.ply -o pair_of "${quick[@]}"
 particles pair_of 64 2
 few=(--faces 1500 --stage1-epochs 2 --stage2-epochs 2)
-expect 2 "at least 7" run cohort -o x -J 6
+expect 2 "at least 7" run cohort -o six -J 6
+[ -e six ] && fail "refused options left a folder"
 expect 0 "" run cohort -o seven -J 7 "${few[@]}" --adaptivity 0
 particles seven 7 5
 expect 1 "faces" run cohort/s0.ply cohort/s1.ply -o crowd -J 1000 "${few[@]}"
