@@ -13,6 +13,7 @@ FILENAME == ARGV[1] {
 FNR == 1 { FS = ","; $0 = $0; next }
 $1 != cohort { next }
 FILENAME == ARGV[2] {
+    if ($7 + 0 == 0) next # the template, which is warped to itself
     k = ++count[$2]
     value[$2, "mean", k] = $5
     value[$2, "max", k] = $7
