@@ -47,6 +47,9 @@ extern "C" {
          "them (paper)")                                                                           \
     /* sampling loss */                                                                            \
     ENUM(kernel, "biharmonic|triharmonic", "phi of the RBF-shape (1)")                             \
+    ENUM(precision, "single|double",                                                               \
+         "of the RBF-shape's fit where E is a constant weight and the kernel biharmonic; else "    \
+         "double")                                                                                 \
     REAL(dipole, 0.25, 0.001, 10,                                                                  \
          "s: distance of the dipoles, in h; at most half the local half-thickness")                \
     REAL(band, 1, 0.001, 1, "half width of the band of near-surface points, in s")                 \

@@ -140,6 +140,12 @@ static apsm_phi kernel_of(const apsm_options *o)
     return o->kernel == 0 ? APSM_PHI_R : APSM_PHI_R3;
 }
 
+/* E is a weight: an error of f of 1e-3 s does not show in it.  Its gradient needs more. */
+static bool is_single(const apsm_options *o)
+{
+    return o->precision == 0 && o->kernel == 0 && o->error_gradient == APSM_ERROR_CONSTANT;
+}
+
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
 static double dipole_length(const optimizer *op, const apsm_shape *shape)
 {
@@ -170,7 +176,8 @@ static bool worker_alloc(worker *w, size_t J, size_t R, size_t K)
     w->S = malloc(J * sizeof *w->S);
     w->rbf_store = doubles(apsm_rbf_store_size(J));
     w->factor_store = doubles(apsm_polyharmonic_store_size(3 * J, false));
-    w->rbf_work = doubles(apsm_rbf_work_size(J));
+    const size_t fit_work = apsm_rbf_work_size(J), eval_work = apsm_rbf_eval_f32_work_size(J);
+    w->rbf_work = doubles(fit_work > eval_work ? fit_work : eval_work);
     w->sampling_work = doubles(apsm_sampling_work_size(J, R));
     w->eigen_work = doubles(K);
     return w->B && w->gs && w->S && w->rbf_store && w->factor_store && w->rbf_work &&
@@ -278,15 +285,19 @@ static apsm_status surface_error(const optimizer *op, size_t i, const double *P,
                                  double *e_factor)
 {
     const double s = dipole_length(op, &op->cohort->shape[i]);
+    const bool single = is_single(op->o);
     apsm_rbf_bind(rbf, op->J, w->rbf_store);
     const apsm_status status =
-        apsm_rbf_fit(kernel_of(op->o), P, N, s, false, w->factor_store, factor, rbf, w->rbf_work);
+        apsm_rbf_fit(kernel_of(op->o), P, N, s, single, w->factor_store, factor, rbf, w->rbf_work);
     if (status != APSM_OK)
         return apsm_fail(op->ctx, status,
                          "%s: the particles do not determine a surface (coinciding, or all in a "
                          "plane); use fewer particles or check the shape",
                          op->cohort->shape[i].name);
-    apsm_rbf_eval(rbf, op->R, w->B, w->f, NULL);
+    if (single)
+        apsm_rbf_eval_f32(rbf, op->R, w->B, w->f, w->rbf_work);
+    else
+        apsm_rbf_eval(rbf, op->R, w->B, w->f, NULL);
     *e_factor = apsm_sampling_weights(op->R, w->f, w->D, op->w.c,
                                       op->o->error == APSM_ERROR_RELATIVE, w->E, w->g);
     double sum = 0;
