@@ -1,4 +1,5 @@
-/* Surface meshes from and to files, by extension. */
+/* Surface meshes and points from and to files, by extension. */
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -77,18 +78,64 @@ void read_mesh(apsm_context *ctx, const std::string &path, apsm_mesh *mesh)
     *mesh = m;
 }
 
-std::string encode(const std::string &extension, const triangles &t)
+void check_finite(size_t n, const double *P)
 {
-    for (size_t i = 0; i < 3 * t.nv; i++)
-        if (!std::isfinite(t.V[i]))
+    for (size_t i = 0; i < 3 * n; i++)
+        if (!std::isfinite(P[i]))
             throw failure{ APSM_ERR_NONFINITE, "point " + std::to_string(i / 3) +
                                                    " is not finite; nothing is written" };
+}
+
+std::string encode(const std::string &extension, const triangles &t)
+{
+    check_finite(t.nv, t.V);
     if (extension == ".ply") return ply_bytes(t);
     if (extension == ".stl") return stl_bytes(t);
     if (extension == ".obj") return obj_bytes(t);
     if (extension == ".vtk") return legacy_vtk_bytes(t);
     if (extension == ".vtp") return vtp_bytes(t);
     unknown(extension);
+}
+
+void write_bytes(apsm_context *ctx, const char *path, const std::string &bytes)
+{
+    apsm_writer *writer;
+    check(apsm_writer_open(ctx, path, &writer));
+    apsm_writer_write(writer, bytes.data(), bytes.size());
+    check(apsm_writer_commit(writer));
+}
+
+bool holds_points(const std::string &extension)
+{
+    return extension == ".vtk" || extension == ".vtp";
+}
+
+[[noreturn]] void no_points(const std::string &extension)
+{
+    throw failure{ APSM_ERR_UNSUPPORTED,
+                   "'" + extension + "' does not hold points here; use .vtk or .vtp" };
+}
+
+void read_points(apsm_context *ctx, const std::string &path, size_t *n, double **P)
+{
+    if (!holds_points(extension_of(path))) no_points(extension_of(path));
+    const soup s = read_soup(ctx, path);
+    if (s.polygons() > 0)
+        damaged("holds " + std::to_string(s.polygons()) +
+                " polygons: a mesh, not particles; give a file of points");
+    auto *const points = static_cast<double *>(std::malloc(s.point.size() * sizeof **P + 1));
+    if (!points) throw std::bad_alloc();
+    std::copy(s.point.begin(), s.point.end(), points);
+    *n = s.points();
+    *P = points;
+}
+
+std::string encode_points(const std::string &extension, size_t n, const double *P)
+{
+    if (!holds_points(extension)) no_points(extension);
+    if (n > most) throw failure{ APSM_ERR_ARG, "is larger than 2^30 points; nothing is written" };
+    check_finite(n, P);
+    return extension == ".vtk" ? legacy_vtk_points_bytes(n, P) : vtp_points_bytes(n, P);
 }
 
 } // namespace
@@ -102,11 +149,22 @@ extern "C" apsm_status apsm_vtk_write_mesh(apsm_context *ctx, const char *path,
                                            const apsm_mesh *mesh)
 {
     return guarded(ctx, path, [&] {
-        const std::string extension = extension_of(path);
-        const std::string bytes = encode(extension, { mesh->nv, mesh->nf, mesh->V, mesh->F });
-        apsm_writer *writer;
-        check(apsm_writer_open(ctx, path, &writer));
-        apsm_writer_write(writer, bytes.data(), bytes.size());
-        check(apsm_writer_commit(writer));
+        const triangles t{ mesh->nv, mesh->nf, mesh->V, mesh->F };
+        write_bytes(ctx, path, encode(extension_of(path), t));
     });
+}
+
+extern "C" apsm_status apsm_vtk_read_points(apsm_context *ctx, const char *path, size_t *n,
+                                            double **P)
+{
+    *n = 0;
+    *P = nullptr;
+    return guarded(ctx, path, [&] { read_points(ctx, path, n, P); });
+}
+
+extern "C" apsm_status apsm_vtk_write_points(apsm_context *ctx, const char *path, size_t n,
+                                             const double *P)
+{
+    return guarded(ctx, path,
+                   [&] { write_bytes(ctx, path, encode_points(extension_of(path), n, P)); });
 }

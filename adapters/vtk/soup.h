@@ -49,5 +49,9 @@ std::string obj_bytes(const triangles &t);
 std::string legacy_vtk_bytes(const triangles &t);
 std::string vtp_bytes(const triangles &t);
 
+/* The same of n points P (n x 3), each with a vertex cell. */
+std::string legacy_vtk_points_bytes(size_t n, const double *P);
+std::string vtp_points_bytes(size_t n, const double *P);
+
 } // namespace apsm
 #endif

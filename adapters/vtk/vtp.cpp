@@ -75,6 +75,24 @@ void add_polygons(vtkCellArray *cells, bool strips, soup *s)
     }
 }
 
+/* The file of data's cells with the points P (n x 3). */
+std::string encoded(vtkPolyData *data, size_t n, const double *P)
+{
+    silence_vtk();
+    vtkNew<vtkDoubleArray> coordinates;
+    coordinates->SetNumberOfComponents(3);
+    coordinates->SetNumberOfTuples(static_cast<vtkIdType>(n));
+    for (size_t i = 0; i < 3 * n; i++) coordinates->SetValue(static_cast<vtkIdType>(i), P[i]);
+    vtkNew<vtkPoints> points;
+    points->SetData(coordinates);
+    data->SetPoints(points);
+    vtkNew<vtkXMLPolyDataWriter> writer;
+    writer->SetInputData(data);
+    writer->WriteToOutputStringOn();
+    if (!writer->Write()) throw failure{ APSM_ERR_IO, "cannot be encoded as VTP" };
+    return writer->GetOutputString();
+}
+
 } // namespace
 
 soup read_vtp(const std::string &path, std::string_view bytes)
@@ -111,26 +129,26 @@ soup read_vtp(const std::string &path, std::string_view bytes)
 
 std::string vtp_bytes(const triangles &t)
 {
-    silence_vtk();
-    vtkNew<vtkDoubleArray> coordinates;
-    coordinates->SetNumberOfComponents(3);
-    coordinates->SetNumberOfTuples(static_cast<vtkIdType>(t.nv));
-    for (size_t i = 0; i < 3 * t.nv; i++) coordinates->SetValue(static_cast<vtkIdType>(i), t.V[i]);
-    vtkNew<vtkPoints> points;
-    points->SetData(coordinates);
     vtkNew<vtkCellArray> cells;
     for (size_t f = 0; f < t.nf; f++) {
         const vtkIdType ids[3] = { t.F[3 * f], t.F[3 * f + 1], t.F[3 * f + 2] };
         cells->InsertNextCell(3, ids);
     }
     vtkNew<vtkPolyData> data;
-    data->SetPoints(points);
     data->SetPolys(cells);
-    vtkNew<vtkXMLPolyDataWriter> writer;
-    writer->SetInputData(data);
-    writer->WriteToOutputStringOn();
-    if (!writer->Write()) throw failure{ APSM_ERR_IO, "cannot be encoded as VTP; use .ply" };
-    return writer->GetOutputString();
+    return encoded(data, t.nv, t.V);
+}
+
+std::string vtp_points_bytes(size_t n, const double *P)
+{
+    vtkNew<vtkCellArray> cells;
+    for (size_t j = 0; j < n; j++) {
+        const auto id = static_cast<vtkIdType>(j);
+        cells->InsertNextCell(1, &id);
+    }
+    vtkNew<vtkPolyData> data;
+    data->SetVerts(cells);
+    return encoded(data, n, P);
 }
 
 } // namespace apsm

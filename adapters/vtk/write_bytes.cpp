@@ -34,6 +34,14 @@ void put_text(std::string *out, double value)
     out->append(1, ' ').append(text, end);
 }
 
+std::string legacy_vtk_head(const char *title, size_t n, const double *P)
+{
+    std::string out = std::string("# vtk DataFile Version 3.0\n") + title +
+                      "\nBINARY\nDATASET POLYDATA\nPOINTS " + std::to_string(n) + " double\n";
+    for (size_t i = 0; i < 3 * n; i++) put(&out, P[i], true);
+    return out;
+}
+
 } // namespace
 
 std::string ply_bytes(const triangles &t)
@@ -91,11 +99,20 @@ std::string obj_bytes(const triangles &t)
     return out;
 }
 
+std::string legacy_vtk_points_bytes(size_t n, const double *P)
+{
+    std::string out = legacy_vtk_head("particles", n, P);
+    out += "\nVERTICES " + std::to_string(n) + " " + std::to_string(2 * n) + "\n";
+    for (size_t j = 0; j < n; j++) {
+        put(&out, uint32_t{ 1 }, true);
+        put(&out, static_cast<uint32_t>(j), true);
+    }
+    return out + "\n";
+}
+
 std::string legacy_vtk_bytes(const triangles &t)
 {
-    std::string out = "# vtk DataFile Version 3.0\nmesh\nBINARY\nDATASET POLYDATA\nPOINTS " +
-                      std::to_string(t.nv) + " double\n";
-    for (size_t i = 0; i < 3 * t.nv; i++) put(&out, t.V[i], true);
+    std::string out = legacy_vtk_head("mesh", t.nv, t.V);
     out += "\nPOLYGONS " + std::to_string(t.nf) + " " + std::to_string(4 * t.nf) + "\n";
     for (size_t f = 0; f < t.nf; f++) {
         put(&out, uint32_t{ 3 }, true);

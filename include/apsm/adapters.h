@@ -29,6 +29,15 @@ apsm_status apsm_vtk_read_mesh(apsm_context *ctx, const char *path, apsm_mesh *m
 apsm_status apsm_vtk_write_mesh(apsm_context *ctx, const char *path,
                                 const apsm_mesh *mesh) APSM_NODISCARD;
 
+/* VTK: the points of a legacy VTK or VTP file without polygons, in their order.  *P (n x 3) is
+ * malloc'ed.  A mesh is refused. */
+apsm_status apsm_vtk_read_points(apsm_context *ctx, const char *path, size_t *n,
+                                 double **P) APSM_NODISCARD;
+/* Writes P (n x 3) as points, each with a vertex cell so that viewers show it, atomically, by
+ * extension .vtk or .vtp, to the last bit. */
+apsm_status apsm_vtk_write_points(apsm_context *ctx, const char *path, size_t n,
+                                  const double *P) APSM_NODISCARD;
+
 /* Iso-surface of values (n[0] x n[1] x n[2], x fastest, negative inside) at `level`, in index
  * coordinates, triangles facing outward (towards larger values). */
 apsm_status apsm_vtk_isosurface(apsm_context *ctx, const size_t n[3], const float *values,

@@ -1,0 +1,26 @@
+/* point_formats.h -- the formats behind apsm/points_file.h that need no library of C++.  Readers
+ * make *P (n x 3) by malloc and leave finiteness and n > 0 to the caller; writers are atomic. */
+#ifndef APSM_FILES_POINT_FORMATS_H
+#define APSM_FILES_POINT_FORMATS_H
+
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+/* I = 0 stands for two axes, n x 3. */
+apsm_status apsm_npy_read(apsm_context *ctx, const char *path, size_t *I, size_t *n,
+                          double **P) APSM_NODISCARD;
+apsm_status apsm_npy_write(apsm_context *ctx, const char *path, size_t I, size_t n,
+                           const double *P) APSM_NODISCARD;
+
+apsm_status apsm_points_csv_read(apsm_context *ctx, const char *path, size_t *n,
+                                 double **P) APSM_NODISCARD;
+apsm_status apsm_points_csv_write(apsm_context *ctx, const char *path, size_t n,
+                                  const double *P) APSM_NODISCARD;
+
+apsm_status apsm_markups_read(apsm_context *ctx, const char *path, size_t *n,
+                              double **P) APSM_NODISCARD;
+apsm_status apsm_markups_write(apsm_context *ctx, const char *path, size_t n,
+                               const double *P) APSM_NODISCARD;
+
+#endif
