@@ -221,12 +221,32 @@ static apsm_status take_operands(parsing *p)
     return APSM_OK;
 }
 
+bool cli_is_particles_file(const char *path)
+{
+    static const char *const extensions[] = { ".particles", ".wpts", ".lpts" };
+    const char *dot = strrchr(path, '.');
+    for (size_t k = 0; dot && k < 3; k++)
+        if (strcmp(dot, extensions[k]) == 0) return true;
+    return false;
+}
+
+/* `evaluate` on particle files, not in a model folder. */
+static bool evaluates_files(const cli_args *a)
+{
+    return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 && cli_is_particles_file(a->inputs[0]);
+}
+
 /* initialize, optimize, evaluate and report take their folder as operand or by -o. */
 static apsm_status settle_folder(parsing *p)
 {
     cli_args *a = p->args;
     if (!(a->verb->verb & (CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE | CLI_REPORT)))
         return APSM_OK;
+    if (evaluates_files(a)) {
+        if (!a->out_dir) return APSM_OK;
+        return apsm_fail(p->ctx, APSM_ERR_ARG,
+                         "evaluate on particle files writes nothing: leave out -o %s", a->out_dir);
+    }
     if (a->n_inputs > 1)
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s works in one model folder, not in %zu",
                          a->verb->name, a->n_inputs);
@@ -239,7 +259,7 @@ static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
-    if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir)
+    if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir && !evaluates_files(a))
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder: apsm %s %s", a->verb->name,
                          a->verb->name, a->verb->operands);
     if ((a->verb->verb & (CLI_CHECK | CLI_INFO)) && a->n_inputs == 0)

@@ -67,7 +67,7 @@ apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *u
 
 apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    (void)ui;
+    if (args->n_inputs > 0) return apsm_cli_evaluate_files(ctx, args, ui);
     return do_step(ctx, args, apsm_run_evaluate);
 }
 

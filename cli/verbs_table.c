@@ -19,9 +19,13 @@ static const cli_verb_info verbs[] = {
     { CLI_OPTIMIZE, "optimize", "MODEL_DIR", "particles to correspondence",
       "Moves the particles to correspondence in two stages. With --resume from the last "
       "checkpoint, else from the first particles." },
-    { CLI_EVALUATE, "evaluate", "MODEL_DIR", "the model, its quality, reconstructed meshes",
+    { CLI_EVALUATE, "evaluate", "MODEL_DIR|PARTICLES... [MESHES...]",
+      "the model, its quality, reconstructed meshes",
       "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
-      "specificity, the certificate of correspondence, and meshes." },
+      "specificity, the certificate of correspondence, and meshes. On particle files of any "
+      "program "
+      "(aligned, line j everywhere the same place) it prints the figures and writes nothing; "
+      "meshes in the same order and frame add surface distances." },
     { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "

@@ -40,6 +40,19 @@ expect 1 "nowhere: no such file" run "$folder/nowhere" -o "$folder/m"
 expect 1 "nowhere: no such file" info "$folder/nowhere"
 [ -e "$folder/m" ] && echo "a mistake made a folder" && failed=1
 
+# Anyone's particle files: shapes on a line have one mode, which tells everything.
+for x in 0 1 2 3; do
+    printf '%s 0 0\n0 %s 1\n0 1 0\n2 2 2\n' $x $x >"$folder/$x.particles"
+done
+expect 0 "4 shapes, 4 particles, definition standard" evaluate "$folder"/?.particles
+expect 0 "1 1 " evaluate "$folder"/?.particles --definition paper --specificity-samples 10
+expect 2 "give 3 at least" evaluate "$folder"/[01].particles
+expect 2 "give a mesh for each" evaluate "$folder"/?.particles "$0"
+expect 2 "leave out -o" evaluate "$folder"/?.particles -o "$folder/m"
+echo "0 0 0" >>"$folder/3.particles"
+expect 1 "3.particles" evaluate "$folder"/?.particles
+[ -e "$folder/m" ] && echo "evaluate on files made a folder" && failed=1
+
 # Help goes to standard output, mistakes to standard error.
 [ -n "$("$apsm" --help 2>/dev/null)" ] || { echo "no help on standard output"; failed=1; }
 [ -z "$("$apsm" nonsense 2>/dev/null)" ] || { echo "a mistake on standard output"; failed=1; }

@@ -1,0 +1,181 @@
+/* evaluate FILE...: figures of a model from particle files of any program, and its meshes if they
+ * are given in the same order and in the frame of the particles.  Writes nothing; the figures are
+ * the result.  Without a project there is no template: the shape whose particles are nearest to
+ * the mean is warped to the others. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "apsm/adapters.h"
+#include "apsm/bvh.h"
+#include "apsm/metrics.h"
+#include "apsm/options.h"
+#include "apsm/particles_file.h"
+#include "verbs.h"
+
+typedef struct files_work {
+    apsm_context *ctx;
+    const char *const *particle_file, *const *mesh_file;
+    size_t I, J, n_meshes;
+    double *P;         /* I x J x 3 */
+    apsm_mesh *meshes; /* I, or NULL */
+    apsm_evaluation evaluation;
+} files_work;
+
+/* The particle files come first, then as many meshes or none. */
+static apsm_status split_operands(apsm_context *ctx, const cli_args *args, files_work *w)
+{
+    while (w->I < args->n_inputs && cli_is_particles_file(args->inputs[w->I])) w->I++;
+    w->n_meshes = args->n_inputs - w->I;
+    w->particle_file = args->inputs;
+    w->mesh_file = args->inputs + w->I;
+    if (w->I < 3)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%zu particle files make no model; give 3 at least",
+                         w->I);
+    if (w->n_meshes != 0 && w->n_meshes != w->I)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%zu particle files, then %zu meshes; give a mesh for each, or none", w->I,
+                         w->n_meshes);
+    return APSM_OK;
+}
+
+static apsm_status read_particles(files_work *w)
+{
+    double *first = NULL;
+    APSM_TRY(apsm_particles_read(w->ctx, w->particle_file[0], &w->J, &first));
+    free(first);
+    w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
+    if (!w->P) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < w->I; i++)
+        APSM_TRY(apsm_particles_read_n(w->ctx, w->particle_file[i], w->J, w->P + i * w->J * 3));
+    return APSM_OK;
+}
+
+static apsm_status read_meshes(files_work *w)
+{
+    if (w->n_meshes == 0) return APSM_OK;
+    w->meshes = calloc(w->I, sizeof *w->meshes);
+    if (!w->meshes) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < w->I; i++)
+        APSM_TRY(apsm_vtk_read_mesh(w->ctx, w->mesh_file[i], &w->meshes[i]));
+    return APSM_OK;
+}
+
+/* Mean squared distance of shape i's particles to its mesh, relative to their own variance. */
+static apsm_status misfit(const files_work *w, size_t i, double *relative)
+{
+    const double *p = w->P + i * w->J * 3;
+    double mean[3] = { 0 }, off = 0.0, spread = 0.0;
+    apsm_bvh *bvh = NULL;
+    APSM_TRY(apsm_bvh_build(&w->meshes[i], &bvh));
+    for (size_t j = 0; j < w->J; j++)
+        for (size_t c = 0; c < 3; c++) mean[c] += p[3 * j + c] / (double)w->J;
+    for (size_t j = 0; j < w->J; j++) {
+        apsm_closest at;
+        apsm_bvh_closest(bvh, p + 3 * j, INFINITY, &at);
+        off += at.distance2;
+        for (size_t c = 0; c < 3; c++)
+            spread += (p[3 * j + c] - mean[c]) * (p[3 * j + c] - mean[c]);
+    }
+    apsm_bvh_free(bvh);
+    *relative = off / spread;
+    return APSM_OK;
+}
+
+/* Meshes in another frame give figures that look like figures.  Particles of a poor model are a
+ * hundredth of the shape's size off its surface; a tenth is another frame or another shape. */
+static apsm_status check_frames(const files_work *w)
+{
+    for (size_t i = 0; w->meshes && i < w->I; i++) {
+        double relative;
+        APSM_TRY(misfit(w, i, &relative));
+        if (!(relative <= 0.01))
+            return apsm_fail(w->ctx, APSM_ERR_GEOMETRY,
+                             "%s: its particles (%s) are not on it; give meshes in the same order "
+                             "and frame as the particles",
+                             w->mesh_file[i], w->particle_file[i]);
+    }
+    return APSM_OK;
+}
+
+static double distance2(size_t n, const double *x, const double *y)
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < n; k++) sum += (x[k] - y[k]) * (x[k] - y[k]);
+    return sum;
+}
+
+static size_t nearest_to_mean(const files_work *w, const double *mean)
+{
+    const size_t n = w->J * 3;
+    size_t best = 0;
+    double least = INFINITY;
+    for (size_t i = 0; i < w->I; i++) {
+        const double d = distance2(n, w->P + i * n, mean);
+        if (d < least) least = d, best = i;
+    }
+    return best;
+}
+
+static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_options *options)
+{
+    *options = apsm_options_defaults();
+    static const char *const keys[] = { "definition", "specificity_samples" };
+    for (size_t k = 0; k < 2; k++) {
+        const char *value = cli_args_get(args, keys[k]);
+        if (value) APSM_TRY(apsm_options_set(ctx, options, keys[k], value));
+    }
+    return APSM_OK;
+}
+
+static apsm_status compute(files_work *w, const apsm_options *options)
+{
+    apsm_shape_model model = { 0 };
+    apsm_status status = apsm_shape_model_fit(w->ctx, w->I, w->J, w->P, &model);
+    const size_t t = status == APSM_OK ? nearest_to_mean(w, model.mean) : 0;
+    apsm_shape_model_free(&model);
+    APSM_TRY(status);
+    const apsm_mesh_source shapes = apsm_mesh_source_array(w->meshes);
+    const apsm_evaluate_input input = { .I = w->I,
+                                        .J = w->J,
+                                        .P = w->P,
+                                        .definition = (apsm_definition)options->definition,
+                                        .samples = (size_t)options->specificity_samples,
+                                        .shape = w->meshes ? &shapes : NULL,
+                                        .template_mesh = w->meshes ? &w->meshes[t] : NULL,
+                                        .template_index = t };
+    return apsm_evaluate(w->ctx, &input, &w->evaluation);
+}
+
+static void say(cli_ui *ui, const files_work *w)
+{
+    const apsm_evaluation *e = &w->evaluation;
+    cli_say(ui, "%zu shapes, %zu particles, definition %s: %s", w->I, w->J,
+            apsm_definition_name(e->definition), apsm_definition_text(e->definition));
+    if (e->surface) {
+        const apsm_surface_aggregate *a = &e->surface_summary.two_way;
+        cli_say(ui, "surface distance, two-way: mean %.6g, mean of max %.6g, max %.6g", a->mean,
+                a->mean_max, a->max);
+    }
+    cli_say(ui, "modes compactness generalization specificity");
+    for (size_t m = 0; m < e->n_generalization && m < e->modes; m++)
+        cli_say(ui, "%zu %.6g %.6g %.6g", m + 1, e->compactness[m], e->generalization[m],
+                e->specificity[m]);
+}
+
+apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    files_work w = { .ctx = ctx };
+    apsm_options options;
+    apsm_status status = split_operands(ctx, args, &w);
+    if (status == APSM_OK) status = take_options(ctx, args, &options);
+    if (status == APSM_OK) status = read_particles(&w);
+    if (status == APSM_OK) status = read_meshes(&w);
+    if (status == APSM_OK) status = check_frames(&w);
+    if (status == APSM_OK) status = compute(&w, &options);
+    if (status == APSM_OK) say(ui, &w);
+    apsm_evaluation_free(&w.evaluation);
+    for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
+    free(w.meshes);
+    free(w.P);
+    return status;
+}
