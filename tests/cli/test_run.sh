@@ -121,7 +121,7 @@ stop() {
     shift 2
     "$apsm" run cohort -o "$model" "${slow[@]}" --progress json "$@" >progress 2>said &
     local process=$!
-    until grep -q 'stage 2' progress || [ $((tries += 1)) -gt 3000 ]; do sleep 0.01; done
+    until grep -qs 'stage 2' progress || [ $((tries += 1)) -gt 3000 ]; do sleep 0.01; done
     kill -"$signal" $process
     wait $process 2>/dev/null
     stopped=$?
