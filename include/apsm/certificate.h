@@ -60,6 +60,11 @@ typedef struct apsm_certificate {
     bool certified;
 } apsm_certificate;
 
+/* Which way the triangle of particles t looks along the surface: +1 or -1, or 0 if it has no
+ * reliable orientation.  P, N (J x 3): particles and unit normals. */
+int apsm_triangle_orientation(const double *P, const double *N, const uint32_t t[3],
+                              const apsm_certificate_options *options);
+
 /* O(J^2).  The lists of an earlier use are freed.  APSM_ERR_ARG if factors do not suffice. */
 apsm_status apsm_certify(const apsm_certificate_input *input,
                          const apsm_certificate_options *options,

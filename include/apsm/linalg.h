@@ -35,6 +35,8 @@ void apsm_gemm(int transA, int transB, size_t m, size_t n, size_t k, double alph
                size_t lda, const double *B, size_t ldb, double beta, double *C, size_t ldc);
 /* G (m x m, full symmetric, out) <- alpha Y Y^T for Y (m x n). */
 void apsm_gram(size_t m, size_t n, double alpha, const double *Y, double *G);
+/* C (n x n, lower triangle) <- A^T A + beta C for A (k x n). */
+void apsm_syrk(size_t n, size_t k, const double *A, double beta, double *C);
 /* y (m) <- A x for A (m x n). */
 void apsm_gemv(size_t m, size_t n, const double *A, const double *x, double *y);
 

@@ -1,4 +1,5 @@
-/* optimizer.h -- moves the particles of a cohort: METHOD 5, the two stages of the paper.
+/* optimizer.h -- moves the particles of a cohort: METHOD 5, the two stages of the paper, then the
+ * fidelity stage of apsm/fidelity.h (METHOD 11), an epoch of which is a round.
  *
  * One epoch, per shape: near-surface points are drawn, the RBF-shape tells where the particles
  * describe the surface badly (c > 0), the gradients of the sampling, correspondence and
@@ -14,7 +15,7 @@
 extern "C" {
 #endif
 
-enum { APSM_STAGE_1 = 1, APSM_STAGE_2 = 2, APSM_STAGE_DONE = 3 };
+enum { APSM_STAGE_1 = 1, APSM_STAGE_2, APSM_STAGE_FIDELITY, APSM_STAGE_DONE };
 
 /* Why stage 1 left its plateau. */
 #define APSM_STOP_LIST(X)                                                                          \
@@ -41,7 +42,8 @@ typedef struct apsm_optimizer_state {
     double *P;    /* I x J x 3, world frame */
     double *mean; /* J x 3: mean of the last epoch's end (minibatches) */
     size_t own_size;
-    double *own; /* own_size: what method psm keeps beside P (apsm/psm.h); NULL otherwise */
+    double *own; /* own_size: what method psm keeps beside P (apsm/psm.h), or P when the
+                    fidelity stage began; else NULL */
 } apsm_optimizer_state;
 
 apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,
@@ -55,11 +57,12 @@ typedef struct apsm_epoch_record {
     long epoch; /* in its stage, from 0 */
     double alpha, gamma, beta, c;
     double sampling, correspondence, eigenshape; /* losses; NaN where switched off */
-    double surface_error;                        /* root mean square of E over h; NaN while c = 0 */
-    double step;                                 /* mean move of a particle, in h */
-    double mismatched;                           /* mean share of particles, 1.5/2.0 */
-    double worst_mismatched;                     /* of the worst shape */
-    long walked;                                 /* particles that Algorithm 1 moved */
+    double surface_error;    /* root mean square of E over h; NaN while c = 0; in
+                                the fidelity stage mean two-way distance */
+    double step;             /* mean move of a particle, in h */
+    double mismatched;       /* mean share of particles, 1.5/2.0 */
+    double worst_mismatched; /* of the worst shape */
+    long walked;             /* particles that Algorithm 1 moved */
 } apsm_epoch_record;
 
 /* Called after every epoch from the calling thread; may save state.  A status other than

@@ -105,6 +105,15 @@ extern "C" {
     BOOL(geodesic_guard, true, "keep a move only if it does not make matters worse")               \
     REAL(stop_mismatched, 0.02, 0, 1,                                                              \
          "stage 1 ends early when no shape has a larger share of mismatched particles")            \
+    /* fidelity stage */                                                                           \
+    REAL(fidelity, 0.5, 0, 1,                                                                      \
+         "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
+         "the other shapes weighs (1 - F)/F against that; 0: no such stage")                       \
+    INT(fidelity_rounds, 3, 1, 1000, "rounds of the fidelity stage")                               \
+    INT(fidelity_modes, -1, -1, 100000,                                                            \
+        "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
+    INT(fidelity_points, 2500, 100, 10000000,                                                      \
+        "vertices of either surface, about, that (12) sums over")                                  \
     /* method psm: names and defaults of ShapeWorks, lengths in psm_unit */                        \
     REAL(psm_initial_relative_weighting, 0.05, 0, 1e6,                                             \
          "weight of the correspondence term while particles are split")                            \
@@ -182,7 +191,8 @@ const apsm_option_info *apsm_options_table(size_t *n);
  * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line.
  * method = xu2023 also sets what makes the method of the earlier paper (METHOD 8): correspondence =
  * frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in every epoch), snap = none,
- * geodesic_correspondence = false; another method then takes these back to their defaults. */
+ * geodesic_correspondence = false, fidelity = 0; another method then takes these back to their
+ * defaults. */
 apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
                              const char *value) APSM_NODISCARD;
 /* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */

@@ -153,6 +153,7 @@ static const char *const xu2023[][2] = {
     { "gamma", "0.1" },
     { "snap", "none" },
     { "geodesic_correspondence", "false" },
+    { "fidelity", "0" },
 };
 enum { XU2023_LENGTH = sizeof xu2023 / sizeof xu2023[0] };
 
@@ -237,6 +238,7 @@ static const char *const paper_literal[][2] = {
     { "geodesic_walk", "1" },
     { "geodesic_guard", "false" },
     { "definition", "paper" },
+    { "fidelity", "0" },
 };
 
 static apsm_status set_all(apsm_context *ctx, apsm_options *options, const char *const pairs[][2],

@@ -100,6 +100,13 @@ void apsm_gram(size_t m, size_t n, double alpha, const double *Y, double *G)
         for (size_t j = 0; j < i; j++) G[j * m + i] = G[i * m + j];
 }
 
+void apsm_syrk(size_t n, size_t k, const double *A, double beta, double *C)
+{
+    if (n == 0) return;
+    cblas_dsyrk(CblasRowMajor, CblasLower, CblasTrans, (int)n, (int)k, 1.0, A, (int)n, beta, C,
+                (int)n);
+}
+
 void apsm_gemv(size_t m, size_t n, const double *A, const double *x, double *y)
 {
     if (m == 0) return;

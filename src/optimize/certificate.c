@@ -108,9 +108,8 @@ static bool are_neighbours(const uint32_t *N6, uint32_t j, uint32_t k)
     return found;
 }
 
-/* +1 or -1, or 0 if the triangle has no reliable orientation. */
-static int orientation(const double *P, const double *N, const uint32_t t[3],
-                       const apsm_certificate_options *o)
+int apsm_triangle_orientation(const double *P, const double *N, const uint32_t t[3],
+                              const apsm_certificate_options *o)
 {
     const double *a = P + 3 * (size_t)t[0], *b = P + 3 * (size_t)t[1], *c = P + 3 * (size_t)t[2];
     double e[3], f[3], cross[3], n[3] = { 0 };
@@ -131,8 +130,8 @@ static apsm_status check_triangle(const apsm_certificate_input *in,
                                   uint32_t c, apsm_certificate *out)
 {
     const uint32_t t[3] = { a, b, c };
-    const int before = orientation(in->template_P, in->template_N, t, o);
-    const int now = orientation(in->P, in->N, t, o);
+    const int before = apsm_triangle_orientation(in->template_P, in->template_N, t, o);
+    const int now = apsm_triangle_orientation(in->P, in->N, t, o);
     if (before * now >= 0) return APSM_OK;
     APSM_TRY(grow((void **)&out->fold, out->folds, sizeof *out->fold));
     memcpy(out->fold[out->folds++], t, sizeof t);

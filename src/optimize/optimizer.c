@@ -19,6 +19,7 @@
 
 #include "apsm/correspondence_loss.h"
 #include "apsm/eigenshape_loss.h"
+#include "apsm/fidelity.h"
 #include "apsm/frobenius_loss.h"
 #include "apsm/linalg.h"
 #include "apsm/rbf_shape.h"
@@ -91,7 +92,8 @@ typedef struct optimizer {
     double *N;             /* K x 3J */
     double *template_pull; /* K x 3J if template_gradient, else NULL */
     double eigenshape;
-    shape_record *record; /* I */
+    shape_record *record;    /* I */
+    apsm_fidelity *fidelity; /* of the last stage; NULL before */
     int workers;
     worker *worker;
 } optimizer;
@@ -208,6 +210,7 @@ static void optimizer_free(optimizer *op)
     free(op->Y);
     free(op->template_pull);
     free(op->record);
+    apsm_fidelity_free(op->fidelity);
 }
 
 static size_t batch_limit(const apsm_options *o, size_t I)
@@ -555,7 +558,8 @@ static void fill_record(const optimizer *op, apsm_epoch_record *r)
 
 static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
 {
-    const apsm_progress p = { .stage = r->stage == APSM_STAGE_1 ? "stage 1" : "stage 2",
+    static const char *const names[] = { "", "stage 1", "stage 2", "fidelity" };
+    const apsm_progress p = { .stage = names[r->stage],
                               .done = (size_t)op->state->epoch,
                               .total = (size_t)op->schedule.epochs,
                               .loss = { r->sampling, r->correspondence, r->eigenshape },
@@ -587,6 +591,56 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     return APSM_OK;
 }
 
+/* ---- the fidelity stage ---- */
+
+static apsm_status begin_fidelity(optimizer *op)
+{
+    apsm_optimizer_state *s = op->state;
+    const apsm_options *o = op->o;
+    apsm_fidelity_options fo = apsm_fidelity_defaults();
+    if (s->epoch == 0) {
+        const size_t n = op->I * op->J * 3;
+        double *own = doubles(n);
+        if (!own) return APSM_ERR_MEMORY;
+        memcpy(own, s->P, n * sizeof *own);
+        free(s->own);
+        s->own = own;
+        s->own_size = n;
+    }
+    fo.fidelity = o->fidelity;
+    fo.rounds = o->fidelity_rounds;
+    fo.modes = o->fidelity_modes;
+    fo.points = (size_t)o->fidelity_points;
+    APSM_TRY(apsm_fidelity_new(op->ctx, op->cohort, op->J,
+                               particles(op, op->cohort->template_index), &fo, &op->fidelity));
+    s->h = apsm_fidelity_spacing(op->fidelity);
+    return APSM_OK;
+}
+
+static apsm_status run_round(optimizer *op, apsm_epoch_record *r)
+{
+    apsm_optimizer_state *s = op->state;
+    apsm_fidelity_record f;
+    if (!op->fidelity) APSM_TRY(begin_fidelity(op));
+    APSM_TRY(apsm_fidelity_round(op->ctx, op->fidelity, s->epoch, s->own, s->P, &f));
+    *r = (apsm_epoch_record){ .stage = s->stage,
+                              .epoch = s->epoch,
+                              .alpha = NAN,
+                              .beta = NAN,
+                              .gamma = NAN,
+                              .c = NAN,
+                              .sampling = NAN,
+                              .correspondence = NAN,
+                              .eigenshape = NAN,
+                              .surface_error = f.after,
+                              .step = f.step,
+                              .mismatched = NAN,
+                              .worst_mismatched = NAN };
+    s->epoch++;
+    s->epochs_run++;
+    return APSM_OK;
+}
+
 static void next_stage(apsm_optimizer_state *s)
 {
     if (s->stage == APSM_STAGE_1 && s->stage1_stop == APSM_STOP_NOT_YET)
@@ -607,9 +661,13 @@ static apsm_status run_stages(optimizer *op, double *entry, apsm_epoch_fn on_epo
             apsm_epoch_record r;
             const apsm_optimizer_state before = *s;
             memcpy(entry, s->P, bytes);
-            const apsm_status status = run_epoch(op, &r);
+            const bool last = s->stage == APSM_STAGE_FIDELITY;
+            const apsm_status status = last ? run_round(op, &r) : run_epoch(op, &r);
             if (status != APSM_OK) {
+                const apsm_optimizer_state now = *s;
                 *s = before;
+                s->own = now.own;
+                s->own_size = now.own_size;
                 memcpy(s->P, entry, bytes);
                 return status;
             }
@@ -659,6 +717,7 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
     };
     o.stage1_epochs = epochs;
     o.stage2_epochs = 0;
+    o.fidelity = 0;
     o.beta = o.gamma = 0;
     o.batch = 0;
     state.mean = doubles(3 * J);

@@ -113,8 +113,14 @@ static long splits(size_t J)
 
 static long iterations_of_stage(const psm *p)
 {
-    return p->state->stage == APSM_STAGE_1 ? splits(p->J) * p->o->psm_iterations_per_split
-                                           : p->o->psm_optimization_iterations;
+    switch (p->state->stage) {
+    case APSM_STAGE_1:
+        return splits(p->J) * p->o->psm_iterations_per_split;
+    case APSM_STAGE_2:
+        return p->o->psm_optimization_iterations;
+    default:
+        return 0; /* the fidelity stage is not part of this method */
+    }
 }
 
 /* How many particles there are after n splits. */

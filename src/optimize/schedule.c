@@ -5,6 +5,7 @@
 schedule schedule_of_stage(const apsm_options *o, int stage)
 {
     schedule s = { .epochs = stage == APSM_STAGE_1 ? o->stage1_epochs : o->stage2_epochs };
+    if (stage == APSM_STAGE_FIDELITY) s.epochs = o->fidelity > 0 ? o->fidelity_rounds : 0;
     s.decay1 = (long)(o->decay1_at * (double)s.epochs);
     s.decay2 = (long)(o->decay2_at * (double)s.epochs);
     if (stage == APSM_STAGE_1 && o->geodesic_correspondence && o->gamma > 0) {

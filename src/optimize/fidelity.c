@@ -1,0 +1,360 @@
+/* The fidelity stage: rounds of prior and shapes in turn.  Equation (12); the objective of a shape
+ * is in fidelity_shape.c, the prior in fidelity_prior.c.
+ *
+ * The weights of the quadratic terms are relative to the mean diagonal of the shape's Gauss-Newton
+ * matrix when the round begins, and stay for the round.  A step counts if the objective falls, the
+ * two-way distance is not above that at the round's beginning and no fold appears; else it is
+ * halved, a few times.  The last round's result is certified. */
+#include "apsm/fidelity.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/correspondence_loss.h"
+#include "apsm/linalg.h"
+#include "geometry/vec3.h"
+#include "optimize/fidelity_shape.h"
+
+enum { HALVINGS = 4 };
+
+apsm_fidelity_options apsm_fidelity_defaults(void)
+{
+    return (apsm_fidelity_options){ .fidelity = 0.5,
+                                    .prior = 4,
+                                    .stay = 0.02,
+                                    .smooth = 1,
+                                    .modes = -1,
+                                    .rounds = 3,
+                                    .iterations = 2,
+                                    .points = 2500,
+                                    .floor = 0.05,
+                                    .clip = 0.25 };
+}
+
+/* ---- what stays the same ---- */
+
+static bool are_mutual(const uint32_t *N6, uint32_t j, uint32_t k)
+{
+    bool forth = false, back = false;
+    for (size_t q = 0; q < APSM_NEIGHBOURS; q++) {
+        forth |= N6[APSM_NEIGHBOURS * (size_t)j + q] == k;
+        back |= N6[APSM_NEIGHBOURS * (size_t)k + q] == j;
+    }
+    return forth && back;
+}
+
+/* The triangles that the certificate looks at: three mutual neighbours, by rising index. */
+static void list_triangles(apsm_fidelity *f)
+{
+    const apsm_certificate_options o = apsm_certificate_defaults();
+    for (uint32_t a = 0; a < f->J; a++)
+        for (size_t p = 0; p < APSM_NEIGHBOURS; p++)
+            for (size_t q = 0; q < APSM_NEIGHBOURS; q++) {
+                const uint32_t b = f->N6[APSM_NEIGHBOURS * (size_t)a + p];
+                const uint32_t c = f->N6[APSM_NEIGHBOURS * (size_t)a + q];
+                const uint32_t t[3] = { a, b, c };
+                if (!(a < b && b < c) || !are_mutual(f->N6, a, b) || !are_mutual(f->N6, a, c) ||
+                    !are_mutual(f->N6, b, c))
+                    continue;
+                const int side = apsm_triangle_orientation(f->T, f->TN, t, &o);
+                if (side == 0) continue;
+                memcpy(f->triangle[f->triangles], t, sizeof t);
+                f->side[f->triangles++] = side;
+            }
+}
+
+static apsm_status measure_reference(const apsm_shape *shape, const apsm_surface_point *S,
+                                     apsm_fidelity *f)
+{
+    apsm_geodesic_work *w = NULL;
+    APSM_TRY(apsm_neighbourhoods_resize(&f->reference, f->J));
+    APSM_TRY(apsm_geodesic_work_new(shape->geodesic, &w));
+    const apsm_status status = apsm_geodesic_neighbourhoods(shape->geodesic, w, f->J, S, f->T,
+                                                            APSM_REFERENCE_FACTOR, &f->reference);
+    apsm_geodesic_work_free(w);
+    return status;
+}
+
+static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
+{
+    enum { PAIRS = APSM_NEIGHBOURS * (APSM_NEIGHBOURS - 1) / 2 };
+    const apsm_shape *shape = &f->cohort->shape[f->cohort->template_index];
+    const size_t J = f->J;
+    f->T = malloc(3 * J * sizeof *f->T);
+    f->TN = malloc(3 * J * sizeof *f->TN);
+    f->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *f->N6);
+    f->triangle = malloc(J * PAIRS * sizeof *f->triangle);
+    f->side = malloc(J * PAIRS * sizeof *f->side);
+    apsm_surface_point *S = malloc(J * sizeof *S);
+    apsm_status status = APSM_ERR_MEMORY;
+    if (f->T && f->TN && f->N6 && f->triangle && f->side && S) {
+        memcpy(f->T, T, 3 * J * sizeof *f->T);
+        apsm_shape_look_up(shape, J, T, S, NULL, f->TN);
+        status = measure_reference(shape, S, f);
+        if (status == APSM_OK) status = apsm_neighbours6(J, T, f->N6);
+    }
+    free(S);
+    APSM_TRY(status);
+    f->h = apsm_spacing(J, T, f->N6, NULL);
+    list_triangles(f);
+    return apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp);
+}
+
+apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size_t J,
+                              const double *T, const apsm_fidelity_options *options,
+                              apsm_fidelity **fidelity)
+{
+    apsm_fidelity *f = *fidelity = calloc(1, sizeof *f);
+    if (!f) return APSM_ERR_MEMORY;
+    f->cohort = cohort;
+    f->o = *options;
+    f->J = J;
+    const apsm_status status = prepare(ctx, T, f);
+    if (status == APSM_OK) return APSM_OK;
+    apsm_fidelity_free(f);
+    *fidelity = NULL;
+    return status;
+}
+
+void apsm_fidelity_free(apsm_fidelity *f)
+{
+    if (!f) return;
+    apsm_warp_free(&f->warp);
+    apsm_neighbourhoods_free(&f->reference);
+    free(f->T);
+    free(f->TN);
+    free(f->N6);
+    free(f->triangle);
+    free(f->side);
+    free(f);
+}
+
+double apsm_fidelity_spacing(const apsm_fidelity *f)
+{
+    return f->h;
+}
+
+/* ---- the certificate's part ---- */
+
+/* What speaks against a shape's particles. */
+typedef struct faults {
+    size_t count;     /* swaps and folds */
+    unsigned reasons; /* of the certificate */
+} faults;
+
+static bool is_worse(const faults *a, const faults *b)
+{
+    return a->count > b->count || (a->reasons & ~b->reasons) != 0;
+}
+
+/* Of particles P on shape i; s is scratch. */
+static apsm_status find_faults(const apsm_fidelity *f, size_t i, const double *P, fidelity_state *s,
+                               faults *out)
+{
+    const apsm_shape *shape = &f->cohort->shape[i];
+    const apsm_certificate_options o = apsm_certificate_defaults();
+    apsm_neighbourhoods rows = { 0 };
+    apsm_certificate c = { 0 };
+    apsm_geodesic_work *g = NULL;
+    double *distance = calloc(f->J, sizeof *distance); /* they lie on the surface */
+    apsm_shape_look_up(shape, f->J, P, s->S, NULL, s->N);
+    apsm_status status = distance ? apsm_neighbourhoods_resize(&rows, f->J) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &g);
+    if (status == APSM_OK)
+        status = apsm_geodesic_neighbourhoods(shape->geodesic, g, f->J, s->S, P, 2.0, &rows);
+    if (status == APSM_OK) {
+        const apsm_certificate_input in = { f->J,  f->h, &f->reference, &rows,   f->N6, f->T,
+                                            f->TN, P,    s->N,          distance };
+        status = apsm_certify(&in, &o, &c);
+    }
+    *out = (faults){ c.swaps + c.folds, c.reasons };
+    apsm_certificate_free(&c);
+    apsm_geodesic_work_free(g);
+    apsm_neighbourhoods_free(&rows);
+    free(distance);
+    return status;
+}
+
+/* ---- one shape ---- */
+
+typedef struct shape_result {
+    double before, after, step;
+    bool moved, kept;
+} shape_result;
+
+typedef struct round_task {
+    const apsm_fidelity *f;
+    const apsm_fidelity_prior *prior;
+    long round;
+    const double *P0;
+    double *P;
+    fidelity_work *work; /* threads */
+    shape_result *result;
+} round_task;
+
+static void swap_states(fidelity_work *w)
+{
+    const fidelity_state t = w->a;
+    w->a = w->b;
+    w->b = t;
+}
+
+/* Weights of a round from the mean diagonal of the surface terms. */
+static fidelity_weights weights_at(const round_task *t, size_t i, double diagonal)
+{
+    const apsm_fidelity_options *o = &t->f->o;
+    const apsm_fidelity_prior *p = t->prior;
+    const size_t fold = i % p->folds, D = 3 * p->J;
+    const double F = o->fidelity;
+    return (fidelity_weights){ .stay = diagonal * o->stay,
+                               .smooth = diagonal * o->smooth,
+                               .prior = diagonal * o->prior * (1 - F) / F,
+                               .mean = p->mean + fold * D,
+                               .modes = p->modes,
+                               .mode = p->mode + fold * p->modes * D,
+                               .weight = p->weight + fold * p->modes };
+}
+
+/* From w->a, where the system has been solved, to w->b; false if no length of the step will do. */
+static apsm_status try_steps(const round_task *t, size_t i, const fidelity_weights *q, double limit,
+                             size_t folds, fidelity_work *w, bool *accepted)
+{
+    const apsm_fidelity *f = t->f;
+    const double *P0 = t->P0 + i * 3 * f->J;
+    double length = 1;
+    *accepted = false;
+    for (int k = 0; k < HALVINGS && !*accepted; k++, length /= 2) {
+        fidelity_move(f, i, length, &w->a, &w->b, w);
+        if (fidelity_folds(f, &w->b) > folds) continue;
+        APSM_TRY(fidelity_measure(f, i, t->round, &w->b, w));
+        fidelity_value(f, q, P0, &w->b, w);
+        *accepted = w->b.value < w->a.value && w->b.distance <= limit;
+    }
+    return APSM_OK;
+}
+
+static apsm_status solve(size_t n, fidelity_work *w)
+{
+    APSM_TRY(apsm_cholesky(n, w->H));
+    for (size_t x = 0; x < n; x++) w->g[x] = -w->g[x];
+    apsm_cholesky_solve(n, w->H, 1, w->g);
+    return APSM_OK;
+}
+
+static apsm_status descend(const round_task *t, size_t i, double limit, fidelity_work *w,
+                           bool *moved)
+{
+    const apsm_fidelity *f = t->f;
+    const double *P0 = t->P0 + i * 3 * f->J;
+    const size_t folds = fidelity_folds(f, &w->a);
+    fidelity_weights q = { 0 };
+    for (long k = 0; k < f->o.iterations; k++) {
+        bool accepted;
+        const double diagonal = fidelity_linearise(f, &w->a, w);
+        if (k == 0) {
+            q = weights_at(t, i, diagonal);
+            fidelity_value(f, &q, P0, &w->a, w);
+        }
+        fidelity_add_quadratic(f, &q, P0, &w->a, w);
+        if (solve(2 * f->J, w) != APSM_OK) break; /* no step is better than a wrong one */
+        APSM_TRY(try_steps(t, i, &q, limit, folds, w, &accepted));
+        if (!accepted) break;
+        swap_states(w);
+        *moved = true;
+    }
+    return APSM_OK;
+}
+
+/* Where the last round leaves a shape: as it is now, or as before the round, or as before the
+ * stage; the first of them that has no fault which the last of them had not. */
+static apsm_status certify_end(const round_task *t, size_t i, fidelity_work *w, shape_result *r)
+{
+    const size_t D = 3 * t->f->J;
+    faults now, first;
+    APSM_TRY(find_faults(t->f, i, t->P + i * D, &w->a, &now));
+    if (now.reasons == 0 && now.count == 0) return APSM_OK;
+    APSM_TRY(find_faults(t->f, i, t->P0 + i * D, &w->a, &first));
+    if (!is_worse(&now, &first)) return APSM_OK;
+    r->kept = true;
+    if (r->moved) {
+        APSM_TRY(find_faults(t->f, i, w->entry, &w->a, &now));
+        if (!is_worse(&now, &first)) {
+            memcpy(t->P + i * D, w->entry, D * sizeof *w->entry);
+            return APSM_OK;
+        }
+    }
+    memcpy(t->P + i * D, t->P0 + i * D, D * sizeof *t->P);
+    return APSM_OK;
+}
+
+static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx;
+    const round_task *t = user;
+    const apsm_fidelity *f = t->f;
+    fidelity_work *w = &t->work[worker];
+    shape_result *r = &t->result[i];
+    const size_t D = 3 * f->J;
+    double *P = t->P + i * D;
+    if (i == f->cohort->template_index) return APSM_OK;
+    memcpy(w->entry, P, D * sizeof *P);
+    memcpy(w->a.P, P, D * sizeof *P);
+    apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
+    APSM_TRY(fidelity_measure(f, i, t->round, &w->a, w));
+    r->before = w->a.distance;
+    APSM_TRY(descend(t, i, w->a.distance, w, &r->moved));
+    r->after = w->a.distance;
+    if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
+    if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));
+    for (size_t j = 0; j < f->J; j++)
+        r->step += sqrt(vec3_distance2(P + 3 * j, w->entry + 3 * j)) / (f->h * (double)f->J);
+    return APSM_OK;
+}
+
+/* ---- a round ---- */
+
+static void sum_up(const round_task *t, size_t I, apsm_fidelity_record *record)
+{
+    const double others = I > 1 ? (double)(I - 1) : 1;
+    for (size_t i = 0; i < I; i++) {
+        const shape_result *r = &t->result[i];
+        record->before += r->before / others;
+        record->after += r->after / others;
+        record->step += r->step / others;
+        record->moved += r->moved;
+        record->kept += r->kept;
+    }
+    record->modes = t->prior->modes;
+    for (size_t k = 0; k < t->prior->folds; k++)
+        record->noise += sqrt(t->prior->noise[k]) / (double)t->prior->folds;
+}
+
+static apsm_status run_round(apsm_context *ctx, round_task *t, apsm_fidelity_record *record)
+{
+    const size_t I = t->f->cohort->I, threads = (size_t)apsm_context_threads(ctx);
+    t->work = calloc(threads, sizeof *t->work);
+    t->result = calloc(I, sizeof *t->result);
+    apsm_status status = t->work && t->result ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t k = 0; status == APSM_OK && k < threads; k++)
+        status = fidelity_work_alloc(t->f, t->prior->modes, &t->work[k]);
+    if (status == APSM_OK) status = apsm_parallel_for(ctx, I, round_of_shape, t, NULL);
+    if (status == APSM_OK) sum_up(t, I, record);
+    for (size_t k = 0; t->work && k < threads; k++) fidelity_work_free(&t->work[k]);
+    free(t->work);
+    free(t->result);
+    return status;
+}
+
+apsm_status apsm_fidelity_round(apsm_context *ctx, const apsm_fidelity *f, long round,
+                                const double *P0, double *P, apsm_fidelity_record *record)
+{
+    apsm_fidelity_prior prior;
+    *record = (apsm_fidelity_record){ 0 };
+    if (f->cohort->I < 2) return APSM_OK;
+    APSM_TRY(apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, &prior));
+    round_task t = { .f = f, .prior = &prior, .round = round, .P0 = P0, .P = P };
+    const apsm_status status = run_round(ctx, &t, record);
+    apsm_fidelity_prior_free(&prior);
+    return status;
+}

@@ -1,0 +1,363 @@
+/* The objective of the fidelity stage for one shape, equation (12), lengths in h:
+ *
+ *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 lambda |e|^2 + 1/2 mu e' L e
+ *                                                  + 1/2 kappa (p - mean)' S (p - mean)
+ *
+ *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
+ *   u, y_u      vertex of the shape, and the closest point on the warped template
+ *   e = p - p0  displacement since the stage began;  L  Laplacian of the 6-neighbour graph / 12
+ *   rho(d)      d, below a floor d^2 / (2 floor) + floor / 2
+ *   S           precision of the prior (apsm/fidelity.h)
+ *
+ * The gradient of a distance is the unit vector between the two points (the closest one may slide:
+ * its move is orthogonal), carried to the particles by the row of W; so the gradient is exact, and
+ * Gauss-Newton on reweighted squares, weight 1 / max(d, floor), descends. */
+#include "optimize/fidelity_shape.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/correspondence_loss.h"
+#include "apsm/linalg.h"
+#include "core/kernel.h"
+#include "geometry/vec3.h"
+
+/* ---- memory ---- */
+
+static size_t stride_of(const apsm_fidelity *f, size_t nv)
+{
+    const size_t wanted = f->o.points > 0 ? f->o.points : 1;
+    return (nv + wanted - 1) / wanted;
+}
+
+static size_t most_vertices(const apsm_fidelity *f)
+{
+    size_t most = f->warp.nv;
+    for (size_t i = 0; i < f->cohort->I; i++)
+        if (f->cohort->shape[i].mesh.nv > most) most = f->cohort->shape[i].mesh.nv;
+    return most;
+}
+
+static bool state_alloc(size_t J, size_t matches, fidelity_state *s)
+{
+    s->P = malloc(3 * J * sizeof *s->P);
+    s->N = malloc(3 * J * sizeof *s->N);
+    s->S = malloc(J * sizeof *s->S);
+    s->match = malloc(matches * sizeof *s->match);
+    return s->P && s->N && s->S && s->match;
+}
+
+static void state_free(fidelity_state *s)
+{
+    free(s->P);
+    free(s->N);
+    free(s->S);
+    free(s->match);
+}
+
+apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w)
+{
+    const size_t J = f->J, matches = 2 * most_vertices(f);
+    *w = (fidelity_work){ 0 };
+    const bool states = state_alloc(J, matches, &w->a) && state_alloc(J, matches, &w->b);
+    w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
+    w->tangent = malloc(6 * J * sizeof *w->tangent);
+    w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
+    w->H = malloc(4 * J * J * sizeof *w->H);
+    w->g = malloc(2 * J * sizeof *w->g);
+    w->e = malloc(3 * J * sizeof *w->e);
+    w->Le = malloc(3 * J * sizeof *w->Le);
+    w->entry = malloc(3 * J * sizeof *w->entry);
+    w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
+    if (states && w->entry && w->Y && w->tangent && w->rows && w->H && w->g && w->e && w->Le &&
+        w->tangent_mode)
+        return APSM_OK;
+    return APSM_ERR_MEMORY;
+}
+
+void fidelity_work_free(fidelity_work *w)
+{
+    state_free(&w->a);
+    state_free(&w->b);
+    free(w->entry);
+    free(w->Y);
+    free(w->tangent);
+    free(w->rows);
+    free(w->H);
+    free(w->g);
+    free(w->e);
+    free(w->Le);
+    free(w->tangent_mode);
+}
+
+/* ---- distances ---- */
+
+/* Unit direction from q to y; the normal where the two coincide. */
+static void direct(const double y[3], const double q[3], const double normal[3], double h,
+                   fidelity_match *m)
+{
+    double d[3];
+    vec3_sub(y, q, d);
+    const double length = vec3_norm(d);
+    m->distance = length / h;
+    for (int c = 0; c < 3; c++) m->direction[c] = m->distance > 1e-9 ? d[c] / length : normal[c];
+}
+
+static void pull(const apsm_fidelity *f, const apsm_shape *shape, uint32_t v, const double *Y,
+                 fidelity_match *m)
+{
+    apsm_closest c;
+    double n[3];
+    apsm_bvh_closest(shape->bvh, Y + 3 * (size_t)v, INFINITY, &c);
+    apsm_surface_normal(&shape->mesh, shape->VN, &c.on, n);
+    *m = (fidelity_match){ .vertex = v, .on = c.on };
+    direct(Y + 3 * (size_t)v, c.x, n, f->h, m);
+}
+
+static void push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
+                 const apsm_bvh *warped, fidelity_match *m)
+{
+    apsm_closest c;
+    const double *x = shape->mesh.V + 3 * (size_t)u;
+    apsm_bvh_closest(warped, x, INFINITY, &c);
+    *m = (fidelity_match){ .vertex = u, .on = c.on };
+    direct(c.x, x, shape->VN + 3 * (size_t)u, f->h, m);
+}
+
+apsm_status fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
+                             fidelity_work *w)
+{
+    const apsm_shape *shape = &f->cohort->shape[i];
+    apsm_mesh warped = f->cohort->shape[f->cohort->template_index].mesh; /* its triangles */
+    apsm_bvh *bvh = NULL;
+    warped.V = w->Y;
+    apsm_warp_apply(&f->warp, s->P, w->Y);
+    APSM_TRY(apsm_bvh_build(&warped, &bvh));
+    const size_t step_v = stride_of(f, warped.nv), step_u = stride_of(f, shape->mesh.nv);
+    size_t n = 0;
+    for (size_t v = (size_t)round % step_v; v < warped.nv; v += step_v)
+        pull(f, shape, (uint32_t)v, w->Y, &s->match[n++]);
+    s->pulls = n;
+    for (size_t u = (size_t)round % step_u; u < shape->mesh.nv; u += step_u)
+        push(f, shape, (uint32_t)u, bvh, &s->match[n++]);
+    s->n = n;
+    apsm_bvh_free(bvh);
+    double sum = 0;
+    for (size_t k = 0; k < n; k++) sum += s->match[k].distance;
+    s->distance = sum / (double)n;
+    return APSM_OK;
+}
+
+/* ---- the objective ---- */
+
+/* Le = L e, with e = p - p0 in h. */
+static void displacement(const apsm_fidelity *f, const double *P, const double *P0,
+                         fidelity_work *w)
+{
+    const size_t J = f->J;
+    for (size_t x = 0; x < 3 * J; x++) {
+        w->e[x] = (P[x] - P0[x]) / f->h;
+        w->Le[x] = 0;
+    }
+    for (size_t j = 0; j < J; j++)
+        for (size_t q = 0; q < APSM_NEIGHBOURS; q++) {
+            const size_t k = f->N6[APSM_NEIGHBOURS * j + q];
+            for (size_t c = 0; c < 3; c++) {
+                const double d = (w->e[3 * j + c] - w->e[3 * k + c]) / 12;
+                w->Le[3 * j + c] += d;
+                w->Le[3 * k + c] -= d;
+            }
+        }
+}
+
+static double dot(size_t n, const double *a, const double *b)
+{
+    double sum = 0;
+    for (size_t k = 0; k < n; k++) sum += a[k] * b[k];
+    return sum;
+}
+
+/* e = p - mean in h; Le = S e. */
+static void deviation(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                      fidelity_work *w)
+{
+    const size_t D = 3 * f->J;
+    for (size_t x = 0; x < D; x++) w->Le[x] = w->e[x] = P[x] / f->h - q->mean[x];
+    for (size_t m = 0; m < q->modes; m++) {
+        const double *u = q->mode + m * D, s = q->weight[m] * dot(D, u, w->e);
+        for (size_t x = 0; x < D; x++) w->Le[x] -= s * u[x];
+    }
+}
+
+void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+                    fidelity_state *s, fidelity_work *w)
+{
+    const size_t D = 3 * f->J;
+    const double floor_ = f->o.floor;
+    double sum = 0;
+    for (size_t k = 0; k < s->n; k++) {
+        const double d = s->match[k].distance;
+        sum += d > floor_ ? d : 0.5 * (d * d / floor_ + floor_);
+    }
+    displacement(f, s->P, P0, w);
+    sum += 0.5 * (q->stay * dot(D, w->e, w->e) + q->smooth * dot(D, w->e, w->Le));
+    if (q->prior > 0) {
+        deviation(f, q, s->P, w);
+        sum += 0.5 * q->prior * dot(D, w->e, w->Le);
+    }
+    s->value = sum;
+}
+
+/* Two unit tangents at each particle, from its normal alone. */
+static void make_tangents(size_t J, const double *N, double *tangent)
+{
+    for (size_t j = 0; j < J; j++) {
+        const double *n = N + 3 * j;
+        double *a = tangent + 6 * j, *b = a + 3, axis[3] = { 0 };
+        int least = 0;
+        for (int c = 1; c < 3; c++)
+            if (fabs(n[c]) < fabs(n[least])) least = c;
+        axis[least] = 1;
+        vec3_cross(n, axis, a);
+        vec3_normalise(a);
+        vec3_cross(n, a, b);
+    }
+}
+
+/* row (2J) = scale * (row of W) times the parts of the direction along the tangents. */
+static void add_row(size_t J, const double *W, double scale, const double *along, double *row)
+{
+    for (size_t j = 0; j < J; j++) {
+        row[2 * j] += scale * W[j] * along[2 * j];
+        row[2 * j + 1] += scale * W[j] * along[2 * j + 1];
+    }
+}
+
+/* Derivative of the match's distance by the 2J tangential moves, times root. */
+static void make_row(const apsm_fidelity *f, const fidelity_match *m, bool is_pull, double root,
+                     const double *tangent, double *along, double *row)
+{
+    const size_t J = f->J;
+    for (size_t x = 0; x < 2 * J; x++) along[x] = vec3_dot(m->direction, tangent + 3 * x);
+    memset(row, 0, 2 * J * sizeof *row);
+    if (is_pull) {
+        add_row(J, f->warp.W + m->vertex * J, root, along, row);
+        return;
+    }
+    const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
+    for (size_t c = 0; c < 3; c++) {
+        const size_t v = mesh->F[3 * (size_t)m->on.face + c];
+        if (m->on.weight[c] > 0) add_row(J, f->warp.W + v * J, root * m->on.weight[c], along, row);
+    }
+}
+
+double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
+{
+    const size_t n = 2 * f->J;
+    make_tangents(f->J, s->N, w->tangent);
+    memset(w->H, 0, n * n * sizeof *w->H);
+    memset(w->g, 0, n * sizeof *w->g);
+    for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
+        const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
+        for (size_t k = 0; k < rows; k++) {
+            const fidelity_match *m = &s->match[first + k];
+            const double root = 1 / sqrt(fmax(m->distance, f->o.floor));
+            double *row = w->rows + k * n;
+            make_row(f, m, first + k < s->pulls, root, w->tangent, w->Le, row);
+            for (size_t x = 0; x < n; x++) w->g[x] += root * m->distance * row[x];
+        }
+        apsm_syrk(n, rows, w->rows, 1, w->H);
+    }
+    double trace = 0;
+    for (size_t x = 0; x < n; x++) trace += w->H[x * n + x];
+    return trace / (double)n;
+}
+
+/* H += weight T' L T for the coefficient between particles j and k (j >= k). */
+static void add_block(size_t J, size_t j, size_t k, double weight, const double *tangent, double *H)
+{
+    for (size_t a = 0; a < 2; a++)
+        for (size_t b = 0; b < 2; b++)
+            H[(2 * j + a) * 2 * J + 2 * k + b] +=
+                weight * vec3_dot(tangent + 6 * j + 3 * a, tangent + 6 * k + 3 * b);
+}
+
+static void add_gradient(size_t J, double weight, const double *x, const double *tangent, double *g)
+{
+    for (size_t j = 0; j < 2 * J; j++) g[j] += weight * vec3_dot(x + 3 * (j / 2), tangent + 3 * j);
+}
+
+static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
+{
+    const size_t J = f->J, n = 2 * J;
+    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior;
+    for (size_t m = 0; m < q->modes; m++) {
+        double *u = w->tangent_mode + m * n;
+        for (size_t x = 0; x < n; x++)
+            u[x] = vec3_dot(q->mode + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
+        for (size_t x = 0; x < n; x++)
+            for (size_t y = 0; y <= x; y++)
+                w->H[x * n + y] -= q->prior * q->weight[m] * u[x] * u[y];
+    }
+}
+
+void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+                            const fidelity_state *s, fidelity_work *w)
+{
+    const size_t J = f->J, n = 2 * J;
+    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->stay;
+    for (size_t j = 0; j < J; j++)
+        for (size_t l = 0; l < APSM_NEIGHBOURS; l++) {
+            const size_t k = f->N6[APSM_NEIGHBOURS * j + l], hi = j > k ? j : k, lo = j + k - hi;
+            add_block(J, j, j, q->smooth / 12, w->tangent, w->H);
+            add_block(J, k, k, q->smooth / 12, w->tangent, w->H);
+            add_block(J, hi, lo, -q->smooth / 12, w->tangent, w->H);
+        }
+    displacement(f, s->P, P0, w);
+    add_gradient(J, q->stay, w->e, w->tangent, w->g);
+    add_gradient(J, q->smooth, w->Le, w->tangent, w->g);
+    if (!(q->prior > 0)) return;
+    deviation(f, q, s->P, w);
+    add_gradient(J, q->prior, w->Le, w->tangent, w->g);
+    add_prior(f, q, w);
+}
+
+/* ---- moves ---- */
+
+/* Back to the surface, on the side where the particle was. */
+static void land(const apsm_shape *shape, const double normal[3], double x[3],
+                 apsm_surface_point *on)
+{
+    apsm_closest c;
+    apsm_bvh_closest_facing(shape->bvh, x, normal, 0, INFINITY, &c);
+    if (!isfinite(c.distance2)) apsm_bvh_closest(shape->bvh, x, INFINITY, &c);
+    *on = c.on;
+    memcpy(x, c.x, sizeof c.x);
+}
+
+void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_state *from,
+                   fidelity_state *to, fidelity_work *w)
+{
+    const apsm_shape *shape = &f->cohort->shape[i];
+    for (size_t j = 0; j < f->J; j++) {
+        double d[3] = { 0 }, *x = to->P + 3 * j;
+        for (size_t a = 0; a < 2; a++)
+            vec3_add_scaled(d, t * w->g[2 * j + a], w->tangent + 6 * j + 3 * a);
+        const double length = vec3_norm(d), most = f->o.clip;
+        const double scale = f->h * (length > most ? most / length : 1);
+        memcpy(x, from->P + 3 * j, 3 * sizeof *x);
+        vec3_add_scaled(x, scale, d);
+        land(shape, from->N + 3 * j, x, &to->S[j]);
+        apsm_surface_normal(&shape->mesh, shape->VN, &to->S[j], to->N + 3 * j);
+    }
+}
+
+size_t fidelity_folds(const apsm_fidelity *f, const fidelity_state *s)
+{
+    const apsm_certificate_options o = apsm_certificate_defaults();
+    size_t folds = 0;
+    for (size_t k = 0; k < f->triangles; k++)
+        folds += apsm_triangle_orientation(s->P, s->N, f->triangle[k], &o) * f->side[k] < 0;
+    return folds;
+}

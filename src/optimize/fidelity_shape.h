@@ -1,0 +1,83 @@
+/* fidelity_shape.h -- the objective (12) of one shape: its value, and one Gauss-Newton step. */
+#ifndef APSM_OPTIMIZE_FIDELITY_SHAPE_H
+#define APSM_OPTIMIZE_FIDELITY_SHAPE_H
+
+#include "apsm/certificate.h"
+#include "apsm/fidelity.h"
+#include "apsm/warp.h"
+
+struct apsm_fidelity {
+    const apsm_cohort *cohort;
+    apsm_fidelity_options o;
+    size_t J;
+    double h;
+    apsm_warp warp; /* of the template's vertices */
+    double *T, *TN; /* J x 3: its particles and their normals */
+    uint32_t *N6;   /* J x 6 */
+    size_t triangles;
+    uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
+    int *side;               /* triangles: that orientation */
+    apsm_neighbourhoods reference;
+};
+
+/* A point of either surface and the closest on the other. */
+typedef struct fidelity_match {
+    uint32_t vertex;       /* of the template (pull) or of the shape (push) */
+    double direction[3];   /* unit, from the shape towards the warped template */
+    double distance;       /* over h */
+    apsm_surface_point on; /* push: where on the warped template */
+} fidelity_match;
+
+/* Where a shape is: particles with normals, matches, value of the objective. */
+typedef struct fidelity_state {
+    double *P, *N;         /* J x 3 */
+    apsm_surface_point *S; /* J */
+    size_t pulls, n;       /* matches: pulls of template vertices, then pushes of the shape's */
+    fidelity_match *match;
+    double distance; /* mean over the matches, in h */
+    double value;    /* of (12) */
+} fidelity_state;
+
+/* Weights of the quadratic terms of (12), lengths in h. */
+typedef struct fidelity_weights {
+    double stay, smooth, prior;
+    const double *mean; /* J x 3 */
+    size_t modes;
+    const double *mode;   /* modes x 3J */
+    const double *weight; /* modes */
+} fidelity_weights;
+
+/* Scratch of one thread; arrays for J particles and 2J unknowns. */
+typedef struct fidelity_work {
+    fidelity_state a, b;
+    double *entry;        /* J x 3: particles at the round's start */
+    double *Y;            /* nv x 3: warped template */
+    double *tangent;      /* J x 2 x 3 */
+    double *rows;         /* FIDELITY_ROWS x 2J */
+    double *H, *g;        /* 2J x 2J lower, 2J */
+    double *e, *Le;       /* J x 3 */
+    double *tangent_mode; /* modes x 2J */
+} fidelity_work;
+enum { FIDELITY_ROWS = 256 };
+
+apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w);
+void fidelity_work_free(fidelity_work *w);
+
+/* Fills s->match and s->distance for particles s->P of shape i. */
+apsm_status fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
+                             fidelity_work *w);
+/* s->value from the matches and the quadratic terms; P0 (J x 3). */
+void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+                    fidelity_state *s, fidelity_work *w);
+/* w->tangent, w->H and w->g of the surface terms at s; returns the mean of H's diagonal. */
+double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w);
+/* Adds the quadratic terms to w->H and w->g. */
+void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+                            const fidelity_state *s, fidelity_work *w);
+/* to->P (with N, S) = from->P moved along the surface by t times the tangential step w->g, in h. */
+void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_state *from,
+                   fidelity_state *to, fidelity_work *w);
+/* Triangles of neighbours that are turned over against the template. */
+size_t fidelity_folds(const apsm_fidelity *f, const fidelity_state *s);
+
+#endif

@@ -1,0 +1,395 @@
+/* The fidelity stage, equation (12). */
+#include <math.h>
+#include <string.h>
+
+#include "apsm/correspondence_loss.h"
+#include "apsm/farthest_point.h"
+#include "apsm/linalg.h"
+#include "apsm/optimizer.h"
+#include "apsm/random.h"
+#include "cmocka_all.h"
+#include "optimize/fidelity_shape.h"
+#include "synthetic.h"
+
+enum { I = 6, J = 48, LEVEL = 4 };
+
+typedef struct scene {
+    apsm_context *ctx;
+    apsm_cohort cohort;
+    double P[I * J * 3];
+} scene;
+
+static double noise(size_t k)
+{
+    return synthetic_weyl(k, 0.6180339887498949);
+}
+
+/* A cohort whose particles are true images of the template's, moved along the surface by up to
+ * `error`, everything `size` times as large. */
+static void make_scene(scene *s, synthetic_kind kind, double error, double size)
+{
+    apsm_mesh mesh[I];
+    double M[16 * I] = { 0 };
+    const char *const names[I] = { "a", "b", "c", "d", "e", "f" };
+    s->ctx = apsm_context_new();
+    assert_non_null(s->ctx);
+    apsm_linalg_single_thread();
+    for (size_t i = 0; i < I; i++) {
+        mesh[i] = synthetic_shape(kind, i, I, LEVEL);
+        for (size_t x = 0; x < 3 * mesh[i].nv; x++) mesh[i].V[x] *= size;
+        for (size_t c = 0; c < 4; c++) M[16 * i + 5 * c] = 1;
+    }
+    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, 0, 0, 0, &s->cohort), APSM_OK);
+    uint32_t order[J];
+    double *nearest = malloc(mesh[0].nv * sizeof *nearest);
+    apsm_geodesic_work *w = NULL;
+    assert_int_equal(apsm_geodesic_work_new(s->cohort.shape[0].geodesic, &w), APSM_OK);
+    assert_int_equal(
+        apsm_farthest_vertices(s->cohort.shape[0].geodesic, w, 5, J, order, NULL, nearest),
+        APSM_OK);
+    apsm_geodesic_work_free(w);
+    free(nearest);
+    for (size_t i = 0; i < I; i++)
+        for (size_t j = 0; j < J; j++)
+            for (size_t c = 0; c < 3; c++) {
+                const size_t x = (i * J + j) * 3 + c;
+                s->P[x] = mesh[i].V[3 * (size_t)order[j] + c];
+                if (i > 0) s->P[x] += size * error * noise(x);
+            }
+    for (size_t i = 0; i < I; i++) {
+        apsm_surface_point S[J];
+        double X[J * 3];
+        apsm_shape_look_up(&s->cohort.shape[i], J, s->P + i * J * 3, S, X, NULL);
+        memcpy(s->P + i * J * 3, X, sizeof X);
+        apsm_mesh_free(&mesh[i]);
+    }
+}
+
+static void free_scene(scene *s)
+{
+    apsm_cohort_free(&s->cohort);
+    apsm_context_free(s->ctx);
+}
+
+static double truth_error(const scene *s, const double *P)
+{
+    double sum = 0;
+    for (size_t i = 1; i < I; i++)
+        sum += synthetic_truth_error(s->cohort.shape[i].bvh, &s->cohort.shape[0].mesh, J,
+                                     P + i * J * 3, P);
+    return sum / (I - 1);
+}
+
+static double distance_of(const apsm_fidelity *f, size_t i, const double *P, fidelity_work *w)
+{
+    memcpy(w->b.P, P, J * 3 * sizeof *P);
+    assert_int_equal(fidelity_measure(f, i, 0, &w->b, w), APSM_OK);
+    return w->b.distance;
+}
+
+static apsm_fidelity *new_stage(scene *s, const apsm_fidelity_options *o)
+{
+    apsm_fidelity *f = NULL;
+    assert_int_equal(apsm_fidelity_new(s->ctx, &s->cohort, J, s->P, o, &f), APSM_OK);
+    return f;
+}
+
+static void run_all(scene *s, const apsm_fidelity_options *o, double *P)
+{
+    apsm_fidelity *f = new_stage(s, o);
+    memcpy(P, s->P, sizeof s->P);
+    for (long k = 0; k < o->rounds; k++) {
+        apsm_fidelity_record r;
+        assert_int_equal(apsm_fidelity_round(s->ctx, f, k, s->P, P, &r), APSM_OK);
+        assert_true(r.after <= r.before);
+        assert_true(r.moved > 0);
+    }
+    apsm_fidelity_free(f);
+}
+
+/* ---- the objective ---- */
+
+/* Moves of all particles along their tangents, without the way back to the surface. */
+static void shift(const apsm_fidelity *f, const fidelity_state *from, const double *tangent,
+                  const double *d, double t, double *P)
+{
+    for (size_t j = 0; j < J; j++)
+        for (size_t c = 0; c < 3; c++)
+            P[3 * j + c] =
+                from->P[3 * j + c] +
+                f->h * t * (d[2 * j] * tangent[6 * j + c] + d[2 * j + 1] * tangent[6 * j + 3 + c]);
+}
+
+static fidelity_weights some_weights(const apsm_fidelity_prior *prior, size_t i)
+{
+    const size_t fold = i % prior->folds;
+    return (fidelity_weights){ .stay = 3,
+                               .smooth = 20,
+                               .prior = 40,
+                               .mean = prior->mean + fold * 3 * J,
+                               .modes = prior->modes,
+                               .mode = prior->mode + fold * prior->modes * 3 * J,
+                               .weight = prior->weight + fold * prior->modes };
+}
+
+/* The gradient that Gauss-Newton takes is that of the value, and the matrix that of the quadratic
+ * terms. */
+static void test_gradient(void **state)
+{
+    (void)state;
+    scene s;
+    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    apsm_fidelity *f = new_stage(&s, &o);
+    apsm_fidelity_prior prior;
+    fidelity_work w;
+    const size_t i = 3;
+    double d[2 * J], P0[3 * J];
+    assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, &prior), APSM_OK);
+    assert_int_equal(prior.modes, 2);
+    assert_int_equal(fidelity_work_alloc(f, prior.modes, &w), APSM_OK);
+    const fidelity_weights q = some_weights(&prior, i);
+    memcpy(w.a.P, s.P + i * J * 3, sizeof P0);
+    for (size_t x = 0; x < 3 * J; x++) P0[x] = w.a.P[x] + f->h * 0.1 * noise(x + 7);
+    apsm_shape_look_up(&s.cohort.shape[i], J, w.a.P, w.a.S, NULL, w.a.N);
+    assert_int_equal(fidelity_measure(f, i, 0, &w.a, &w), APSM_OK);
+    assert_true(fidelity_linearise(f, &w.a, &w) > 0);
+    fidelity_add_quadratic(f, &q, P0, &w.a, &w);
+    for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
+    double slope = 0, curve = 0, value[2];
+    for (size_t x = 0; x < 2 * J; x++) {
+        slope += w.g[x] * d[x];
+        for (size_t y = 0; y < x; y++) curve += 2 * w.H[x * 2 * J + y] * d[x] * d[y];
+        curve += w.H[x * 2 * J + x] * d[x] * d[x];
+    }
+    const double t = 1e-6;
+    for (int k = 0; k < 2; k++) {
+        shift(f, &w.a, w.tangent, d, k ? t : -t, w.b.P);
+        assert_int_equal(fidelity_measure(f, i, 0, &w.b, &w), APSM_OK);
+        fidelity_value(f, &q, P0, &w.b, &w);
+        value[k] = w.b.value;
+    }
+    const double difference = (value[1] - value[0]) / (2 * t);
+    if (!(fabs(difference - slope) < 1e-4 * fabs(slope)))
+        fail_msg("slope %.9g by differences, %.9g by the gradient", difference, slope);
+
+    /* quadratic terms alone: H by second differences, exactly */
+    double quadratic[3];
+    memset(w.H, 0, 4 * J * J * sizeof *w.H);
+    memset(w.g, 0, 2 * J * sizeof *w.g);
+    fidelity_add_quadratic(f, &q, P0, &w.a, &w);
+    curve = 0;
+    for (size_t x = 0; x < 2 * J; x++) {
+        for (size_t y = 0; y < x; y++) curve += 2 * w.H[x * 2 * J + y] * d[x] * d[y];
+        curve += w.H[x * 2 * J + x] * d[x] * d[x];
+    }
+    for (int k = 0; k < 3; k++) {
+        shift(f, &w.a, w.tangent, d, 0.01 * (k - 1), w.b.P);
+        w.b.n = 0;
+        fidelity_value(f, &q, P0, &w.b, &w);
+        quadratic[k] = w.b.value;
+    }
+    const double second = (quadratic[0] - 2 * quadratic[1] + quadratic[2]) / 1e-4;
+    if (!(fabs(second - curve) < 1e-6 * curve))
+        fail_msg("curvature %.9g by differences, %.9g by the matrix", second, curve);
+    fidelity_work_free(&w);
+    apsm_fidelity_prior_free(&prior);
+    apsm_fidelity_free(f);
+    free_scene(&s);
+}
+
+/* ---- the prior ---- */
+
+/* Two directions and a little noise are found as two modes, orthonormal, with that noise. */
+static void test_prior_finds_modes(void **state)
+{
+    (void)state;
+    enum { SHAPES = 24, D = 3 * J };
+    double P[SHAPES * D];
+    apsm_context *ctx = apsm_context_new();
+    apsm_fidelity_prior p;
+    apsm_linalg_single_thread();
+    apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
+    for (size_t i = 0; i < SHAPES; i++) {
+        const double a = 8 * apsm_random_normal(&rng), b = 4 * apsm_random_normal(&rng);
+        for (size_t x = 0; x < D; x++)
+            P[i * D + x] = 50 * noise(x) + a * synthetic_weyl(x, 0.41421356) +
+                           b * synthetic_weyl(x, 0.73205081) + 0.1 * apsm_random_normal(&rng);
+    }
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, -1, &p), APSM_OK);
+    assert_int_equal(p.folds, SHAPES);
+    assert_int_equal(p.modes, 2);
+    assert_true(p.gain > 0);
+    for (size_t fold = 0; fold < p.folds; fold++) {
+        const double *u = p.mode + fold * 2 * D, *v = u + D;
+        double uu = 0, uv = 0, vv = 0;
+        for (size_t x = 0; x < D; x++) uu += u[x] * u[x], uv += u[x] * v[x], vv += v[x] * v[x];
+        assert_true(fabs(uu - 1) < 1e-9 && fabs(vv - 1) < 1e-9 && fabs(uv) < 1e-9);
+        const double sd = sqrt(p.noise[fold]) * 2;
+        if (!(sd > 0.08 && sd < 0.11)) fail_msg("noise %g", sd);
+        for (size_t k = 0; k < 2; k++)
+            assert_true(p.weight[fold * 2 + k] > 0.9 && p.weight[fold * 2 + k] < 1);
+    }
+    /* a shape's own model does not know it */
+    P[0] += 1000;
+    apsm_fidelity_prior q;
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, &q), APSM_OK);
+    for (size_t x = 0; x < D; x++) assert_true(fabs(p.mean[x] - q.mean[x]) < 1e-9);
+    apsm_fidelity_prior_free(&p);
+    apsm_fidelity_prior_free(&q);
+    apsm_context_free(ctx);
+}
+
+/* ---- the stage ---- */
+
+static void test_distance_never_grows(void **state)
+{
+    (void)state;
+    scene s;
+    double P[I * J * 3], before = 0, after = 0;
+    make_scene(&s, SYNTHETIC_BUMP, 3, 1);
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.points = 100000; /* all: what is measured is what is fitted */
+    run_all(&s, &o, P);
+    apsm_fidelity *f = new_stage(&s, &o);
+    fidelity_work w;
+    assert_int_equal(fidelity_work_alloc(f, 0, &w), APSM_OK);
+    for (size_t i = 1; i < I; i++) {
+        const double a = distance_of(f, i, s.P + i * J * 3, &w);
+        const double b = distance_of(f, i, P + i * J * 3, &w);
+        if (b > a) fail_msg("shape %zu: %.6g h became %.6g h", i, a, b);
+        before += a;
+        after += b;
+    }
+    if (!(after < 0.9 * before)) fail_msg("mean %.6g became %.6g", before / 5, after / 5);
+    assert_memory_equal(P, s.P, J * 3 * sizeof *P); /* the template stays */
+    for (size_t j = 0; j < I * J; j++) {            /* and all on their surfaces */
+        apsm_closest c;
+        apsm_bvh_closest(s.cohort.shape[j / J].bvh, P + 3 * j, INFINITY, &c);
+        assert_true(c.distance2 < 1e-20);
+    }
+    fidelity_work_free(&w);
+    apsm_fidelity_free(f);
+    free_scene(&s);
+}
+
+/* Particles that are off by a tenth of h come no farther from the truth. */
+static void test_truth_error(void **state)
+{
+    (void)state;
+    const synthetic_kind kinds[] = { SYNTHETIC_ELLIPSOID, SYNTHETIC_BUMP, SYNTHETIC_PLATE };
+    for (size_t k = 0; k < 3; k++) {
+        scene s;
+        double P[I * J * 3];
+        make_scene(&s, kinds[k], 2, 1);
+        const apsm_fidelity_options o = apsm_fidelity_defaults();
+        run_all(&s, &o, P);
+        const double before = truth_error(&s, s.P), after = truth_error(&s, P);
+        print_message("cohort %zu: truth error %.4g -> %.4g\n", k, before, after);
+        if (!(after <= 1.1 * before)) fail_msg("cohort %zu: %g -> %g", k, before, after);
+        free_scene(&s);
+    }
+}
+
+static void test_threads_and_size(void **state)
+{
+    (void)state;
+    scene s, large;
+    double P[I * J * 3], Q[I * J * 3];
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.rounds = 2;
+    o.points = 500;
+    make_scene(&s, SYNTHETIC_PLATE, 2, 1);
+    run_all(&s, &o, P);
+    apsm_context_set_threads(s.ctx, 3);
+    run_all(&s, &o, Q);
+    assert_memory_equal(P, Q, sizeof P);
+    make_scene(&large, SYNTHETIC_PLATE, 2, 8);
+    for (size_t x = 0; x < I * J * 3; x++) assert_true(large.P[x] == 8 * s.P[x]);
+    run_all(&large, &o, Q);
+    for (size_t x = 0; x < I * J * 3; x++)
+        if (Q[x] != 8 * P[x]) fail_msg("coordinate %zu: %.17g is not 8 * %.17g", x, Q[x], P[x]);
+    free_scene(&large);
+    free_scene(&s);
+}
+
+/* A run that stops after every round and goes on ends in the same bytes. */
+typedef struct stopper {
+    double P[I * J * 3], own[I * J * 3];
+    long epoch, wanted;
+} stopper;
+
+static apsm_status stop_after(void *user, const apsm_optimizer_state *state,
+                              const apsm_epoch_record *r)
+{
+    stopper *s = user;
+    assert_int_equal(state->stage, APSM_STAGE_FIDELITY);
+    assert_true(r->surface_error > 0 && isnan(r->alpha) && isnan(r->sampling));
+    if (state->epoch != s->wanted) return APSM_OK;
+    memcpy(s->P, state->P, sizeof s->P);
+    memcpy(s->own, state->own, sizeof s->own);
+    return APSM_ERR_INTERRUPTED;
+}
+
+static void test_resumes(void **state)
+{
+    (void)state;
+    scene s;
+    apsm_options o = apsm_options_defaults();
+    apsm_optimizer_state whole, part;
+    make_scene(&s, SYNTHETIC_ELLIPSOID, 2, 1);
+    o.fidelity_points = 400;
+    stopper stop = { .wanted = -1 };
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &whole), APSM_OK);
+    whole.stage = APSM_STAGE_FIDELITY;
+    memcpy(whole.P, s.P, sizeof s.P);
+    assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &whole, stop_after, &stop), APSM_OK);
+    assert_int_equal(whole.stage, APSM_STAGE_DONE);
+    assert_int_equal(whole.epochs_run, o.fidelity_rounds);
+    stop.wanted = 2;
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &part), APSM_OK);
+    part.stage = APSM_STAGE_FIDELITY;
+    memcpy(part.P, s.P, sizeof s.P);
+    assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, stop_after, &stop),
+                     APSM_ERR_INTERRUPTED);
+    assert_int_equal(part.epoch, 2);
+    assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, NULL, NULL), APSM_OK);
+    assert_memory_equal(whole.P, part.P, sizeof s.P);
+    assert_memory_not_equal(whole.P, s.P, sizeof s.P);
+    apsm_optimizer_state_free(&whole);
+    apsm_optimizer_state_free(&part);
+    free_scene(&s);
+}
+
+/* Fidelity 0: the stage does nothing. */
+static void test_off(void **state)
+{
+    (void)state;
+    scene s;
+    apsm_options o = apsm_options_defaults();
+    apsm_optimizer_state st;
+    make_scene(&s, SYNTHETIC_ELLIPSOID, 2, 1);
+    o.fidelity = 0;
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &st), APSM_OK);
+    st.stage = APSM_STAGE_FIDELITY;
+    memcpy(st.P, s.P, sizeof s.P);
+    assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &st, NULL, NULL), APSM_OK);
+    assert_memory_equal(st.P, s.P, sizeof s.P);
+    assert_int_equal(st.stage, APSM_STAGE_DONE);
+    apsm_optimizer_state_free(&st);
+    free_scene(&s);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_gradient),
+        cmocka_unit_test(test_prior_finds_modes),
+        cmocka_unit_test(test_distance_never_grows),
+        cmocka_unit_test(test_truth_error),
+        cmocka_unit_test(test_threads_and_size),
+        cmocka_unit_test(test_resumes),
+        cmocka_unit_test(test_off),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
