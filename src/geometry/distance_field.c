@@ -27,12 +27,6 @@
 
 enum { BRICK = 8, BLOCK = 4, NODES = BRICK * BRICK * BRICK, MOST_NODES = 1 << 20, PATIENCE = 4096 };
 
-/* 4^3 cells, all of one brick. */
-typedef struct block {
-    float distance; /* |D| / voxel at its centre, rounded down */
-    uint32_t lo[3]; /* its first node */
-} block;
-
 struct apsm_field {
     const apsm_bvh *bvh;
     double origin[3], voxel, band;
@@ -42,8 +36,7 @@ struct apsm_field {
     size_t brick_count, brick_room;
     uint32_t *table; /* open-addressing hash of keys; 0: empty */
     unsigned table_bits;
-    block *blocks; /* by rising distance */
-    size_t block_count, block_room;
+    double lo[3], size[3]; /* box of the mesh */
 };
 
 /* ---- interpolation -------------------------------------------------------------------------- */
@@ -197,15 +190,6 @@ static apsm_status resize_bricks(apsm_field *field, size_t room)
     return APSM_OK;
 }
 
-static apsm_status resize_blocks(apsm_field *field, size_t room)
-{
-    void *blocks = realloc(field->blocks, (room ? room : 1) * sizeof *field->blocks);
-    if (!blocks) return APSM_ERR_MEMORY;
-    field->blocks = blocks;
-    field->block_room = room;
-    return APSM_OK;
-}
-
 static apsm_status add_brick(apsm_field *field, uint64_t key)
 {
     if (field->brick_count >= UINT32_MAX) return APSM_ERR_MEMORY;
@@ -264,18 +248,6 @@ static void fill_block(const builder *b, const int64_t lo[3], uint32_t slot)
     }
 }
 
-static apsm_status add_block(const builder *b, const int64_t lo[3], double distance, uint32_t slot)
-{
-    apsm_field *field = b->field;
-    if (field->block_count == field->block_room)
-        APSM_TRY(resize_blocks(field, field->block_room ? 2 * field->block_room : 512));
-    block *k = &field->blocks[field->block_count++];
-    k->distance = (float)(distance / field->voxel) * (1.0f - 0x1p-22f);
-    for (int c = 0; c < 3; c++) k->lo[c] = (uint32_t)lo[c];
-    fill_block(b, lo, slot);
-    return APSM_OK;
-}
-
 /* Cell of size^3 nodes from lo on. */
 static apsm_status descend(const builder *b, const int64_t lo[3], int64_t size, uint32_t slot)
 {
@@ -287,7 +259,10 @@ static apsm_status descend(const builder *b, const int64_t lo[3], int64_t size, 
     node_position(field, middle, x);
     bvh_closest_guess(field->bvh, x, limit * limit, &slot, &closest);
     if (!(closest.distance2 < limit * limit)) return APSM_OK;
-    if (size == BLOCK) return add_block(b, lo, sqrt(closest.distance2), slot);
+    if (size == BLOCK) {
+        fill_block(b, lo, slot);
+        return APSM_OK;
+    }
     if (size == BRICK) {
         if (apsm_interrupted(b->ctx)) return APSM_ERR_INTERRUPTED;
         APSM_TRY(add_brick(b->field, brick_key(lo[0] / BRICK, lo[1] / BRICK, lo[2] / BRICK)));
@@ -315,17 +290,10 @@ static apsm_status place_grid(apsm_context *ctx, apsm_field *field, double reach
                              field->voxel, hi[c] - lo[c], MOST_NODES);
         field->n[c] = (int64_t)n;
         field->origin[c] = lo[c] - margin * field->voxel;
+        field->lo[c] = lo[c];
+        field->size[c] = hi[c] - lo[c];
     }
     return APSM_OK;
-}
-
-static int compare_blocks(const void *a, const void *b)
-{
-    const block *p = a, *q = b;
-    if (p->distance != q->distance) return p->distance < q->distance ? -1 : 1;
-    for (int c = 2; c >= 0; c--)
-        if (p->lo[c] != q->lo[c]) return p->lo[c] < q->lo[c] ? -1 : 1;
-    return 0;
 }
 
 static apsm_status build(apsm_context *ctx, apsm_field *field)
@@ -338,8 +306,6 @@ static apsm_status build(apsm_context *ctx, apsm_field *field)
     APSM_TRY(add_brick(field, UINT64_MAX));
     APSM_TRY(descend(&b, (const int64_t[3]){ 0, 0, 0 }, size, 0));
     APSM_TRY(resize_bricks(field, field->brick_count));
-    APSM_TRY(resize_blocks(field, field->block_count));
-    qsort(field->blocks, field->block_count, sizeof *field->blocks, compare_blocks);
     return make_table(field);
 }
 
@@ -373,15 +339,13 @@ void apsm_field_free(apsm_field *field)
     free(field->bricks);
     free(field->brick_key);
     free(field->table);
-    free(field->blocks);
     free(field);
 }
 
 size_t apsm_field_bytes(const apsm_field *field)
 {
     return sizeof *field + field->brick_room * (sizeof *field->bricks + sizeof *field->brick_key) +
-           ((size_t)1 << field->table_bits) * sizeof *field->table +
-           field->block_room * sizeof *field->blocks;
+           ((size_t)1 << field->table_bits) * sizeof *field->table;
 }
 
 double apsm_field_voxel(const apsm_field *field)
@@ -490,43 +454,35 @@ void apsm_field_sample(const apsm_field *field, size_t n, const double *X, doubl
 
 /* ---- draw ----------------------------------------------------------------------------------- */
 
-/* How many blocks, the nearest first, may hold points with |D| <= band. */
-static size_t blocks_within(const apsm_field *field, double band)
+/* Trials in the mesh's box, widened by the band: mostly in bricks that do not exist, which one look
+ * at the table tells.  With the field's D; where that never comes near 0 (a sheet thinner than a
+ * voxel), after PATIENCE trials within bricks with the exact one. */
+static double draw_point(const apsm_field *field, apsm_random *rng, double band, double x[3])
 {
-    const double limit = band / field->voxel + sqrt(3.0) * (BLOCK / 2) * (1.0 + 0x1p-20);
-    size_t lo = 0, hi = field->block_count;
-    while (lo < hi) {
-        const size_t middle = lo + (hi - lo) / 2;
-        if ((double)field->blocks[middle].distance <= limit)
-            lo = middle + 1;
-        else
-            hi = middle;
-    }
-    return lo;
-}
-
-/* Trials with the field's D; where it never comes near 0 (a sheet thinner than a voxel), after
- * PATIENCE of them with the exact one. */
-static double draw_point(const apsm_field *field, apsm_random *rng, double band, size_t count,
-                         double x[3])
-{
-    for (int trial = 0;; trial += trial < PATIENCE) {
-        const block *b = &field->blocks[apsm_random_below(rng, count)];
+    for (int trial = 0;;) {
+        int64_t cell[3];
+        double t[3];
         for (int c = 0; c < 3; c++)
-            x[c] = field->origin[c] +
-                   field->voxel * ((double)b->lo[c] + BLOCK * apsm_random_uniform(rng));
+            x[c] = field->lo[c] - band + (field->size[c] + 2 * band) * apsm_random_uniform(rng);
+        if (!find_cell(field, x, cell, t)) continue;
+        const uint64_t key = brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK);
+        if (find_brick(field, key) == field->bricks[0]) continue;
         const double d = trial < PATIENCE ? stored_distance(field, x)
                                           : apsm_bvh_signed_distance(field->bvh, x, NULL);
         if (fabs(d) <= band) return d;
+        trial += trial < PATIENCE;
     }
 }
 
+/* Every point has a stream of its own and is found by its place in space: a rounding that lets one
+ * trial in or out changes that point alone, not all that follow. */
 void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
                      double *D)
 {
-    const size_t count = blocks_within(field, band);
+    const uint64_t seed = apsm_random_next(rng);
     for (size_t i = 0; i < n; i++) {
-        const double d = draw_point(field, rng, band, count, B + 3 * i);
+        apsm_random own = apsm_random_stream(seed, APSM_STREAM_BAND, i, 0);
+        const double d = draw_point(field, &own, band, B + 3 * i);
         if (D) D[i] = d;
     }
 }
