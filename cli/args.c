@@ -77,6 +77,8 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return cli_pairs_assign(p->ctx, a, text);
     case CLI_OUT:
         return take_path(p, o->name, text, &a->out_dir);
+    case CLI_TO:
+        return take_path(p, o->name, text, &a->to);
     case CLI_CONFIG:
         return take_path(p, o->name, text, &a->config);
     case CLI_THREADS:
@@ -255,10 +257,19 @@ static apsm_status settle_folder(parsing *p)
     return APSM_OK;
 }
 
+static apsm_status require_conversion(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs > 0 && a->out_dir) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "convert needs %s: apsm convert %s",
+                     a->out_dir ? "particles" : "an output", a->verb->operands);
+}
+
 static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
+    if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir && !evaluates_files(a))
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder: apsm %s %s", a->verb->name,
                          a->verb->name, a->verb->operands);

@@ -11,12 +11,16 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK,
-    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT
+    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT
 };
 
 static const cli_option own[] = {
-    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT, "DIR", NULL, NULL,
-      "the model folder; made if it does not exist", NULL },
+    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT | CLI_CONVERT, "DIR", NULL, NULL,
+      "the model folder (convert: the file or folder to write); made if it does not exist", NULL },
+    { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
+      "write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, npy, "
+      "mrk.json, vtk or vtp",
+      NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
       "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
       NULL },

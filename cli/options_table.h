@@ -11,6 +11,7 @@ typedef enum cli_action {
     CLI_SETS,     /* adds the pair key = argument (or = value if it takes none) */
     CLI_SET_PAIR, /* --set key=value */
     CLI_OUT,
+    CLI_TO,
     CLI_CONFIG,
     CLI_THREADS,
     CLI_PROGRESS,

@@ -5,7 +5,7 @@
 #include "apsm/adapters.h"
 #include "apsm/files.h"
 #include "apsm/input.h"
-#include "apsm/particles_file.h"
+#include "apsm/points_file.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
 #include "apsm/topology.h"
@@ -126,12 +126,23 @@ static apsm_status info_volume(apsm_context *ctx, const char *path, cli_ui *ui)
 
 static apsm_status info_particles(apsm_context *ctx, const char *path, cli_ui *ui)
 {
-    size_t n;
+    size_t I, n;
     double *P = NULL;
-    APSM_TRY(apsm_particles_read(ctx, path, &n, &P));
-    cli_say(ui, "particles: %zu", n);
+    APSM_TRY(apsm_points_read_cohort(ctx, path, &I, &n, &P));
+    if (I)
+        cli_say(ui, "particles: %zu on each of %zu shapes", n, I);
+    else
+        cli_say(ui, "particles: %zu", n);
     free(P);
     return APSM_OK;
+}
+
+/* Formats of meshes that hold points as well: points if there are no polygons. */
+static apsm_status info_mesh_or_points(apsm_context *ctx, const char *path, cli_ui *ui)
+{
+    const bool may_be_points = apsm_points_extension(path) != NULL;
+    return may_be_points && info_particles(ctx, path, ui) == APSM_OK ? APSM_OK
+                                                                     : info_mesh(ctx, path, ui);
 }
 
 static void say_options(cli_ui *ui, const apsm_project *project)
@@ -178,14 +189,15 @@ static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_input_kind kind;
     if (ends_with(path, ".swproj")) return info_project(ctx, path, ui);
-    if (ends_with(path, ".particles") || ends_with(path, ".lpts") || ends_with(path, ".wpts"))
-        return info_particles(ctx, path, ui);
-    if (!apsm_input_kind_of(path, &kind))
+    const bool is_shape = apsm_input_kind_of(path, &kind);
+    if (!is_shape && apsm_points_extension(path)) return info_particles(ctx, path, ui);
+    if (!is_shape)
         return apsm_fail(ctx, APSM_ERR_FORMAT,
                          "%s: unknown kind of file; give a model folder, a project, a mesh, a "
                          "segmentation or particles",
                          path);
-    return kind == APSM_INPUT_MESH ? info_mesh(ctx, path, ui) : info_volume(ctx, path, ui);
+    return kind == APSM_INPUT_MESH ? info_mesh_or_points(ctx, path, ui)
+                                   : info_volume(ctx, path, ui);
 }
 
 apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)

@@ -33,6 +33,12 @@ static const cli_verb_info verbs[] = {
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
       "there is none." },
+    { CLI_CONVERT, "convert", "INPUT... -o OUTPUT", "particles to and from other programs' files",
+      "Rewrites particle sets. An input is a file (.particles, .lpts, .wpts, .csv, .npy, .mrk.json "
+      "of 3D Slicer, points as .vtk or .vtp), or a model folder or project, which stands for the "
+      "world particles of its shapes. OUTPUT is a file of one of these formats; only .npy holds "
+      "several shapes, as one array of shapes x particles x 3. With --to EXT it is a folder, with "
+      "a file for each shape. Order and frame of the particles are kept." },
     { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",
       "Tells in a few lines what a model folder or one of its files holds." },
 };

@@ -25,7 +25,7 @@ expect() {
 
 expect 0 "apsm 0." --version
 expect 0 "Usage: apsm VERB" --help
-for verb in run groom initialize optimize evaluate report check info; do
+for verb in run groom initialize optimize evaluate report check convert info; do
     expect 0 "Usage: apsm $verb" $verb --help
     expect 0 "Usage: apsm $verb" help $verb
     expect 2 "the nearest is --help" $verb --hel
@@ -38,6 +38,15 @@ expect 2 "particles = 2" run x -o "$folder/m" -J 2
 expect 2 "alpha is given twice" run x -o "$folder/m" --alpha 1 --set alpha=2
 expect 1 "nowhere: no such file" run "$folder/nowhere" -o "$folder/m"
 expect 1 "nowhere: no such file" info "$folder/nowhere"
+expect 2 "convert needs an output" convert x.csv
+expect 2 "convert needs particles" convert -o "$folder/m"
+expect 2 "--to does not belong to 'run'" run x -o "$folder/m" --to csv
+printf '1 2 3\n4 5 6.5\n' >"$folder/two.lpts"
+expect 2 "--to xyz: give particles" convert "$folder/two.lpts" -o "$folder/m" --to xyz
+expect 2 "not a format of particles" convert "$folder/two.lpts" -o "$folder/m"
+expect 2 "is an input" convert "$folder/two.lpts" -o "$folder" --to lpts
+expect 2 "two inputs" convert "$folder/two.lpts" "$folder/two.lpts" -o "$folder/m" --to csv
+expect 2 "cannot hold 2 shapes" convert "$folder/two.lpts" "$folder/two.lpts" -o "$folder/m.csv"
 [ -e "$folder/m" ] && echo "a mistake made a folder" && failed=1
 
 # Anyone's particle files: shapes on a line have one mode, which tells everything.
