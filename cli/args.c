@@ -11,6 +11,8 @@
 #include <unistd.h>
 
 #include "apsm/files.h"
+#include "apsm/input.h"
+#include "apsm/points_file.h"
 #include "options_table.h"
 #include "pairs.h"
 
@@ -225,11 +227,8 @@ static apsm_status take_operands(parsing *p)
 
 bool cli_is_particles_file(const char *path)
 {
-    static const char *const extensions[] = { ".particles", ".wpts", ".lpts" };
-    const char *dot = strrchr(path, '.');
-    for (size_t k = 0; dot && k < 3; k++)
-        if (strcmp(dot, extensions[k]) == 0) return true;
-    return false;
+    apsm_input_kind kind;
+    return apsm_points_extension(path) && !apsm_input_kind_of(path, &kind);
 }
 
 /* `evaluate` on particle files, not in a model folder. */

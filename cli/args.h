@@ -68,7 +68,7 @@ apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *a
 apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args) APSM_NODISCARD;
 void cli_args_free(cli_args *args);
 
-/* By its extension: .particles, .wpts or .lpts. */
+/* By its extension (apsm/points_file.h); .vtk and .vtp count as meshes. */
 bool cli_is_particles_file(const char *path);
 /* Value of a key in set, or NULL. */
 const char *cli_args_get(const cli_args *args, const char *key);

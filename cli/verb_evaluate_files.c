@@ -4,12 +4,13 @@
  * the mean is warped to the others. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "apsm/adapters.h"
 #include "apsm/bvh.h"
 #include "apsm/metrics.h"
 #include "apsm/options.h"
-#include "apsm/particles_file.h"
+#include "apsm/points_file.h"
 #include "verbs.h"
 
 typedef struct files_work {
@@ -38,15 +39,28 @@ static apsm_status split_operands(apsm_context *ctx, const cli_args *args, files
     return APSM_OK;
 }
 
+/* Particles of shape i; the first says how many there are. */
+static apsm_status read_shape(files_work *w, size_t i)
+{
+    size_t n;
+    double *P;
+    APSM_TRY(apsm_points_read(w->ctx, w->particle_file[i], &n, &P));
+    if (i == 0) w->P = malloc(w->I * n * 3 * sizeof *w->P);
+    if (i == 0) w->J = n;
+    const bool fits = w->P && n == w->J;
+    if (fits) memcpy(w->P + i * n * 3, P, n * 3 * sizeof *P);
+    free(P);
+    if (fits) return APSM_OK;
+    if (!w->P) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+    return apsm_fail(w->ctx, APSM_ERR_FORMAT,
+                     "%s: holds %zu particles where %zu are expected; every shape needs the same "
+                     "number",
+                     w->particle_file[i], n, w->J);
+}
+
 static apsm_status read_particles(files_work *w)
 {
-    double *first = NULL;
-    APSM_TRY(apsm_particles_read(w->ctx, w->particle_file[0], &w->J, &first));
-    free(first);
-    w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
-    if (!w->P) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < w->I; i++)
-        APSM_TRY(apsm_particles_read_n(w->ctx, w->particle_file[i], w->J, w->P + i * w->J * 3));
+    for (size_t i = 0; i < w->I; i++) APSM_TRY(read_shape(w, i));
     return APSM_OK;
 }
 

@@ -53,6 +53,15 @@ convert model -o slicer --to .mrk.json
 convert slicer/zoe.mrk.json -o zoe.particles
 cmp model/zoe.particles zoe.particles || fail "Slicer's markups"
 
+# evaluate reads any of them.
+mkdir eval
+for i in 0 1 2 3; do printf '0 0 %d\n1 0.5 %d\n0 1 2\n%d 1 3\n' $i $((i * i)) $((i + 1)) >eval/$i.lpts; done
+for extension in lpts csv npy mrk.json; do
+    [ $extension = lpts ] || convert eval/?.lpts -o eval --to $extension
+    "$apsm" evaluate --quiet eval/?.$extension >eval_$extension || fail "evaluate *.$extension"
+    cmp eval_lpts eval_$extension || fail "evaluate differs on .$extension"
+done
+
 # What is wrong leaves nothing behind.
 before=$(find . | sort)
 echo '1 2' >bad.particles
