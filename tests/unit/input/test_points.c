@@ -244,6 +244,7 @@ static void test_npy_headers(void **state)
         { "{\"shape\":(2,3,),\"descr\":\"<f8\",\"fortran_order\":False}     ", 48, NULL },
         { NPY("<f8", "False", "2, 3"), 47, "do not fit" },
         { NPY("<f8", "False", "2, 3"), 49, "do not fit" },
+        { NPY("<f8", "False", "2, 3"), 72, "do not fit" },
         { NPY("<f8", "False", "3, 3"), 48, "do not fit" },
         { NPY("<f8", "False", "768614336404564651, 3"), 48, "do not fit" },
         { NPY("<f8", "False", "4294967296, 4294967296, 3"), 0, "do not fit" },
