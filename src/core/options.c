@@ -149,11 +149,8 @@ static apsm_status set_one(apsm_context *ctx, apsm_options *options, const char 
 /* The earlier paper's method; METHOD 8.  Its gamma/2 |P_i - mean|^2 has the gradient
  * gamma (P_i - mean): a length, so gamma is the share of the way to the mean made in an epoch. */
 static const char *const xu2023[][2] = {
-    { "correspondence", "frobenius-squared" },
-    { "gamma", "0.1" },
-    { "snap", "none" },
-    { "geodesic_correspondence", "false" },
-    { "fidelity", "0" },
+    { "correspondence", "frobenius-squared" }, { "gamma", "0.1" },  { "snap", "none" },
+    { "geodesic_correspondence", "false" },    { "fidelity", "0" },
 };
 enum { XU2023_LENGTH = sizeof xu2023 / sizeof xu2023[0] };
 
