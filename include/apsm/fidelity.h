@@ -15,9 +15,9 @@ typedef struct apsm_fidelity_options {
     double stay;     /* lambda: pull to where the stage began: 0.02 */
     double smooth;   /* mu: neighbours move alike: 1 */
     long modes;      /* of the prior; -1: as many as predict left-out shapes best */
-    long rounds;     /* prior and shapes in turn: 3 */
-    long iterations; /* most Gauss-Newton steps of a shape in a round: 2 */
-    size_t points;   /* of either surface, about; all if it has fewer: 2500 */
+    long rounds;     /* prior and shapes in turn: 4 */
+    long iterations; /* most Gauss-Newton steps of a shape in a round: 1 */
+    size_t points;   /* of either surface, about; all if it has fewer: 2000 */
     double floor;    /* distances below this count as squares; in h: 0.05 */
     double clip;     /* longest move of a particle in a step; in h: 0.25 */
 } apsm_fidelity_options;

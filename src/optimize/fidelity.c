@@ -25,9 +25,9 @@ apsm_fidelity_options apsm_fidelity_defaults(void)
                                     .stay = 0.02,
                                     .smooth = 1,
                                     .modes = -1,
-                                    .rounds = 3,
-                                    .iterations = 2,
-                                    .points = 2500,
+                                    .rounds = 4,
+                                    .iterations = 1,
+                                    .points = 2000,
                                     .floor = 0.05,
                                     .clip = 0.25 };
 }
