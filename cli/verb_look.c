@@ -31,22 +31,12 @@ static bool is_model_folder(const char *path)
 static apsm_status open_for_check(apsm_context *ctx, const cli_args *args, apsm_run **run)
 {
     const bool model = args->n_inputs == 1 && is_model_folder(args->inputs[0]);
-    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
-    if (!pairs) return APSM_ERR_MEMORY;
-    for (size_t k = 0; k < args->n_set; k++) {
-        pairs[k][0] = args->set[k].key;
-        pairs[k][1] = args->set[k].value;
-    }
     const apsm_run_settings settings = { .folder = model ? args->inputs[0] : ".",
                                          .n_inputs = model ? 0 : args->n_inputs,
                                          .inputs = args->inputs,
-                                         .n_set = args->n_set,
-                                         .set = (const char *const(*)[2])pairs,
                                          .fresh = !model,
                                          .dry = true };
-    const apsm_status status = apsm_run_open(ctx, &settings, run);
-    free(pairs);
-    return status;
+    return cli_open_run(ctx, args, settings, run);
 }
 
 apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)

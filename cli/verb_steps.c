@@ -7,7 +7,8 @@
 
 typedef apsm_status (*step_fn)(apsm_run *);
 
-static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **run)
+apsm_status cli_open_run(apsm_context *ctx, const cli_args *args, apsm_run_settings settings,
+                         apsm_run **run)
 {
     const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
     if (!pairs) return APSM_ERR_MEMORY;
@@ -15,17 +16,22 @@ static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **
         pairs[k][0] = args->set[k].key;
         pairs[k][1] = args->set[k].value;
     }
-    const apsm_run_settings settings = { .folder = args->out_dir,
-                                         .n_inputs = args->n_inputs,
-                                         .inputs = args->inputs,
-                                         .n_set = args->n_set,
-                                         .set = (const char *const(*)[2])pairs,
-                                         .resume = args->resume,
-                                         .overwrite = args->overwrite,
-                                         .dry = args->dry_run };
+    settings.n_set = args->n_set;
+    settings.set = (const char *const(*)[2])pairs;
     const apsm_status status = apsm_run_open(ctx, &settings, run);
     free(pairs);
     return status;
+}
+
+static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **run)
+{
+    const apsm_run_settings settings = { .folder = args->out_dir,
+                                         .n_inputs = args->n_inputs,
+                                         .inputs = args->inputs,
+                                         .resume = args->resume,
+                                         .overwrite = args->overwrite,
+                                         .dry = args->dry_run };
+    return cli_open_run(ctx, args, settings, run);
 }
 
 static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step)

@@ -6,6 +6,8 @@
 #include "args.h"
 #include "ui.h"
 
+#include "apsm/run.h"
+
 apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_groom(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_initialize(apsm_context *ctx, const cli_args *args, cli_ui *ui);
@@ -16,5 +18,9 @@ apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_convert(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+
+/* apsm_run_open with what the command line set. */
+apsm_status cli_open_run(apsm_context *ctx, const cli_args *args, apsm_run_settings settings,
+                         apsm_run **run) APSM_NODISCARD;
 
 #endif
