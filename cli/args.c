@@ -81,6 +81,14 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return take_path(p, o->name, text, &a->out_dir);
     case CLI_TO:
         return take_path(p, o->name, text, &a->to);
+    case CLI_WHAT:
+        return take_path(p, o->name, text, &a->what);
+    case CLI_SHAPE:
+        return take_path(p, o->name, text, &a->shape);
+    case CLI_VIEW:
+        return take_path(p, o->name, text, &a->view);
+    case CLI_WIDTH:
+        return take_path(p, o->name, text, &a->width);
     case CLI_CONFIG:
         return take_path(p, o->name, text, &a->config);
     case CLI_THREADS:
@@ -264,11 +272,20 @@ static apsm_status require_conversion(const parsing *p)
                      a->out_dir ? "particles" : "an output", a->verb->operands);
 }
 
+static apsm_status require_one_model(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs == 1) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "render needs one model folder: apsm render %s",
+                     a->verb->operands);
+}
+
 static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
+    if (a->verb->verb == CLI_RENDER) return require_one_model(p);
     if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir && !evaluates_files(a))
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder: apsm %s %s", a->verb->name,
                          a->verb->name, a->verb->operands);

@@ -17,7 +17,8 @@ typedef enum cli_verb {
     CLI_CHECK = 1 << 5,
     CLI_INFO = 1 << 6,
     CLI_REPORT = 1 << 7,
-    CLI_CONVERT = 1 << 8
+    CLI_CONVERT = 1 << 8,
+    CLI_RENDER = 1 << 9
 } cli_verb;
 
 typedef struct cli_verb_info {
@@ -49,9 +50,11 @@ typedef struct cli_args {
     bool help, help_all, version;
     size_t n_inputs;
     const char **inputs; /* array owned, texts of argv */
-    const char *out_dir; /* MODEL_DIR, however given, or what convert writes; NULL if not */
-    const char *to;      /* of convert: extension of the files in out_dir; NULL if not given */
-    const char *config;  /* already in set; here for messages */
+    const char
+        *out_dir;   /* MODEL_DIR, however given, or what convert and render write; NULL if not */
+    const char *to; /* of convert: extension of the files in out_dir; NULL if not given */
+    const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
+    const char *config;                      /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
     cli_pair *set;

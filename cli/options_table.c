@@ -11,16 +11,27 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK,
-    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT
+    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER
 };
 
 static const cli_option own[] = {
-    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT | CLI_CONVERT, "DIR", NULL, NULL,
-      "the model folder (convert: the file or folder to write); made if it does not exist", NULL },
+    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER, "DIR",
+      NULL, NULL,
+      "the model folder (convert, render: the file or folder to write); made if it does not exist",
+      NULL },
     { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
       "write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, npy, "
       "mrk.json, vtk or vtp",
       NULL },
+    { "what", 0, CLI_WHAT, CLI_GROUP_INPUT, CLI_RENDER, "WORD", NULL, NULL,
+      "one picture: mean, modes, shape or cohort (default: all four, into a folder)", NULL },
+    { "shape", 0, CLI_SHAPE, CLI_GROUP_INPUT, CLI_RENDER, "NAME", NULL, NULL,
+      "the shape to draw with its particles (default: the template)", NULL },
+    { "view", 0, CLI_VIEW, CLI_GROUP_INPUT, CLI_RENDER, "X,Y,Z", NULL, NULL,
+      "direction from the shapes to the viewer, or +x, -x, +y, -y, +z, -z, auto (default auto)",
+      NULL },
+    { "width", 0, CLI_WIDTH, CLI_GROUP_INPUT, CLI_RENDER, "N", NULL, NULL,
+      "width of the picture in pixels, 64 to 8000 (default: as the picture needs)", NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
       "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
       NULL },
@@ -49,8 +60,8 @@ static const cli_option own[] = {
     { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS, "N", "seed", NULL,
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
-    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK | CLI_REPORT, "N", NULL, NULL,
-      "threads to use (default: one for each processor)", NULL },
+    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER, "N",
+      NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
     { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,

@@ -12,6 +12,10 @@ typedef enum cli_action {
     CLI_SET_PAIR, /* --set key=value */
     CLI_OUT,
     CLI_TO,
+    CLI_WHAT,
+    CLI_SHAPE,
+    CLI_VIEW,
+    CLI_WIDTH,
     CLI_CONFIG,
     CLI_THREADS,
     CLI_PROGRESS,

@@ -30,6 +30,10 @@ static const cli_verb_info verbs[] = {
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "
       "from. One file that needs no network: open it with a double click, send it by mail." },
+    { CLI_RENDER, "render", "MODEL_DIR", "pictures of the model as PNG files",
+      "Draws the mean, the first modes at two standard deviations, a shape with its particles, and "
+      "all shapes on one sheet, without a window system or a browser. Writes MODEL_DIR/pictures, "
+      "or the folder of -o; with --what one picture, into the file of -o." },
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
       "there is none." },

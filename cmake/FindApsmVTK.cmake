@@ -6,7 +6,8 @@ file(GLOB vtk_headers ${CMAKE_SOURCE_DIR}/.deps/usr/include/vtk-9.* /usr/include
 list(SORT vtk_headers COMPARE NATURAL ORDER DESCENDING)
 
 # The newest version of which both headers and libraries are there.
-set(vtk_names CommonCore CommonMisc CommonMath CommonDataModel CommonExecutionModel FiltersCore IOXML)
+set(vtk_names CommonCore CommonMisc CommonMath CommonDataModel CommonExecutionModel FiltersCore IOXML
+    RenderingCore RenderingFreeType)
 foreach(folder ${vtk_headers})
   string(REGEX MATCH "[0-9]+\\.[0-9]+$" ApsmVTK_VERSION "${folder}")
   set(ApsmVTK_LIBRARIES)

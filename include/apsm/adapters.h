@@ -3,6 +3,8 @@
 #ifndef APSM_ADAPTERS_H
 #define APSM_ADAPTERS_H
 
+#include <stdbool.h>
+
 #include "apsm/mesh.h"
 #include "apsm/volume.h"
 
@@ -42,6 +44,12 @@ apsm_status apsm_vtk_write_points(apsm_context *ctx, const char *path, size_t n,
  * coordinates, triangles facing outward (towards larger values). */
 apsm_status apsm_vtk_isosurface(apsm_context *ctx, const size_t n[3], const float *values,
                                 double level, apsm_mesh *mesh) APSM_NODISCARD;
+
+/* VTK: one line of text (UTF-8) in a sans-serif font, `pixels` high; *coverage (height x width,
+ * rows from the top, 0..255) is malloc'ed, NULL for an empty text.  All lines of a size are equally
+ * high; signs that the font lacks are left out.  Not for several threads at a time. */
+apsm_status apsm_vtk_text(apsm_context *ctx, const char *text, size_t pixels, bool bold,
+                          size_t *width, size_t *height, unsigned char **coverage) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

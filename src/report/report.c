@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "apsm/files.h"
+#include "report/colours.h"
 #include "report/display.h"
 #include "report/model_folder.h"
 #include "report/pack.h"
@@ -187,6 +188,18 @@ static json_t *json_manifest(const json_t *manifest)
     return copy;
 }
 
+/* Of the particles, numbers of the viewer's list; the same as in pictures (render.h). */
+static json_t *json_colours(composing *c)
+{
+    const size_t J = c->m->J;
+    uint32_t *chosen = malloc((J + 1) * sizeof *chosen);
+    if (!chosen) return NULL;
+    colours_choose(J, c->m->mean, chosen);
+    json_t *colours = pack_integers(&c->bytes, J, 1, 1, chosen);
+    free(chosen);
+    return colours;
+}
+
 /* Last component of the folder's path, whatever it is called on the command line. */
 static char *title_of(const char *folder)
 {
@@ -202,13 +215,14 @@ static json_t *compose(composing *c)
     char *title = title_of(m->path);
     choose_steps(c);
     json_t *root = json_pack(
-        "{s:s, s:i, s:s, s:I, s:I, s:[f, f, f], s:f, s:f, s:f, s:o, s:o, s:o, s:O, s:O, s:o}",
+        "{s:s, s:i, s:s, s:I, s:I, s:[f, f, f], s:f, s:f, s:f, s:o, s:o, s:o, s:o, s:O, s:O, s:o}",
         "format", "apsm-report", "version", DATA_VERSION, "title", title ? title : "model",
         "particles", (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin",
         c->lo[0], c->lo[1], c->lo[2], "step", c->step, "largest_distance", c->largest_distance,
-        "mode_step", c->mode_step, "variances", apsm_json_vector(m->modes, m->variance), "mean",
-        json_mean(c), "shapes", json_shapes(c), "evaluation", m->evaluation, "certificate",
-        m->certificate, "manifest", json_manifest(m->manifest));
+        "mode_step", c->mode_step, "colours", json_colours(c), "variances",
+        apsm_json_vector(m->modes, m->variance), "mean", json_mean(c), "shapes", json_shapes(c),
+        "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
+        json_manifest(m->manifest));
     free(title);
     return root;
 }

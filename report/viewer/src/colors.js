@@ -22,24 +22,9 @@ export function lookUpTable(palette) {
   return bytes;
 }
 
-// Okabe and Ito's colours without black, and darker or lighter kin of the same hues.
+// As in src/report/colours.c: Okabe and Ito's colours without black, and kin of the same hues.
 const CATEGORIES = ["#e69f00", "#56b4e9", "#009e73", "#f0e442", "#0072b2", "#d55e00", "#cc79a7", "#5b3a8c", "#7a1f1f", "#bfe8a0"];
 
-/**
- * One colour a particle, the same on every shape.  Each particle takes the colour whose nearest
- * bearer on the mean is farthest away, so that neighbours differ and a swap shows.
- */
-export function particleColours(P) {
-  const n = P.length / 3;
-  const chosen = new Uint8Array(n), out = new Float32Array(3 * n);
-  for (let j = 0; j < n; j++) {
-    const nearest = new Float64Array(CATEGORIES.length).fill(Infinity);
-    for (let k = 0; k < j; k++) {
-      const d = (P[3 * j] - P[3 * k]) ** 2 + (P[3 * j + 1] - P[3 * k + 1]) ** 2 + (P[3 * j + 2] - P[3 * k + 2]) ** 2;
-      if (d < nearest[chosen[k]]) nearest[chosen[k]] = d;
-    }
-    chosen[j] = nearest.indexOf(Math.max(...nearest));
-    out.set(channels(CATEGORIES[chosen[j]]).map((x) => x / 255), 3 * j);
-  }
-  return out;
-}
+/** Colours of particles from their numbers, which src/report/colours.c chooses so that neighbours differ. */
+export const particleColours = (chosen) =>
+  Float32Array.from({ length: 3 * chosen.length }, (_, k) => channels(CATEGORIES[chosen[Math.floor(k / 3)]])[k % 3] / 255);

@@ -607,7 +607,7 @@ async function start() {
   byId("data").remove();
   const reach = setStage();
   radius = Math.min(0.15 * (model.certificate.h || reach), 0.03 * reach);
-  tint = particleColours(model.array(model.mean.particles, "positions"));
+  tint = particleColours(model.array(model.colours, "integers"));
   shorts = shortNames(model.shapes.map((s) => s.name));
   facts = gatherFacts();
   try {
