@@ -46,6 +46,23 @@ static apsm_status take_threads(parsing *p, const char *text)
     return APSM_OK;
 }
 
+/* 2G, 500M, 1.5T: units of 1024. */
+static apsm_status take_memory(parsing *p, const char *text)
+{
+    static const char units[] = "KMGT";
+    char *end;
+    const double n = strtod(text, &end);
+    const char *unit = *end ? strchr(units, *end) : NULL;
+    double bytes = n;
+    for (const char *u = units; unit && u <= unit; u++) bytes *= 1024;
+    if (end == text || !unit || end[1] || !(bytes >= 0x1p26) || !(bytes < 0x1p60))
+        return apsm_fail(p->ctx, APSM_ERR_ARG,
+                         "--memory %s: give a number with a unit, like 2G or 500M; 64M at least",
+                         text);
+    p->args->memory = (size_t)bytes;
+    return APSM_OK;
+}
+
 static apsm_status take_progress(parsing *p, const char *text)
 {
     static const char *const modes[] = { "auto", "plain", "json" };
@@ -93,6 +110,8 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return take_path(p, o->name, text, &a->config);
     case CLI_THREADS:
         return take_threads(p, text);
+    case CLI_MEMORY:
+        return take_memory(p, text);
     case CLI_PROGRESS:
         return take_progress(p, text);
     case CLI_FLAG_RESUME:

@@ -58,7 +58,8 @@ typedef struct cli_args {
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
     cli_pair *set;
-    int threads; /* >= 1 */
+    int threads;   /* >= 1 */
+    size_t memory; /* bytes; 0: no limit */
     cli_progress_mode progress;
     bool resume, overwrite, dry_run, quiet;
 } cli_args;

@@ -62,6 +62,10 @@ static const cli_option own[] = {
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER, "N",
       NULL, NULL, "threads to use (default: one for each processor)", NULL },
+    { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
+      "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
+      "afterwards; changes the time, never the result (default: no limit)",
+      NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
     { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,

@@ -18,6 +18,7 @@ typedef enum cli_action {
     CLI_WIDTH,
     CLI_CONFIG,
     CLI_THREADS,
+    CLI_MEMORY,
     CLI_PROGRESS,
     CLI_FLAG_RESUME,
     CLI_FLAG_OVERWRITE,

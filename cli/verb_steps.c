@@ -28,6 +28,7 @@ static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **
     const apsm_run_settings settings = { .folder = args->out_dir,
                                          .n_inputs = args->n_inputs,
                                          .inputs = args->inputs,
+                                         .memory = args->memory,
                                          .resume = args->resume,
                                          .overwrite = args->overwrite,
                                          .dry = args->dry_run };

@@ -6,6 +6,7 @@
 #include "apsm/distance_field.h"
 #include "apsm/geodesic.h"
 #include "apsm/mesh.h"
+#include "apsm/store.h"
 #include "apsm/topology.h"
 
 #ifdef __cplusplus
@@ -22,6 +23,7 @@ typedef struct apsm_shape {
     apsm_bvh *bvh;
     apsm_field *field; /* NULL if the cohort was built without */
     apsm_geodesic *geodesic;
+    bool stored; /* all arrays are in a store, not malloc'ed */
 } apsm_shape;
 
 typedef struct apsm_cohort {
@@ -42,6 +44,12 @@ apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *na
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band,
                               apsm_cohort *cohort) APSM_NODISCARD;
+/* The same with every finished shape moved to the store, which must outlive the cohort (NULL: kept
+ * in memory).  The shapes are the same to the byte. */
+apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
+                                 const char *const *names, const apsm_mesh *meshes,
+                                 const double *transforms, size_t template_index, double voxel,
+                                 double band, apsm_cohort *cohort) APSM_NODISCARD;
 void apsm_cohort_free(apsm_cohort *cohort);
 
 /* The closest surface points S (n) of P (n x 3) on a shape, with their positions X (n x 3) and

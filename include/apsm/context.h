@@ -49,6 +49,11 @@ void apsm_context_set_progress(apsm_context *ctx, apsm_progress_fn fn, void *use
 void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag);
 bool apsm_interrupted(const apsm_context *ctx);
 
+/* fn is called between the tasks of apsm_parallel_for, from any of its threads: a place to keep
+ * house (apsm_store_trim), never to decide anything.  NULL switches it off; user is borrowed. */
+typedef void (*apsm_between_fn)(void *user);
+void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user);
+
 void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...) APSM_PRINTF(3, 4);
 void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress);
 

@@ -25,6 +25,8 @@ typedef struct apsm_run_settings {
      * on top of those stored in the project. */
     size_t n_set;
     const char *const (*set)[2];
+    size_t memory;  /* bytes of resident memory to keep to, shapes being moved to a file in state/;
+                       0: no limit.  The result is the same. */
     bool resume;    /* go on with an unfinished run: stored options and inputs must agree */
     bool overwrite; /* groom may replace a model that is already in the folder */
     bool fresh;     /* a project in the folder does not matter */

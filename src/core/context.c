@@ -24,6 +24,8 @@ struct apsm_context {
     apsm_progress_fn progress;
     void *progress_user;
     const volatile int *interrupt;
+    apsm_between_fn between;
+    void *between_user;
     bool is_task;            /* logs go to lines instead of to the sink */
     log_line *first, **last; /* of a task */
     char error[ERROR_LENGTH];
@@ -68,6 +70,12 @@ void apsm_context_set_progress(apsm_context *ctx, apsm_progress_fn fn, void *use
 {
     ctx->progress = fn;
     ctx->progress_user = user;
+}
+
+void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user)
+{
+    ctx->between = fn;
+    ctx->between_user = user;
 }
 
 void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag)
@@ -177,6 +185,7 @@ static void run_task(loop *l, size_t i)
         return;
     }
     l->status[i] = l->fn(&l->task[i], i, omp_get_thread_num(), l->user);
+    if (l->parent->between) l->parent->between(l->parent->between_user);
     count_task(l);
 }
 

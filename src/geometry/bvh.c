@@ -26,6 +26,7 @@
 #include "apsm/topology.h"
 #include "core/kernel.h"
 #include "geometry/bvh_guess.h"
+#include "geometry/stored.h"
 #include "geometry/vec3.h"
 
 enum { WIDTH = 4, LEAF = 4, ROWS = 16, BINS = 16, DEEP = 40, STACK = 256 };
@@ -374,6 +375,17 @@ apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
     else
         apsm_bvh_free(bvh);
     return status;
+}
+
+void bvh_arrays(apsm_bvh *bvh, array_list *list)
+{
+    const size_t nv = bvh->mesh->nv, nf = bvh->mesh->nf;
+    arrays_add(list, &bvh->nodes, bvh->node_count * sizeof *bvh->nodes);
+    arrays_add(list, &bvh->leaves, bvh->leaf_count * sizeof *bvh->leaves);
+    arrays_add(list, &bvh->face, bvh->leaf_count * LEAF * sizeof *bvh->face);
+    arrays_add(list, &bvh->face_normal, 3 * nf * sizeof *bvh->face_normal);
+    arrays_add(list, &bvh->vertex_normal, 3 * nv * sizeof *bvh->vertex_normal);
+    arrays_add(list, &bvh->twin, 3 * nf * sizeof *bvh->twin);
 }
 
 void apsm_bvh_free(apsm_bvh *bvh)

@@ -23,6 +23,7 @@
 #include <string.h>
 
 #include "geometry/bvh_guess.h"
+#include "geometry/stored.h"
 #include "geometry/vec3.h"
 
 enum { BRICK = 8, BLOCK = 4, NODES = BRICK * BRICK * BRICK, MOST_NODES = 1 << 20, PATIENCE = 4096 };
@@ -331,6 +332,13 @@ apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxe
         return apsm_fail(ctx, status, "distance field: out of memory at voxel %g; use a larger one",
                          voxel);
     return status;
+}
+
+void field_arrays(apsm_field *field, array_list *list)
+{
+    arrays_add(list, &field->bricks, field->brick_count * sizeof *field->bricks);
+    arrays_add(list, &field->brick_key, field->brick_count * sizeof *field->brick_key);
+    arrays_add(list, &field->table, ((size_t)1 << field->table_bits) * sizeof *field->table);
 }
 
 void apsm_field_free(apsm_field *field)

@@ -31,6 +31,7 @@
 #include <string.h>
 
 #include "geometry/geodesic_state.h"
+#include "geometry/stored.h"
 #include "geometry/vec3.h"
 
 /* A distance must fall by more than rounding to count: relative. */
@@ -109,6 +110,12 @@ apsm_status apsm_geodesic_build(const apsm_mesh *mesh, const apsm_topology *topo
     prepare(g);
     *out = g;
     return APSM_OK;
+}
+
+void geodesic_arrays(apsm_geodesic *g, array_list *list)
+{
+    arrays_add(list, &g->hinge, 3 * g->mesh->nf * sizeof *g->hinge);
+    arrays_add(list, &g->bends, g->mesh->nv * sizeof *g->bends);
 }
 
 void apsm_geodesic_free(apsm_geodesic *g)

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "geometry/stored.h"
 #include "geometry/vec3.h"
 
 apsm_status apsm_mesh_alloc(apsm_mesh *mesh, size_t nv, size_t nf)
@@ -33,6 +34,12 @@ apsm_status apsm_mesh_copy(const apsm_mesh *from, apsm_mesh *to)
     if (from->nv) memcpy(to->V, from->V, 3 * from->nv * sizeof *to->V);
     if (from->nf) memcpy(to->F, from->F, 3 * from->nf * sizeof *to->F);
     return APSM_OK;
+}
+
+void mesh_arrays(apsm_mesh *mesh, array_list *list)
+{
+    arrays_add(list, &mesh->V, mesh->nv * 3 * sizeof *mesh->V);
+    arrays_add(list, &mesh->F, mesh->nf * 3 * sizeof *mesh->F);
 }
 
 void apsm_mesh_free(apsm_mesh *mesh)

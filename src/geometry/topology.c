@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/stored.h"
 #include "geometry/vec3.h"
 
 static uint32_t half_edge_end(const uint32_t *F, uint32_t h)
@@ -129,6 +130,13 @@ apsm_status apsm_topology_build(const apsm_mesh *mesh, apsm_topology *topology)
     }
     if (status != APSM_OK) apsm_topology_free(topology);
     return status;
+}
+
+void topology_arrays(apsm_topology *t, array_list *list)
+{
+    arrays_add(list, &t->twin, 3 * t->nf * sizeof *t->twin);
+    arrays_add(list, &t->corner, 3 * t->nf * sizeof *t->corner);
+    arrays_add(list, &t->corner_start, (t->nv + 1) * sizeof *t->corner_start);
 }
 
 void apsm_topology_free(apsm_topology *topology)

@@ -4,12 +4,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "files/stored.h"
+#include "geometry/stored.h"
+
 double apsm_expected_spacing(double area, size_t J)
 {
     return sqrt(2.0 * area / (sqrt(3.0) * (double)J));
 }
 
 typedef struct build {
+    apsm_store *store; /* NULL: shapes stay in memory */
     const char *const *names;
     const apsm_mesh *meshes;
     const double *transforms;
@@ -49,6 +53,26 @@ static double thin_half_thickness(const apsm_shape *s)
     return t[n / 20];
 }
 
+static array_list list_arrays(apsm_shape *s)
+{
+    array_list arrays = { 0 };
+    mesh_arrays(&s->mesh, &arrays);
+    arrays_add(&arrays, &s->VN, 3 * s->mesh.nv * sizeof *s->VN);
+    topology_arrays(&s->topology, &arrays);
+    bvh_arrays(s->bvh, &arrays);
+    geodesic_arrays(s->geodesic, &arrays);
+    if (s->field) field_arrays(s->field, &arrays);
+    return arrays;
+}
+
+static apsm_status move_to_store(apsm_context *ctx, apsm_store *store, apsm_shape *s)
+{
+    const array_list arrays = list_arrays(s);
+    const apsm_status status = store_put(ctx, store, &arrays);
+    s->stored = status == APSM_OK;
+    return status;
+}
+
 static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
@@ -64,24 +88,38 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
-    return b->voxel > 0 ? apsm_field_build(ctx, s->bvh, b->voxel, b->band, &s->field) : APSM_OK;
+    if (b->voxel > 0) APSM_TRY(apsm_field_build(ctx, s->bvh, b->voxel, b->band, &s->field));
+    return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
+}
+
+apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
+                                 const char *const *names, const apsm_mesh *meshes,
+                                 const double *transforms, size_t template_index, double voxel,
+                                 double band, apsm_cohort *cohort)
+{
+    *cohort = (apsm_cohort){ .I = I, .template_index = template_index };
+    cohort->shape = calloc(I, sizeof *cohort->shape);
+    if (!cohort->shape) return APSM_ERR_MEMORY;
+    build b = { store, names, meshes, transforms, voxel, band, cohort->shape };
+    const apsm_status status = apsm_parallel_for(ctx, I, build_shape, &b, "distance fields");
+    if (status != APSM_OK) apsm_cohort_free(cohort);
+    return status;
 }
 
 apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band, apsm_cohort *cohort)
 {
-    *cohort = (apsm_cohort){ .I = I, .template_index = template_index };
-    cohort->shape = calloc(I, sizeof *cohort->shape);
-    if (!cohort->shape) return APSM_ERR_MEMORY;
-    build b = { names, meshes, transforms, voxel, band, cohort->shape };
-    const apsm_status status = apsm_parallel_for(ctx, I, build_shape, &b, "distance fields");
-    if (status != APSM_OK) apsm_cohort_free(cohort);
-    return status;
+    return apsm_cohort_build_in(ctx, NULL, I, names, meshes, transforms, template_index, voxel,
+                                band, cohort);
 }
 
 static void free_shape(apsm_shape *s)
 {
+    if (s->stored) {
+        const array_list arrays = list_arrays(s);
+        arrays_forget(&arrays);
+    }
     apsm_field_free(s->field);
     apsm_geodesic_free(s->geodesic);
     apsm_bvh_free(s->bvh);

@@ -4,6 +4,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "files/stored.h"
+#include "geometry/stored.h"
 
 /* ---- which inputs ---- */
 
@@ -96,10 +98,32 @@ static apsm_status read_and_groom(apsm_context *ctx, const groom_inputs *in,
     return status;
 }
 
-void groom_reflect(apsm_mesh *mesh, double M[16])
+static void reflect(apsm_mesh *mesh, double M[16])
 {
     apsm_reflect(mesh, M);
     for (size_t x = 0; x < 3 * mesh->nv; x++) mesh->V[x] = (double)(float)mesh->V[x];
+}
+
+static apsm_status move_to_store(apsm_context *ctx, const groom_inputs *in, apsm_mesh *mesh)
+{
+    array_list arrays = { 0 };
+    mesh_arrays(mesh, &arrays);
+    return in->store ? store_put(ctx, in->store, &arrays) : APSM_OK;
+}
+
+/* In the store a mesh can only be read: its mirror image is another. */
+apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i)
+{
+    apsm_mesh mesh;
+    APSM_TRY(apsm_mesh_copy(&in->mesh[i], &mesh));
+    reflect(&mesh, in->reflection[i]);
+    const apsm_status status = move_to_store(ctx, in, &mesh);
+    run_free_mesh(status == APSM_OK ? &in->mesh[i] : &mesh, status == APSM_OK && in->store);
+    if (status == APSM_OK) {
+        in->mesh[i] = mesh;
+        in->reflected[i] = true;
+    }
+    return status;
 }
 
 static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -112,10 +136,12 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
         in->status[i] = apsm_sha256_file(ctx, c->path, in->sha256[i]);
     if (in->status[i] == APSM_OK) in->status[i] = read_and_groom(ctx, in, c, &in->mesh[i]);
     if (in->status[i] == APSM_OK && c->reflect) {
-        groom_reflect(&in->mesh[i], in->reflection[i]);
+        reflect(&in->mesh[i], in->reflection[i]);
         in->reflected[i] = true;
     }
+    if (in->status[i] == APSM_OK) in->status[i] = move_to_store(ctx, in, &in->mesh[i]);
     if (in->status[i] == APSM_OK) return APSM_OK;
+    apsm_mesh_free(&in->mesh[i]);
     const char *line = apsm_error_text(ctx);
     return apsm_text_set(&in->problem[i], *line ? line : apsm_status_text(in->status[i]));
 }
@@ -138,7 +164,8 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
 
 void groom_inputs_free(groom_inputs *in)
 {
-    for (size_t i = 0; in->mesh && i < in->list.n; i++) apsm_mesh_free(&in->mesh[i]);
+    for (size_t i = 0; in->mesh && i < in->list.n; i++)
+        run_free_mesh(&in->mesh[i], in->store != NULL);
     for (size_t i = 0; in->problem && i < in->list.n; i++) free(in->problem[i]);
     free(in->mesh);
     free(in->reflection);

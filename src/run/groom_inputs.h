@@ -12,6 +12,7 @@ typedef struct groom_inputs {
     apsm_input_list list;
     apsm_labels labels;
     apsm_groom_options options;
+    apsm_store *store;        /* where the meshes' arrays are; NULL: in memory */
     apsm_mesh *mesh;          /* in their own frames, mirrored where asked for */
     double (*reflection)[16]; /* input to groomed frame */
     bool *reflected;
@@ -29,6 +30,6 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in);
 void groom_inputs_free(groom_inputs *in);
 
 /* Mirrors a groomed mesh; its coordinates stay float32 numbers, as in the file. */
-void groom_reflect(apsm_mesh *mesh, double M[16]);
+apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i);
 
 #endif

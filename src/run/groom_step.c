@@ -55,8 +55,7 @@ static apsm_status move_mirror_to_mesh(groom_work *w, size_t i)
 {
     double *M = w->alignment.M + 16 * i, inverse[16];
     if (apsm_affine_det(M) > 0) return APSM_OK;
-    groom_reflect(&w->in.mesh[i], w->in.reflection[i]);
-    w->in.reflected[i] = true;
+    APSM_TRY(groom_inputs_reflect(w->run->ctx, &w->in, i));
     APSM_TRY(apsm_affine_invert(w->in.reflection[i], inverse));
     apsm_affine_multiply(M, inverse, M);
     return APSM_OK;
@@ -190,6 +189,7 @@ static apsm_status hand_over(groom_work *w)
     memcpy(run->transforms, w->alignment.M, n * 16 * sizeof *run->transforms);
     run->mesh = w->in.mesh;
     run->mesh_count = n;
+    run->meshes_stored = w->in.store != NULL;
     w->in.mesh = NULL;
     return APSM_OK;
 }
@@ -245,6 +245,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     groom_work w = { .run = run };
     APSM_TRY(refuse_replacing(run));
     apsm_status status = groom_inputs_list(run, &w.in);
+    if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = groom_inputs_read(run, &w.in);
     if (status == APSM_OK) status = refuse_bad_shapes(&w);
     if (status == APSM_OK) status = align(&w);

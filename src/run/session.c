@@ -12,6 +12,8 @@
 #include "apsm/linalg.h"
 #include "apsm/particles_file.h"
 #include "apsm/report.h"
+#include "files/stored.h"
+#include "geometry/stored.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 
@@ -229,6 +231,7 @@ apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, 
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;
     run->lock.fd = -1;
+    run->memory = settings->memory;
     run->resume = settings->resume;
     run->overwrite = settings->overwrite;
     const apsm_status status = open_all(run, settings);
@@ -239,10 +242,48 @@ apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, 
     return status;
 }
 
+static void keep_house(void *user)
+{
+    apsm_store_trim(user);
+}
+
+/* state/ may be there already; the store's file shows in no folder. */
+apsm_status run_open_store(apsm_run *run, apsm_store **store)
+{
+    *store = run->store;
+    if (run->store || run->memory == 0) return APSM_OK;
+    char *folder = run_path(run, "state");
+    apsm_status status = folder ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_store_open(run->ctx, folder, run->memory, &run->store);
+    if (status == APSM_OK) apsm_context_set_between(run->ctx, keep_house, run->store);
+    free(folder);
+    *store = run->store;
+    return status;
+}
+
+static void close_store(apsm_run *run)
+{
+    if (!run->store) return;
+    apsm_context_set_between(run->ctx, NULL, NULL);
+    apsm_store_close(run->store);
+    run->store = NULL;
+}
+
+void run_free_mesh(apsm_mesh *mesh, bool stored)
+{
+    array_list arrays = { 0 };
+    mesh_arrays(mesh, &arrays);
+    if (stored) arrays_forget(&arrays);
+    apsm_mesh_free(mesh);
+}
+
 void run_unload(apsm_run *run)
 {
     apsm_cohort_free(&run->cohort);
-    for (size_t i = 0; run->mesh && i < run->mesh_count; i++) apsm_mesh_free(&run->mesh[i]);
+    for (size_t i = 0; run->mesh && i < run->mesh_count; i++)
+        run_free_mesh(&run->mesh[i], run->meshes_stored);
+    run->identity[0] = '\0';
+    run->meshes_stored = false;
     free(run->mesh);
     free(run->names);
     free(run->transforms);
@@ -256,6 +297,7 @@ void apsm_run_close(apsm_run *run)
 {
     if (!run) return;
     run_unload(run);
+    close_store(run);
     manifest_close(run);
     apsm_project_free(&run->project);
     apsm_unlock_folder(&run->lock);
@@ -292,8 +334,14 @@ static apsm_status load_mesh(apsm_context *ctx, size_t i, int worker, void *user
     const apsm_run *run = user;
     char *path = apsm_project_path(&run->project, run->project.subjects[i].groomed);
     if (!path) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_vtk_read_mesh(ctx, path, &run->mesh[i]);
+    apsm_status status = apsm_vtk_read_mesh(ctx, path, &run->mesh[i]);
     free(path);
+    if (status == APSM_OK && run->store) {
+        array_list arrays = { 0 };
+        mesh_arrays(&run->mesh[i], &arrays);
+        status = store_put(ctx, run->store, &arrays);
+        if (status != APSM_OK) apsm_mesh_free(&run->mesh[i]);
+    }
     return status;
 }
 
@@ -305,6 +353,9 @@ static apsm_status load_groomed(apsm_run *run)
     run->mesh = calloc(n, sizeof *run->mesh);
     if (!run->names || !run->transforms || !run->mesh) return APSM_ERR_MEMORY;
     run->mesh_count = n;
+    apsm_store *store;
+    APSM_TRY(run_open_store(run, &store));
+    run->meshes_stored = store != NULL;
     for (size_t i = 0; i < n; i++) {
         run->names[i] = run->project.subjects[i].name;
         memcpy(run->transforms + 16 * i, run->project.subjects[i].alignment, 16 * sizeof(double));
@@ -357,8 +408,10 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
         apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
     const double voxel = with_fields ? o->field_voxel * h : 0;
     const double band = 1.5 * o->band * o->dipole * h + 2 * voxel; /* h is known to within 50 % */
-    return apsm_cohort_build(run->ctx, run->project.n, run->names, run->mesh, run->transforms, t,
-                             voxel, band, &run->cohort);
+    apsm_store *store;
+    APSM_TRY(run_open_store(run, &store));
+    return apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
+                                run->transforms, t, voxel, band, &run->cohort);
 }
 
 /* ---- checkpoints ---- */
@@ -381,6 +434,10 @@ static void hash_options(const apsm_run *run, apsm_sha256 *sha)
 apsm_status run_identity(apsm_run *run, char hex[65])
 {
     APSM_TRY(run_load_meshes(run));
+    if (*run->identity) {
+        memcpy(hex, run->identity, sizeof run->identity);
+        return APSM_OK;
+    }
     apsm_sha256 sha;
     unsigned char digest[32];
     apsm_sha256_begin(&sha);
@@ -393,9 +450,11 @@ apsm_status run_identity(apsm_run *run, char hex[65])
         apsm_sha256_add(&sha, m->V, 3 * m->nv * sizeof *m->V);
         apsm_sha256_add(&sha, m->F, 3 * m->nf * sizeof *m->F);
         apsm_sha256_add(&sha, run->transforms + 16 * i, 16 * sizeof(double));
+        if (run->store) apsm_store_trim(run->store);
     }
     apsm_sha256_end(&sha, digest);
-    apsm_sha256_hex(digest, hex);
+    apsm_sha256_hex(digest, run->identity);
+    memcpy(hex, run->identity, sizeof run->identity);
     return APSM_OK;
 }
 

@@ -10,6 +10,7 @@
 #include "apsm/optimizer.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
+#include "apsm/store.h"
 
 struct json_t;
 
@@ -25,6 +26,10 @@ struct apsm_run {
     struct json_t *manifest; /* object; see manifest.h */
     apsm_mesh *mesh;         /* project.n groomed meshes in their own frames, or NULL */
     size_t mesh_count;
+    bool meshes_stored; /* their arrays are in the store */
+    size_t memory;      /* limit; 0: none */
+    apsm_store *store;  /* with a limit, once something was moved to it */
+    char identity[65];  /* run_identity's, "" until it was asked for */
     apsm_cohort cohort; /* I = 0: not loaded */
     const char **names; /* project.n, borrowed from the project */
     double *transforms; /* project.n x 16: local to world */
@@ -45,6 +50,11 @@ char *run_pathf(const apsm_run *run, const char *format, ...) APSM_PRINTF(2, 3);
 apsm_status run_remove(apsm_run *run, char *path);
 
 apsm_status run_write_project(apsm_run *run);
+
+/* The store for shapes, or NULL if the run has no limit of memory. */
+apsm_status run_open_store(apsm_run *run, apsm_store **store);
+/* Frees a mesh whose arrays are perhaps in the store. */
+void run_free_mesh(apsm_mesh *mesh, bool stored);
 
 /* Loads groomed meshes and transforms unless they are there; refuses a project that has not been
  * groomed. */

@@ -91,6 +91,25 @@ same_particles model steps "run, and step by step"
 expect 0 "" run cohort -o again --config model/manifest.json
 same_particles model again "options from the manifest"
 
+# ---- a limit of memory changes no byte, and leaves nothing behind ----
+mkdir handed
+for i in 0 1 2 3; do
+    "$synthetic" bump handed/m$i.ply index $i wobble 0.04 seed 1 mirror $((i == 3)) || exit 1
+done
+for limit in "" "--memory 64M"; do
+    expect 0 "" run handed -o "free${limit:+_limit}" "${quick[@]}" --mirror-check fix $limit
+    grep -q "m3: looks mirrored" said || fail "m3 is not found to be mirrored"
+done
+for part in particles meshes groomed model.json evaluation.json certificate.json history.csv; do
+    diff -rq free_limit/$part free/$part >/dev/null || fail "--memory changed $part"
+done
+[ "$(ls free_limit/state)" = "$(ls model/state)" ] || fail "left-overs of --memory in state/"
+expect 0 "" run -o free_limit --resume --memory 64M --definition paper
+for step in initialize optimize evaluate; do expect 0 "" $step -o steps --memory 64M; done
+same_particles model steps "step by step with --memory"
+expect 2 "give a number with a unit" run cohort -o never --memory lots
+[ -e never ] && fail "a wrong --memory made a folder"
+
 snapshot model >before
 expect 1 "--resume" run cohort -o model "${quick[@]}"
 snapshot model | cmp -s - before || fail "a refused run changed the model"
@@ -119,6 +138,7 @@ expect 0 "" run cohort -o whole "${slow[@]}"
 stop() {
     local signal=$1 model=$2 tries=0
     shift 2
+    : >progress # the last one's words are not this one's
     "$apsm" run cohort -o "$model" "${slow[@]}" --progress json "$@" >progress 2>said &
     local process=$!
     until grep -qs 'stage 2' progress || [ $((tries += 1)) -gt 3000 ]; do sleep 0.01; done

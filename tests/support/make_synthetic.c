@@ -6,8 +6,9 @@
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
- * out), mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)),
- * scale; applied in this order whatever their order on the command line. */
+ * out), wobble (root mean square of a smooth random deformation as a share of the box's diagonal)
+ * with its seed, mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along
+ * (1, -2, 0.5)), scale; applied in this order whatever their order on the command line. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,11 +16,12 @@
 
 #include "apsm/adapters.h"
 #include "apsm/context.h"
+#include "apsm/random.h"
 #include "synthetic.h"
 
-enum { LEVEL, INDEX, COUNT, HOLE, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
-static const char *const names[OPTIONS] = { "level",  "index", "count", "hole",
-                                            "mirror", "turn",  "shift", "scale" };
+enum { LEVEL, INDEX, COUNT, HOLE, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
+static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "wobble",
+                                            "seed",  "mirror", "turn",  "shift", "scale" };
 
 static bool parse(int n, char **words, double value[OPTIONS])
 {
@@ -55,6 +57,36 @@ static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPT
     else
         return apsm_vtk_read_mesh(ctx, shape, mesh);
     return APSM_OK;
+}
+
+/* A few waves in random directions, half to one and a half in the box's diagonal: at a wobble of
+ * 0.03 the gradient stays well below 1, so that the surface does not run into itself. */
+static void wobble(double share, uint64_t seed, apsm_mesh *mesh)
+{
+    enum { WAVES = 8 };
+    apsm_random rng = apsm_random_stream(seed, APSM_STREAM_TEST, 0, 0);
+    double lo[3], hi[3], diagonal = 0, k[WAVES][3], a[WAVES][3], phase[WAVES];
+    apsm_mesh_bounds(mesh, lo, hi);
+    for (int c = 0; c < 3; c++) diagonal += (hi[c] - lo[c]) * (hi[c] - lo[c]);
+    diagonal = sqrt(diagonal);
+    for (int w = 0; w < WAVES; w++) {
+        double norm = 0;
+        for (int c = 0; c < 3; c++) k[w][c] = apsm_random_normal(&rng), norm += k[w][c] * k[w][c];
+        const double waves = 0.5 + apsm_random_uniform(&rng);
+        for (int c = 0; c < 3; c++) {
+            k[w][c] *= 2 * M_PI * waves / (sqrt(norm) * diagonal);
+            a[w][c] = share * diagonal * sqrt(2.0 / (3 * WAVES)) * apsm_random_normal(&rng);
+        }
+        phase[w] = 2 * M_PI * apsm_random_uniform(&rng);
+    }
+    for (size_t i = 0; i < mesh->nv; i++) {
+        double *x = mesh->V + 3 * i, u[3] = { 0 };
+        for (int w = 0; w < WAVES; w++) {
+            const double s = cos(k[w][0] * x[0] + k[w][1] * x[1] + k[w][2] * x[2] + phase[w]);
+            for (int c = 0; c < 3; c++) u[c] += s * a[w][c];
+        }
+        for (int c = 0; c < 3; c++) x[c] += u[c];
+    }
 }
 
 /* Rodrigues' formula about the unit vector u. */
@@ -96,6 +128,7 @@ int main(int argc, char **argv)
     apsm_status status = make(ctx, argv[1], v, &mesh);
     if (status == APSM_OK) {
         mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;
+        if (v[WOBBLE] > 0) wobble(v[WOBBLE], (uint64_t)v[SEED], &mesh);
         move(v, &mesh);
         status = apsm_vtk_write_mesh(ctx, argv[2], &mesh);
     }

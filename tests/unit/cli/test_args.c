@@ -46,13 +46,14 @@ static void a_whole_command_is_understood(void **state)
         understood("run a.ply dir -o model -J 64 --adaptivity 0.25 --stage1-epochs=7 "
                    "--no-remesh --set align=similarity --set decay1-at=0.5 --label 1,2 "
                    "--reflect-match _L_ --exclude ^x --template t --seed 18446744073709551615 "
-                   "--threads 3 --progress json --resume b.ply");
+                   "--threads 3 --memory 1.5G --progress json --resume b.ply");
     assert_int_equal(a.verb->verb, CLI_RUN);
     assert_int_equal(a.n_inputs, 3);
     assert_string_equal(a.inputs[0], "a.ply");
     assert_string_equal(a.inputs[2], "b.ply");
     assert_string_equal(a.out_dir, "model");
     assert_int_equal(a.threads, 3);
+    assert_int_equal(a.memory, (size_t)3 << 29);
     assert_int_equal(a.progress, CLI_PROGRESS_JSON);
     assert_true(a.resume && !a.overwrite && !a.dry_run && !a.quiet);
     assert_int_equal(a.n_set, 11);
@@ -160,6 +161,14 @@ static void mistakes_are_named_with_the_remedy(void **state)
         { "run x -o m --seed 18446744073709551616", "seed = " },
         { "run x -o m --label 1;2", "1;2" },
         { "run x -o m --threads 0", "--threads 0" },
+        { "run x -o m --memory 2", "--memory 2: give a number with a unit" },
+        { "run x -o m --memory 2X", "--memory 2X" },
+        { "run x -o m --memory 2GB", "--memory 2GB" },
+        { "run x -o m --memory G", "--memory G" },
+        { "run x -o m --memory -2G", "--memory -2G" },
+        { "run x -o m --memory nanG", "--memory nanG" },
+        { "run x -o m --memory 63M", "64M at least" },
+        { "check x --memory 2G", "--memory does not belong to 'check'" },
         { "run x -o m --threads many", "--threads many" },
         { "run x -o m --progress bar", "auto, plain or json" },
         { "run x -o m --preset none", "unknown preset" },
