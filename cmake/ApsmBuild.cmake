@@ -24,6 +24,10 @@ set(CMAKE_ARCHIVE_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
 # Values must not depend on the compiler's mood: no contraction, no fast-math.
 set(APSM_C_FLAGS -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wstrict-prototypes
     -ffp-contract=off -fno-math-errno -fno-trapping-math -fopenmp-simd -fvisibility=default)
+# Two rounds of an outer loop jammed together keep the inner one from becoming vector code.
+if(CMAKE_C_COMPILER_ID STREQUAL "GNU")
+  list(APPEND APSM_C_FLAGS -fno-loop-unroll-and-jam)
+endif()
 if(APSM_WERROR)
   list(APPEND APSM_C_FLAGS -Werror)
 endif()

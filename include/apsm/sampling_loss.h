@@ -22,11 +22,12 @@ typedef enum apsm_sampling_norm {
 
 typedef struct apsm_sampling_options {
     apsm_sampling_norm norm;
-    double tau; /* softness of (3), a length > 0; h/8 */
-    double cut; /* a particle farther than cut tau beyond a point's nearest is left out */
+    double tau;  /* softness of (3), a length > 0; h/8 */
+    double cut;  /* a particle farther than cut tau beyond a point's nearest is left out */
+    bool single; /* single precision (relative error 1e-5): cut at most 87, 15 is enough */
 } apsm_sampling_options;
 
-apsm_sampling_options apsm_sampling_defaults(void); /* Voronoi, cut 25; tau 0 must be set */
+apsm_sampling_options apsm_sampling_defaults(void); /* Voronoi, cut 25, double; tau 0 must be set */
 double apsm_sampling_factor(apsm_sampling_norm norm, size_t J); /* 1, J or J^2 */
 
 /* (4), (5): E_r = (f_r - D_r)^2 (R, out), g_r = c E_r / mean(E) + 1 - c (R, out; may be E), or

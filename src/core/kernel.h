@@ -11,4 +11,12 @@
 #define APSM_KERNEL
 #endif
 
+/* For what such loops call: into the versions of the kernel; a function of its own would be
+ * compiled for the oldest machine only. */
+#ifdef __GNUC__
+#define KERNEL_INLINE static inline __attribute__((always_inline))
+#else
+#define KERNEL_INLINE static inline
+#endif
+
 #endif

@@ -12,6 +12,9 @@
  * reach: a point within the band needs the nodes that differ by up to (2,1,1) from it: less than
  * sqrt(6) voxels.  Nodes out of reach are NaN, which poisons whatever is computed from them.
  *
+ * Draw: for each cube of 2^3 cells `least` bounds |D| in it from below, in steps of a quarter
+ * voxel: most trials outside the band end at one look there.
+ *
  * Sample: from the 4^3 nodes about x, t in [0,1)^3 the place in the middle cell,
  *   D   = sum over the 8 corners of w(t) v                                         trilinear
  *   N   = sum over the 8 corners of w(t) (v(+1) - v(-1)) / 2, to unit length       per axis
@@ -22,18 +25,28 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/random_inline.h"
 #include "geometry/bvh_guess.h"
 #include "geometry/stored.h"
 #include "geometry/vec3.h"
 
-enum { BRICK = 8, BLOCK = 4, NODES = BRICK * BRICK * BRICK, MOST_NODES = 1 << 20, PATIENCE = 4096 };
+enum {
+    BRICK = 8,
+    BLOCK = 4,
+    NODES = BRICK * BRICK * BRICK,
+    CUBES = NODES / 8,
+    STEPS = 4, /* of `least`, a voxel */
+    MOST_NODES = 1 << 20,
+    PATIENCE = 4096
+};
 
 struct apsm_field {
     const apsm_bvh *bvh;
     double origin[3], voxel, band;
-    int64_t n[3];           /* nodes from 0 to n - 1 cover all within reach */
-    float (*bricks)[NODES]; /* bricks[0]: all NaN, stands for those left out */
-    uint64_t *brick_key;    /* of each brick */
+    int64_t n[3];            /* nodes from 0 to n - 1 cover all within reach */
+    float (*bricks)[NODES];  /* bricks[0]: all NaN, stands for those left out */
+    uint64_t *brick_key;     /* of each brick */
+    uint8_t (*least)[CUBES]; /* of each brick: |D| in its cubes of 2^3 cells is at least this */
     size_t brick_count, brick_room;
     uint32_t *table; /* open-addressing hash of keys; 0: empty */
     unsigned table_bits;
@@ -154,20 +167,25 @@ static size_t hash(uint64_t key, unsigned bits)
     return (size_t)((key * 0x9e3779b97f4a7c15u) >> (64 - bits)); /* Fibonacci hashing */
 }
 
-/* The brick of that key, or brick 0 of NaNs. */
-static const float *find_brick(const apsm_field *field, uint64_t key)
+/* The number of the brick of that key, or 0: the brick of NaNs. */
+static uint32_t brick_number(const apsm_field *field, uint64_t key)
 {
     const size_t mask = ((size_t)1 << field->table_bits) - 1;
     size_t i = hash(key, field->table_bits);
     uint32_t b;
     while ((b = field->table[i]) != 0 && field->brick_key[b] != key) i = (i + 1) & mask;
-    return field->bricks[b];
+    return b;
+}
+
+static const float *find_brick(const apsm_field *field, uint64_t key)
+{
+    return field->bricks[brick_number(field, key)];
 }
 
 static apsm_status make_table(apsm_field *field)
 {
     field->table_bits = 4;
-    while ((size_t)1 << field->table_bits < 2 * field->brick_count) field->table_bits++;
+    while ((size_t)1 << field->table_bits < 8 * field->brick_count) field->table_bits++;
     const size_t size = (size_t)1 << field->table_bits;
     field->table = calloc(size, sizeof *field->table);
     if (!field->table) return APSM_ERR_MEMORY;
@@ -297,6 +315,40 @@ static apsm_status place_grid(apsm_context *ctx, apsm_field *field, double reach
     return APSM_OK;
 }
 
+/* Least |D| of the cells of brick b's cube from cell lo on: D is trilinear in a cell, so it is
+ * that of a node if all have one sign, else 0.  NaN, beyond reach, counts as far. */
+static uint8_t least_of_cube(const apsm_field *field, uint32_t b, const int64_t lo[3])
+{
+    const uint64_t key = field->brick_key[b];
+    const int64_t at[3] = { (int64_t)(key & 0xfffff), (int64_t)(key >> 20 & 0xfffff),
+                            (int64_t)(key >> 40) };
+    float least = INFINITY, most = -INFINITY;
+    for (int i = 0; i < 27; i++) {
+        const int64_t x = lo[0] + i % 3, y = lo[1] + i / 3 % 3, z = lo[2] + i / 9;
+        const bool beyond = x == BRICK || y == BRICK || z == BRICK;
+        const uint64_t there = brick_key(at[0] + x / BRICK, at[1] + y / BRICK, at[2] + z / BRICK);
+        const float *brick = beyond ? find_brick(field, there) : field->bricks[b];
+        const float v = brick[x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))];
+        least = v < least ? v : least;
+        most = v > most ? v : most;
+    }
+    const float nearest = least > 0.0f ? least : most < 0.0f ? -most : 0.0f;
+    return nearest < 255.0f / STEPS ? (uint8_t)(nearest * STEPS) : 255;
+}
+
+static apsm_status make_least(apsm_field *field)
+{
+    field->least = malloc(field->brick_count * sizeof *field->least);
+    if (!field->least) return APSM_ERR_MEMORY;
+    memset(field->least[0], 255, sizeof field->least[0]);
+    for (uint32_t b = 1; b < field->brick_count; b++)
+        for (int k = 0; k < CUBES; k++) {
+            const int64_t lo[3] = { 2 * (k & 3), 2 * (k >> 2 & 3), 2 * (k >> 4) };
+            field->least[b][k] = least_of_cube(field, b, lo);
+        }
+    return APSM_OK;
+}
+
 static apsm_status build(apsm_context *ctx, apsm_field *field)
 {
     const builder b = { ctx, field, field->band + 2.5 * field->voxel };
@@ -307,7 +359,8 @@ static apsm_status build(apsm_context *ctx, apsm_field *field)
     APSM_TRY(add_brick(field, UINT64_MAX));
     APSM_TRY(descend(&b, (const int64_t[3]){ 0, 0, 0 }, size, 0));
     APSM_TRY(resize_bricks(field, field->brick_count));
-    return make_table(field);
+    APSM_TRY(make_table(field));
+    return make_least(field);
 }
 
 apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxel, double band,
@@ -346,13 +399,15 @@ void apsm_field_free(apsm_field *field)
     if (!field) return;
     free(field->bricks);
     free(field->brick_key);
+    free(field->least);
     free(field->table);
     free(field);
 }
 
 size_t apsm_field_bytes(const apsm_field *field)
 {
-    return sizeof *field + field->brick_room * (sizeof *field->bricks + sizeof *field->brick_key) +
+    const size_t brick = sizeof *field->bricks + sizeof *field->brick_key + sizeof *field->least;
+    return sizeof *field + field->brick_room * brick +
            ((size_t)1 << field->table_bits) * sizeof *field->table;
 }
 
@@ -415,16 +470,36 @@ static void sample_exact(const apsm_field *field, const double x[3], double *D, 
     if (!(vec3_normalise(N) > 0.0)) N[2] = 1.0;
 }
 
-/* D alone, NaN where the field does not know it. */
+/* D / voxel at place t of a cell of brick b, NaN where the field does not know it. */
+static inline double cell_distance(const apsm_field *field, uint32_t b, const int64_t cell[3],
+                                   const double t[3])
+{
+    const int64_t x = cell[0] % BRICK, y = cell[1] % BRICK, z = cell[2] % BRICK;
+    if (x == BRICK - 1 || y == BRICK - 1 || z == BRICK - 1) { /* nodes of other bricks too */
+        double d;
+        stencil v = { 0 };
+        gather(field, cell, 1, v);
+        interpolate(v, t, &d, NULL);
+        return d;
+    }
+    const float *v = field->bricks[b] + x + BRICK * (y + BRICK * z);
+    double p[2];
+    for (int k = 0; k < 2; k++) {
+        const float *q = v + BRICK * BRICK * k;
+        const double near = (1.0 - t[0]) * (double)q[0] + t[0] * (double)q[1],
+                     far = (1.0 - t[0]) * (double)q[BRICK] + t[0] * (double)q[BRICK + 1];
+        p[k] = (1.0 - t[1]) * near + t[1] * far;
+    }
+    return (1.0 - t[2]) * p[0] + t[2] * p[1];
+}
+
 static double stored_distance(const apsm_field *field, const double x[3])
 {
     int64_t cell[3];
-    double t[3], d;
-    stencil v = { 0 };
+    double t[3];
     if (!find_cell(field, x, cell, t)) return NAN;
-    gather(field, cell, 1, v);
-    interpolate(v, t, &d, NULL);
-    return d * field->voxel;
+    const uint64_t key = brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK);
+    return cell_distance(field, brick_number(field, key), cell, t) * field->voxel;
 }
 
 static void sample_point(const apsm_field *field, const double x[3], double *D, double *N)
@@ -462,35 +537,111 @@ void apsm_field_sample(const apsm_field *field, size_t n, const double *X, doubl
 
 /* ---- draw ----------------------------------------------------------------------------------- */
 
-/* Trials in the mesh's box, widened by the band: mostly in bricks that do not exist, which one look
- * at the table tells.  With the field's D; where that never comes near 0 (a sheet thinner than a
- * voxel), after PATIENCE trials within bricks with the exact one. */
-static double draw_point(const apsm_field *field, apsm_random *rng, double band, double x[3])
+/* What all points of a draw share, in voxels. */
+typedef struct trials {
+    const apsm_field *field;
+    double from[3], size[3]; /* the mesh's box, widened by the band; from the grid's origin */
+    double band;             /* of points */
+    double least;            /* cubes of more hold none */
+} trials;
+
+static trials make_trials(const apsm_field *field, double band)
 {
-    for (int trial = 0;;) {
-        int64_t cell[3];
-        double t[3];
-        for (int c = 0; c < 3; c++)
-            x[c] = field->lo[c] - band + (field->size[c] + 2 * band) * apsm_random_uniform(rng);
-        if (!find_cell(field, x, cell, t)) continue;
-        const uint64_t key = brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK);
-        if (find_brick(field, key) == field->bricks[0]) continue;
-        const double d = trial < PATIENCE ? stored_distance(field, x)
-                                          : apsm_bvh_signed_distance(field->bvh, x, NULL);
-        if (fabs(d) <= band) return d;
-        trial += trial < PATIENCE;
+    trials a = { field, .band = band, .least = STEPS * (1.0 + 1e-6) * band / field->voxel };
+    for (int c = 0; c < 3; c++) {
+        a.from[c] = (field->lo[c] - band - field->origin[c]) / field->voxel;
+        a.size[c] = (field->size[c] + 2.0 * band) / field->voxel;
     }
+    return a;
+}
+
+/* A trial's cell and place in it; returns its brick, or 0. */
+static inline uint32_t try_place(const trials *a, apsm_random *rng, int64_t cell[3], double t[3])
+{
+    for (int c = 0; c < 3; c++) {
+        const double u = a->from[c] + a->size[c] * random_uniform(rng);
+        cell[c] = (int64_t)u;
+        t[c] = u - (double)cell[c];
+    }
+    return brick_number(a->field, brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK));
+}
+
+static inline bool may_hold(const trials *a, uint32_t b, const int64_t cell[3])
+{
+    const int64_t k =
+        (cell[0] % BRICK / 2) + 4 * (cell[1] % BRICK / 2) + 16 * (cell[2] % BRICK / 2);
+    return a->field->least[b][k] <= a->least;
+}
+
+/* A point under way. */
+typedef struct candidate {
+    apsm_random rng;
+    size_t i;
+    int trial;
+    uint32_t b;
+    int64_t cell[3];
+    double t[3];
+} candidate;
+
+/* Goes on to the next place that may do, and fetches what its D needs. */
+static inline void next_place(const trials *a, candidate *c)
+{
+    for (;;) {
+        c->b = try_place(a, &c->rng, c->cell, c->t);
+        if (c->b == 0) continue;
+        if (c->trial >= PATIENCE) return;
+        if (may_hold(a, c->b, c->cell)) break;
+        c->trial++;
+    }
+#ifdef __GNUC__
+    const int64_t at =
+        c->cell[0] % BRICK + BRICK * (c->cell[1] % BRICK) + BRICK * BRICK * (c->cell[2] % BRICK);
+    __builtin_prefetch(a->field->bricks[c->b] + at);
+    if (at + BRICK * BRICK < NODES) __builtin_prefetch(a->field->bricks[c->b] + at + BRICK * BRICK);
+#endif
+}
+
+/* Whether the place is in the band.  With the field's D; where that never comes near 0 (a sheet
+ * thinner than a voxel), after PATIENCE trials within bricks with the exact one. */
+static inline bool in_band(const trials *a, candidate *c, double x[3], double *d)
+{
+    const apsm_field *field = a->field;
+    const bool patient = c->trial < PATIENCE;
+    for (int k = 0; k < 3; k++)
+        x[k] = field->origin[k] + field->voxel * ((double)c->cell[k] + c->t[k]);
+    *d = patient ? stored_distance(field, x) : apsm_bvh_signed_distance(field->bvh, x, NULL);
+    c->trial += patient;
+    return fabs(*d) <= a->band;
 }
 
 /* Every point has a stream of its own and is found by its place in space: a rounding that lets one
- * trial in or out changes that point alone, not all that follow. */
+ * trial in or out changes that point alone, not all that follow.  Several are under way at a time
+ * so that their memory arrives while others are looked at. */
 void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
                      double *D)
 {
-    const uint64_t seed = apsm_random_next(rng);
-    for (size_t i = 0; i < n; i++) {
-        apsm_random own = apsm_random_stream(seed, APSM_STREAM_BAND, i, 0);
-        const double d = draw_point(field, &own, band, B + 3 * i);
-        if (D) D[i] = d;
+    enum { AT_ONCE = 16 };
+    const uint64_t seed = random_next(rng);
+    const trials a = make_trials(field, band);
+    candidate c[AT_ONCE];
+    size_t under_way = 0, begun = 0;
+    for (; under_way < AT_ONCE && begun < n; under_way++, begun++) {
+        c[under_way] = (candidate){ random_stream(seed, APSM_STREAM_BAND, begun, 0), .i = begun };
+        next_place(&a, &c[under_way]);
     }
+    while (under_way > 0)
+        for (size_t k = 0; k < under_way; k++) {
+            double x[3], d;
+            if (in_band(&a, &c[k], x, &d)) {
+                memcpy(B + 3 * c[k].i, x, sizeof x);
+                if (D) D[c[k].i] = d;
+                if (begun == n) {
+                    c[k--] = c[--under_way];
+                    continue;
+                }
+                c[k] = (candidate){ random_stream(seed, APSM_STREAM_BAND, begun, 0), .i = begun };
+                begun++;
+            }
+            next_place(&a, &c[k]);
+        }
 }

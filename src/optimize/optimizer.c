@@ -106,6 +106,8 @@ static apsm_sampling_options sampling_options(const optimizer *op)
                                                APSM_SAMPLING_SUM };
     apsm_sampling_options s = apsm_sampling_defaults();
     s.norm = norm[op->o->sampling_scale];
+    s.single = op->o->precision == 0;
+    if (s.single) s.cut = 15;
     s.tau = op->o->tau_absolute > 0 ? op->o->tau_absolute : op->o->tau * op->state->h;
     return s;
 }

@@ -20,20 +20,19 @@
 
 #include "core/exp.h"
 #include "core/kernel.h"
+#include "optimize/sampling_group.h"
 
-/* Into the versions of the kernel: a function of its own would be compiled for the oldest machine
- * only. */
-#ifdef __GNUC__
-#define INLINE static inline __attribute__((always_inline))
-#else
-#define INLINE static inline
-#endif
-
-enum { LANES = 8, GROUP = 16, AXIS_BITS = 7, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
+enum {
+    LANES = SAMPLING_LANES,
+    GROUP = SAMPLING_GROUP,
+    AXIS_BITS = 7,
+    RADIX_BITS = 11,
+    RADIX = 1 << RADIX_BITS
+};
 
 apsm_sampling_options apsm_sampling_defaults(void)
 {
-    return (apsm_sampling_options){ .norm = APSM_SAMPLING_VORONOI, .tau = 0.0, .cut = 25.0 };
+    return (apsm_sampling_options){ .norm = APSM_SAMPLING_VORONOI, .cut = 25.0 };
 }
 
 double apsm_sampling_factor(apsm_sampling_norm norm, size_t J)
@@ -86,6 +85,7 @@ typedef struct cells {
     uint32_t *near;       /* nb: which of these a point needs */
     uint32_t *count;      /* RADIX */
     double lo[3], cell;   /* the curve's box */
+    sampling_group group; /* scratch in single precision */
 } cells;
 
 /* Doubles of work; binds the arrays if c is given. */
@@ -110,8 +110,9 @@ static size_t lay_out(size_t J, size_t R, cells *c, double *work)
         c->block = c->order2 + most;
         c->near = c->block + nb;
         c->count = c->near + nb;
+        sampling_group_lay_out(nb, &c->group, work + doubles + (ints + 1) / 2);
     }
-    return doubles + (ints + 1) / 2;
+    return doubles + (ints + 1) / 2 + sampling_group_lay_out(nb, NULL, NULL);
 }
 
 size_t apsm_sampling_work_size(size_t J, size_t R)
@@ -233,8 +234,8 @@ static void make_blocks(cells *c, const double *P, double reach)
 }
 
 /* Squared distances of x from n points by columns. */
-INLINE void squared_distances(size_t n, size_t stride, const double *restrict p, const double x[3],
-                              double *restrict d2)
+KERNEL_INLINE void squared_distances(size_t n, size_t stride, const double *restrict p,
+                                     const double x[3], double *restrict d2)
 {
     const double a = x[0], b = x[1], c = x[2];
 #pragma omp simd
@@ -270,18 +271,18 @@ APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, d
 
 /* ---- one point ---- */
 
-INLINE double lesser(double a, double b)
+KERNEL_INLINE double lesser(double a, double b)
 {
     return a < b ? a : b;
 }
 
-INLINE double sum_lanes(const double v[LANES])
+KERNEL_INLINE double sum_lanes(const double v[LANES])
 {
     return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
 }
 
 /* Squared distances of x to the blocks' particles into d2, block by block; returns the least. */
-INLINE double distances(const cells *c, size_t found, const double x[3])
+KERNEL_INLINE double distances(const cells *c, size_t found, const double x[3])
 {
     double least[LANES];
     for (size_t l = 0; l < LANES; l++) least[l] = INFINITY;
@@ -296,7 +297,7 @@ INLINE double distances(const cells *c, size_t found, const double x[3])
 }
 
 /* near: which of the found blocks have a particle within sqrt(limit2); returns their number. */
-INLINE size_t keep_near(const cells *c, size_t found, double limit2)
+KERNEL_INLINE size_t keep_near(const cells *c, size_t found, double limit2)
 {
     size_t kept = 0;
     for (size_t i = 0; i < found; i++) {
@@ -310,8 +311,9 @@ INLINE size_t keep_near(const cells *c, size_t found, double limit2)
 }
 
 /* k and unnormalised e of (3) for one block; adds to the lanes' sums of e and of e k. */
-INLINE void soften(const double *restrict d2, double kmin, double reach, double sharpness,
-                   double *restrict k, double *restrict e, double *restrict s0, double *restrict s1)
+KERNEL_INLINE void soften(const double *restrict d2, double kmin, double reach, double sharpness,
+                          double *restrict k, double *restrict e, double *restrict s0,
+                          double *restrict s1)
 {
 #pragma omp simd
     for (size_t l = 0; l < LANES; l++) {
@@ -325,9 +327,9 @@ INLINE void soften(const double *restrict d2, double kmin, double reach, double 
 }
 
 /* Adds a point's share of (7) and of the mass to one block. */
-INLINE void pull(size_t Jp, const double *restrict p, const double *restrict k,
-                 const double *restrict e, const double x[3], double kbar, double sharpness,
-                 double g_over_sum, double *restrict grad)
+KERNEL_INLINE void pull(size_t Jp, const double *restrict p, const double *restrict k,
+                        const double *restrict e, const double x[3], double kbar, double sharpness,
+                        double g_over_sum, double *restrict grad)
 {
     const double a = x[0], b = x[1], c = x[2];
 #pragma omp simd
@@ -343,8 +345,8 @@ INLINE void pull(size_t Jp, const double *restrict p, const double *restrict k,
 }
 
 /* One point x with weight g; returns its kbar. */
-INLINE double do_point(const cells *c, size_t found, const double x[3], double g, double tau,
-                       double reach)
+KERNEL_INLINE double do_point(const cells *c, size_t found, const double x[3], double g, double tau,
+                              double reach)
 {
     const double sharpness = 1.0 / tau;
     const double kmin = sqrt(distances(c, found, x)), limit = (kmin + reach) * (1.0 + 1e-12);
@@ -373,12 +375,55 @@ APSM_KERNEL static void do_group(const cells *c, size_t found, size_t count,
     }
 }
 
+/* ---- a group in single precision ---- */
+
+static float relative(double x, double centre)
+{
+    return (float)(x - centre);
+}
+
+/* The group about the centre m; far-away fillers stay far. */
+static void load_group(cells *c, size_t found, size_t count, const double X[3 * GROUP],
+                       const double *g, const double m[3])
+{
+    sampling_group *s = &c->group;
+    s->found = found;
+    for (size_t q = 0; q < GROUP; q++) {
+        const size_t from = q < count ? q : 0;
+        s->g[q] = q < count ? (float)g[q] : 0.0f;
+        for (size_t a = 0; a < 3; a++) s->x[a][q] = relative(X[a * GROUP + from], m[a]);
+    }
+    for (size_t i = 0; i < found; i++)
+        for (size_t a = 0; a < 3; a++) {
+            const double *p = c->p + a * c->Jp + (size_t)c->block[i] * LANES;
+            for (size_t l = 0; l < LANES; l++) s->p[i][a][l] = relative(p[l], m[a]);
+        }
+}
+
+static void do_group_single(cells *c, size_t found, size_t count, const double X[3 * GROUP],
+                            const double *g, const double m[3], double tau, double reach,
+                            double *kbar)
+{
+    sampling_group *s = &c->group;
+    load_group(c, found, count, X, g, m);
+    s->tau = (float)tau;
+    s->reach = (float)reach;
+    sampling_group_run(s);
+    for (size_t i = 0; i < found; i++)
+        for (size_t a = 0; a < 4; a++) {
+            double *grad = c->grad + a * c->Jp + (size_t)c->block[i] * LANES;
+            for (size_t l = 0; l < LANES; l++) grad[l] += (double)s->grad[i][a][l];
+        }
+    for (size_t q = 0; q < count; q++) kbar[q] = (double)s->kbar[q];
+}
+
 /* ---- the loss ---- */
 
 /* All groups; returns sum_r g_r kbar_r. */
-static double do_points(cells *c, const double *B, const double *g, double tau, double reach,
+static double do_points(cells *c, const double *B, const double *g, const apsm_sampling_options *o,
                         double *kbar)
 {
+    const double reach = o->cut * o->tau;
     double total = 0.0, X[3 * GROUP], weight[GROUP], k[GROUP], m[3];
     for (size_t first = 0; first < c->R; first += GROUP) {
         const size_t count = c->R - first < GROUP ? c->R - first : GROUP;
@@ -389,7 +434,10 @@ static double do_points(cells *c, const double *B, const double *g, double tau, 
         }
         const double rho = bounding_sphere(count, GROUP, X, m);
         const size_t found = find_blocks(c, m, rho, reach);
-        do_group(c, found, count, X, weight, tau, reach, k);
+        if (o->single)
+            do_group_single(c, found, count, X, weight, m, o->tau, reach, k);
+        else
+            do_group(c, found, count, X, weight, o->tau, reach, k);
         for (size_t i = 0; i < count; i++) {
             total += weight[i] * k[i];
             if (kbar) kbar[r[i]] = k[i];
@@ -415,7 +463,7 @@ apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double
 {
     if (J < 1 || R < 1 || J > UINT32_MAX / 2 || R > UINT32_MAX / 2) return APSM_ERR_ARG;
     if (!(opt->tau > 0.0) || !isfinite(opt->tau)) return APSM_ERR_ARG;
-    if (!(opt->cut > 0.0 && opt->cut <= 700.0)) return APSM_ERR_ARG;
+    if (!(opt->cut > 0.0 && opt->cut <= (opt->single ? 87.0 : 700.0))) return APSM_ERR_ARG;
     if (!all_finite(3 * J, P) || !all_finite(3 * R, B)) return APSM_ERR_NONFINITE;
     if (g && !all_finite(R, g)) return APSM_ERR_NONFINITE;
     const double reach = opt->cut * opt->tau;
@@ -426,7 +474,7 @@ apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double
     make_blocks(&c, P, reach);
     sort_along_curve(&c, R, B, c.b_order);
     memset(c.grad, 0, 4 * c.Jp * sizeof *c.grad);
-    const double total = do_points(&c, B, g, opt->tau, reach, kbar);
+    const double total = do_points(&c, B, g, opt, kbar);
     hand_out(&c, scale, grad, mass);
     if (loss) *loss = scale * total;
     return isfinite(total) ? APSM_OK : APSM_ERR_NONFINITE;

@@ -31,6 +31,20 @@ static void exp_is_good_to_one_ulp(void **state)
     assert_true(apsm_exp(-INFINITY) == apsm_exp(-700.0));
 }
 
+static void expf_is_good_to_two_ulp(void **state)
+{
+    (void)state;
+    for (int i = 0; i <= 400000; i++) {
+        const float x =
+            i < 200000 ? -87.0f * (float)i / 200000 : -15.0f * (float)(i - 200000) / 2e5f;
+        const double want = exp((double)x), got = (double)apsm_expf(x);
+        if (!(fabs(got - want) <= 2.0 * (double)FLT_EPSILON * want))
+            fail_msg("expf(%.9g) = %.9g, expected %.9g", (double)x, got, want);
+    }
+    assert_true(apsm_expf(0.0f) == 1.0f);
+    assert_true(apsm_expf(-INFINITY) == apsm_expf(-87.0f) && apsm_expf(-87.0f) > 0.0f);
+}
+
 /* ---- the definition, written down plainly ---- */
 
 typedef struct result {
@@ -76,16 +90,28 @@ static void result_free(result *x)
     free(x->mass);
 }
 
-static result fast_loss(size_t J, const double *P, size_t R, const double *B, const double *g,
-                        double tau, double cut, apsm_sampling_norm norm)
+static result loss_with(size_t J, const double *P, size_t R, const double *B, const double *g,
+                        apsm_sampling_options opt)
 {
     result x = result_new(J, R);
     double *work = check_alloc(apsm_sampling_work_size(J, R));
-    const apsm_sampling_options opt = { norm, tau, cut };
     assert_int_equal(apsm_sampling_loss(J, P, R, B, g, &opt, &x.loss, x.grad, x.kbar, x.mass, work),
                      APSM_OK);
     free(work);
     return x;
+}
+
+static result fast_loss(size_t J, const double *P, size_t R, const double *B, const double *g,
+                        double tau, double cut, apsm_sampling_norm norm)
+{
+    return loss_with(J, P, R, B, g, (apsm_sampling_options){ norm, tau, cut, false });
+}
+
+static result single_loss(size_t J, const double *P, size_t R, const double *B, const double *g,
+                          double tau, double cut)
+{
+    const apsm_sampling_options opt = { APSM_SAMPLING_MEAN, tau, cut, true };
+    return loss_with(J, P, R, B, g, opt);
 }
 
 /* Points in a band about a sphere of radius 10 with J particles. */
@@ -128,11 +154,14 @@ static void equals_the_plain_definition(void **state)
             result want = plain_loss(J, P, R, B, g, taus[t]);
             result all = fast_loss(J, P, R, B, g, taus[t], 700.0, APSM_SAMPLING_MEAN);
             result cut = fast_loss(J, P, R, B, g, taus[t], 25.0, APSM_SAMPLING_VORONOI);
+            result single = single_loss(J, P, R, B, g, taus[t], 15.0);
+            compare(&single, &want, J, R, 1.0, taus[t] < 0.1 ? 2e-4 : 2e-5);
             compare(&all, &want, J, R, 1.0, 1e-11);
             compare(&cut, &want, J, R, (double)(J * J), 1e-9);
             result_free(&want);
             result_free(&all);
             result_free(&cut);
+            result_free(&single);
             free(P);
             free(B);
             free(g);
@@ -313,6 +342,22 @@ static void order_and_motion_do_not_matter(void **state)
     result_free(&y);
 }
 
+/* In single precision a shift costs nothing: coordinates are relative to where a group lies. */
+static void single_precision_is_of_distances(void **state)
+{
+    (void)state;
+    enum { J = 200, R = 1000 };
+    double P[3 * J], B[3 * R], g[R];
+    scene(J, R, P, B, g);
+    result x = single_loss(J, P, R, B, g, 0.2, 15.0);
+    for (size_t i = 0; i < 3 * J; i++) P[i] += 1e6;
+    for (size_t i = 0; i < 3 * R; i++) B[i] += 1e6;
+    result y = single_loss(J, P, R, B, g, 0.2, 15.0);
+    compare(&y, &x, J, R, 1.0, 2e-5);
+    result_free(&x);
+    result_free(&y);
+}
+
 /* Particles on points, coinciding particles and a flat cloud stay finite. */
 static void degenerate_scenes_stay_finite(void **state)
 {
@@ -323,6 +368,10 @@ static void degenerate_scenes_stay_finite(void **state)
     memcpy(P, B, 9 * sizeof *P);
     memcpy(P + 9, B, 9 * sizeof *P);
     result x = fast_loss(J, P, R, B, g, 0.5, 25.0, APSM_SAMPLING_VORONOI);
+    for (size_t i = 0; i < 3 * J; i++) assert_true(isfinite(x.grad[i]));
+    assert_true(x.mass[0] == x.mass[3]);
+    result_free(&x);
+    x = single_loss(J, P, R, B, g, 0.5, 15.0);
     for (size_t i = 0; i < 3 * J; i++) assert_true(isfinite(x.grad[i]));
     assert_true(x.mass[0] == x.mass[3]);
     result_free(&x);
@@ -369,6 +418,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exp_is_good_to_one_ulp),
+        cmocka_unit_test(expf_is_good_to_two_ulp),
         cmocka_unit_test(equals_the_plain_definition),
         cmocka_unit_test(equals_golden),
         cmocka_unit_test(softmin_row_equals_golden),
@@ -376,6 +426,7 @@ int main(void)
         cmocka_unit_test(two_particles_by_hand),
         cmocka_unit_test(scales_exactly),
         cmocka_unit_test(order_and_motion_do_not_matter),
+        cmocka_unit_test(single_precision_is_of_distances),
         cmocka_unit_test(degenerate_scenes_stay_finite),
         cmocka_unit_test(refuses_bad_arguments),
         cmocka_unit_test(weights_have_mean_one_when_relative),

@@ -30,7 +30,8 @@ typedef struct epoch {
 static void do_sampling(epoch *e)
 {
     const double c = golden_number(e->options, "c"), s = golden_number(e->options, "s");
-    const apsm_sampling_options opt = { APSM_SAMPLING_SUM, golden_number(e->options, "tau"), 25.0 };
+    const apsm_sampling_options opt = { APSM_SAMPLING_SUM, golden_number(e->options, "tau"), 25.0,
+                                        false };
     double store[12 * J], f[R], g[R], loss,
         *work = check_alloc(apsm_rbf_work_size(J)),
         *factor_store = check_alloc(apsm_polyharmonic_store_size(3 * J, false)),
