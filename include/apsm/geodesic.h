@@ -49,6 +49,12 @@ double apsm_geodesic_distance(const apsm_geodesic *g, const apsm_geodesic_work *
 double apsm_geodesic_reach(const apsm_geodesic *g, apsm_geodesic_work *w,
                            const apsm_surface_point *to);
 
+/* Length of a way from one point to another that follows the plane through both across the surface:
+ * no less than their distance, and on smooth pieces hardly more.  INFINITY if that is longer than
+ * limit or does not arrive.  O(faces passed), no scratch. */
+double apsm_geodesic_section(const apsm_geodesic *g, const apsm_surface_point *from,
+                             const apsm_surface_point *to, double limit);
+
 /* nearest (nv) <- min(nearest, distance from source): the distance to a set of sources that grows
  * by one.  Explores only where the new source is nearer, so that n sources cost O(nv log n) in
  * all instead of O(n nv).  Start with INFINITY everywhere.  Other results in w are void. */

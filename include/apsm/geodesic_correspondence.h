@@ -64,10 +64,12 @@ typedef struct apsm_walk_options {
     bool guard;            /* keep a move only if the largest Euclidean distance to the reference
                               neighbours does not grow and no particle comes too near: true */
     double min_separation; /* what too near is: 0.5 h */
+    bool strict;           /* the report counts at 1.5 too, which takes a search from every
+                              particle: true */
 } apsm_walk_options;
 apsm_walk_options apsm_walk_defaults(double h);
 
-/* Mismatched particles at 1.5/1.5 and 1.5/2.0, and what the pass did. */
+/* Mismatched particles at 1.5/1.5 (0 unless strict) and 1.5/2.0, and what the pass did. */
 typedef struct apsm_walk_report {
     size_t before[2], after[2];
     size_t moved, refused;
@@ -83,7 +85,10 @@ void apsm_walk_work_free(apsm_walk_work *work);
  * before it: along the geodesic towards missing neighbour k, to the distance from k at which k's
  * closest particle is.  bvh (of g's mesh) brings the mean of several such targets back to the
  * surface; NULL is allowed with farthest.  Missing neighbours on another component are left alone.
- * O(searches of the neighbourhoods + a longer one per particle that walks). */
+ * Unless strict, a particle whose reference neighbours are all within F times the distance in space
+ * of its closest by a way across the surface (apsm_geodesic_section) is not mismatched and is not
+ * searched from.  O(searches of the other neighbourhoods + a longer one per particle that walks).
+ */
 apsm_status apsm_geodesic_correspondence(const apsm_geodesic *g, apsm_geodesic_work *w,
                                          const apsm_bvh *bvh, size_t J,
                                          const apsm_neighbourhoods *reference,

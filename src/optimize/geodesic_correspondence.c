@@ -6,7 +6,10 @@
  *
  * Gauss-Seidel: each particle sees the others where they now are.  What its move changes --
  * closest[k] of the particles near the old and the new place -- is renewed at once; rows are
- * renewed at the end, and only those that a move can have touched. */
+ * renewed at the end, and only those that a move can have touched.
+ *
+ * Most particles of a matched cohort need no search (surely_matched): the distance in space bounds
+ * the closest's from below, and a section of the surface that of a neighbour from above. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,7 +30,7 @@ struct apsm_walk_work {
 apsm_walk_options apsm_walk_defaults(double h)
 {
     return (apsm_walk_options){
-        .factor = 2.0, .farthest = false, .walk = 1.0, .guard = true, .min_separation = 0.5 * h
+        .factor = 2.0, .walk = 1.0, .guard = true, .min_separation = 0.5 * h, .strict = true
     };
 }
 
@@ -82,6 +85,63 @@ typedef struct pass {
 static apsm_status search(pass *a, uint32_t j)
 {
     return neighbourhood_search(a->g, a->w, a->J, a->points, a->P, j, a->factor, &a->s->row);
+}
+
+/* Adds k to the row by the way of a section no longer than limit. */
+static bool add_by_section(pass *a, uint32_t j, uint32_t k, double limit)
+{
+    neighbourhood_row *row = &a->s->row;
+    const double d = apsm_geodesic_section(a->g, a->points + j, a->points + k, limit);
+    if (!(d < INFINITY)) return false;
+    if (d < row->closest) {
+        row->closest = d;
+        row->nearest = k;
+    }
+    row->index[row->n] = k;
+    row->distance[row->n++] = d;
+    return true;
+}
+
+/* Whether j is seen to miss nothing without a search; then its row holds what it must have, by the
+ * lengths of sections. */
+static bool surely_matched(pass *a, uint32_t j)
+{
+    const apsm_neighbourhoods *reference = a->reference;
+    neighbourhood_row *row = &a->s->row;
+    const double *p = a->P + 3 * (size_t)j;
+    double d2 = INFINITY;
+    uint32_t nearest = APSM_NONE;
+    for (uint32_t k = 0; k < a->J; k++) {
+        const double d = vec3_distance2(p, a->P + 3 * (size_t)k);
+        if (k == j || !(d < d2)) continue;
+        d2 = d;
+        nearest = k;
+    }
+    const double limit = fmin(a->o->factor, report_factor[1]) * sqrt(d2);
+    row->n = 0;
+    row->closest = INFINITY;
+    row->nearest = APSM_NONE;
+    if (nearest == APSM_NONE || !add_by_section(a, j, nearest, limit)) return false;
+    row->n = 0;
+    for (size_t i = reference->start[j]; i < reference->start[j + 1]; i++)
+        if (!add_by_section(a, j, reference->index[i], limit)) return false;
+    return true;
+}
+
+static apsm_status make_row(pass *a, uint32_t j)
+{
+    return !a->o->strict && surely_matched(a, j) ? APSM_OK : search(a, j);
+}
+
+static apsm_status make_rows(pass *a, apsm_neighbourhoods *rows)
+{
+    APSM_TRY(apsm_neighbourhoods_resize(rows, a->J));
+    rows->factor = a->factor;
+    for (uint32_t j = 0; j < a->J; j++) {
+        APSM_TRY(make_row(a, j));
+        APSM_TRY(neighbourhoods_append(rows, j, &a->s->row));
+    }
+    return APSM_OK;
 }
 
 static void copy_row(apsm_walk_work *s, uint32_t j)
@@ -265,7 +325,7 @@ static apsm_status renew_rows(pass *a)
     s->next.factor = a->factor;
     for (uint32_t j = 0; j < a->J; j++) {
         if (s->touched[j])
-            APSM_TRY(search(a, j));
+            APSM_TRY(make_row(a, j));
         else
             copy_row(s, j);
         APSM_TRY(neighbourhoods_append(&s->next, j, &s->row));
@@ -278,7 +338,7 @@ static apsm_status renew_rows(pass *a)
 
 static void count_both(pass *a, size_t particles[2])
 {
-    for (int f = 0; f < 2; f++)
+    for (int f = a->o->strict ? 0 : 1; f < 2; f++)
         particles[f] = apsm_mismatches(a->reference, &a->s->now, report_factor[f], a->s->count);
 }
 
@@ -293,7 +353,7 @@ apsm_status apsm_geodesic_correspondence(const apsm_geodesic *g, apsm_geodesic_w
     pass a = { g,      w, bvh, J, reference, options, fmax(options->factor, report_factor[1]),
                points, P, s };
     *report = (apsm_walk_report){ 0 };
-    APSM_TRY(apsm_geodesic_neighbourhoods(g, w, J, points, P, a.factor, &s->now));
+    APSM_TRY(make_rows(&a, &s->now));
     count_both(&a, report->before);
     apsm_mismatches(reference, &s->now, options->factor, s->count);
     const size_t n = apsm_mismatch_order(J, s->count, s->order);

@@ -20,6 +20,7 @@ static apsm_walk_options walk_options(const apsm_options *o, double h)
     w.farthest = o->geodesic_target == APSM_TARGET_FARTHEST;
     w.walk = o->geodesic_walk;
     w.guard = o->geodesic_guard;
+    w.strict = false;
     return w;
 }
 

@@ -387,6 +387,44 @@ static void walk_stops_where_told(void **state)
     teardown(&x);
 }
 
+/* A section is a way on the surface, nearly the shortest where that is smooth, and does not go past
+ * a border or beyond its limit. */
+static void sections_bound_distances(void **state)
+{
+    (void)state;
+    fixture x = setup(shape_icosphere(4)), y = setup(shape_plane(10, 10, 2.0, 1.0));
+    apsm_random rng = apsm_random_stream(11, APSM_STREAM_TEST, 0, 0);
+    int arrived = 0;
+    prepare(&x);
+    prepare(&y);
+    for (int i = 0; i < 500; i++) {
+        const apsm_surface_point p = random_point(&x, &rng), q = random_point(&x, &rng);
+        double a[3], b[3];
+        apsm_surface_position(&x.mesh, &p, a);
+        apsm_surface_position(&x.mesh, &q, b);
+        const double chord = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                                  (a[2] - b[2]) * (a[2] - b[2]));
+        const double d = apsm_geodesic_section(x.g, &p, &q, INFINITY), exact = 2 * asin(chord / 2);
+        arrived += d < INFINITY;
+        if (!(d < INFINITY) || exact > 2) continue; /* antipodes: any plane will do */
+        if (!(d >= 0.99 * exact && d <= 1.01 * exact)) fail_msg("%g, on the sphere %g", d, exact);
+        assert_true(apsm_geodesic_section(x.g, &p, &q, 0.999 * d) == INFINITY);
+        assert_true(apsm_geodesic_section(x.g, &p, &q, 1.001 * d) == d);
+    }
+    assert_true(arrived > 490);
+    for (int i = 0; i < 100; i++) {
+        const apsm_surface_point p = random_point(&y, &rng), q = random_point(&y, &rng);
+        double a[3], b[3];
+        apsm_surface_position(&y.mesh, &p, a);
+        apsm_surface_position(&y.mesh, &q, b);
+        const double chord = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]));
+        const double d = apsm_geodesic_section(y.g, &p, &q, INFINITY);
+        golden_close("plane", 1, &d, &chord, 1e-12);
+    }
+    teardown(&x);
+    teardown(&y);
+}
+
 static void other_components_are_infinitely_far(void **state)
 {
     (void)state;
@@ -510,6 +548,7 @@ int main(void)
         cmocka_unit_test(bounded_search_agrees_and_resets),
         cmocka_unit_test(scaling_by_powers_of_two_is_exact),
         cmocka_unit_test(walk_stops_where_told),
+        cmocka_unit_test(sections_bound_distances),
         cmocka_unit_test(other_components_are_infinitely_far),
         cmocka_unit_test(degenerate_triangles_do_no_harm),
         cmocka_unit_test(bad_triangles_on_a_sphere),

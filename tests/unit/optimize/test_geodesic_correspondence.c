@@ -324,6 +324,33 @@ static void guard_keeps_particles_apart(void **state)
     free_pair(&p);
 }
 
+/* Without the count at 1.5 the same particles are found and walk, whether few are displaced or
+ * many; targets differ by as much as sections are longer than geodesics. */
+static void sections_find_the_same_particles(void **state)
+{
+    (void)state;
+    for (size_t n = 0; n <= 60; n += 20) {
+        static pair p, q;
+        make_pair(&p, 1);
+        make_pair(&q, 1);
+        displace(&p, n);
+        displace(&q, n);
+        apsm_walk_options o = apsm_walk_defaults(p.h);
+        const apsm_walk_report r = pass(&p, &o);
+        o.strict = false;
+        const apsm_walk_report s = pass(&q, &o);
+        assert_int_equal(s.before[1], r.before[1]);
+        assert_int_equal(s.moved + s.refused, r.moved + r.refused);
+        assert_true(s.before[0] == 0 && s.after[0] == 0);
+        for (size_t j = 0; j < J; j++)
+            assert_true(distance2(p.P + 3 * j, q.P + 3 * j) < 0.01 * p.h * p.h);
+        const apsm_walk_report again = pass(&q, &o);
+        assert_int_equal(again.before[1], s.after[1]);
+        free_pair(&p);
+        free_pair(&q);
+    }
+}
+
 /* The paper's reading runs: farthest neighbour, F = 1.5, no guard, without a tree. */
 static void literal_pass_runs(void **state)
 {
@@ -396,6 +423,7 @@ int main(void)
         cmocka_unit_test(sound_correspondence_stays),
         cmocka_unit_test(displaced_particles_come_back),
         cmocka_unit_test(guard_keeps_particles_apart),
+        cmocka_unit_test(sections_find_the_same_particles),
         cmocka_unit_test(literal_pass_runs),
         cmocka_unit_test(half_a_walk_is_half),
         cmocka_unit_test(scaling_by_powers_of_two_is_exact),
