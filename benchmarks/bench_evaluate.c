@@ -88,7 +88,7 @@ int main(int argc, char **argv)
     status = apsm_generalization(ctx, &model, value, error);
     stop(&s, "generalization", status, value[I - 3]);
     s = start();
-    status = apsm_specificity(ctx, &model, APSM_DEFINITION_STANDARD, samples, value, error);
+    status = apsm_specificity(ctx, &model, APSM_DEFINITION_STANDARD, samples, I, value, error);
     stop(&s, "specificity", status, value[I - 2]);
     apsm_shape_model_free(&model);
     apsm_context_free(ctx);

@@ -64,16 +64,6 @@ static apsm_status read_particles(files_work *w)
     return APSM_OK;
 }
 
-static apsm_status read_meshes(files_work *w)
-{
-    if (w->n_meshes == 0) return APSM_OK;
-    w->meshes = calloc(w->I, sizeof *w->meshes);
-    if (!w->meshes) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < w->I; i++)
-        APSM_TRY(apsm_vtk_read_mesh(w->ctx, w->mesh_file[i], &w->meshes[i]));
-    return APSM_OK;
-}
-
 /* Mean squared distance of shape i's particles to its mesh, relative to their own variance. */
 static apsm_status misfit(const files_work *w, size_t i, double *relative)
 {
@@ -97,18 +87,26 @@ static apsm_status misfit(const files_work *w, size_t i, double *relative)
 
 /* Meshes in another frame give figures that look like figures.  Particles of a poor model are a
  * hundredth of the shape's size off its surface; a tenth is another frame or another shape. */
-static apsm_status check_frames(const files_work *w)
+static apsm_status read_mesh(apsm_context *ctx, size_t i, int worker, void *user)
 {
-    for (size_t i = 0; w->meshes && i < w->I; i++) {
-        double relative;
-        APSM_TRY(misfit(w, i, &relative));
-        if (!(relative <= 0.01))
-            return apsm_fail(w->ctx, APSM_ERR_GEOMETRY,
-                             "%s: its particles (%s) are not on it; give meshes in the same order "
-                             "and frame as the particles",
-                             w->mesh_file[i], w->particle_file[i]);
-    }
-    return APSM_OK;
+    (void)worker;
+    const files_work *w = user;
+    double relative;
+    APSM_TRY(apsm_vtk_read_mesh(ctx, w->mesh_file[i], &w->meshes[i]));
+    APSM_TRY(misfit(w, i, &relative));
+    if (relative <= 0.01) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                     "%s: its particles (%s) are not on it; give meshes in the same order and "
+                     "frame as the particles",
+                     w->mesh_file[i], w->particle_file[i]);
+}
+
+static apsm_status read_meshes(files_work *w)
+{
+    if (w->n_meshes == 0) return APSM_OK;
+    w->meshes = calloc(w->I, sizeof *w->meshes);
+    if (!w->meshes) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+    return apsm_parallel_for(w->ctx, w->I, read_mesh, w, "meshes");
 }
 
 static double distance2(size_t n, const double *x, const double *y)
@@ -133,8 +131,8 @@ static size_t nearest_to_mean(const files_work *w, const double *mean)
 static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_options *options)
 {
     *options = apsm_options_defaults();
-    static const char *const keys[] = { "definition", "specificity_samples" };
-    for (size_t k = 0; k < 2; k++) {
+    static const char *const keys[] = { "definition", "specificity_samples", "specificity_modes" };
+    for (size_t k = 0; k < sizeof keys / sizeof *keys; k++) {
         const char *value = cli_args_get(args, keys[k]);
         if (value) APSM_TRY(apsm_options_set(ctx, options, keys[k], value));
     }
@@ -154,6 +152,7 @@ static apsm_status compute(files_work *w, const apsm_options *options)
                                         .P = w->P,
                                         .definition = (apsm_definition)options->definition,
                                         .samples = (size_t)options->specificity_samples,
+                                        .specificity_modes = (size_t)options->specificity_modes,
                                         .shape = w->meshes ? &shapes : NULL,
                                         .template_mesh = w->meshes ? &w->meshes[t] : NULL,
                                         .template_index = t };
@@ -172,8 +171,11 @@ static void say(cli_ui *ui, const files_work *w)
     }
     cli_say(ui, "modes compactness generalization specificity");
     for (size_t m = 0; m < e->n_generalization && m < e->modes; m++)
-        cli_say(ui, "%zu %.6g %.6g %.6g", m + 1, e->compactness[m], e->generalization[m],
-                e->specificity[m]);
+        if (m < e->n_specificity)
+            cli_say(ui, "%zu %.6g %.6g %.6g", m + 1, e->compactness[m], e->generalization[m],
+                    e->specificity[m]);
+        else
+            cli_say(ui, "%zu %.6g %.6g -", m + 1, e->compactness[m], e->generalization[m]);
 }
 
 apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli_ui *ui)
@@ -184,7 +186,6 @@ apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli
     if (status == APSM_OK) status = take_options(ctx, args, &options);
     if (status == APSM_OK) status = read_particles(&w);
     if (status == APSM_OK) status = read_meshes(&w);
-    if (status == APSM_OK) status = check_frames(&w);
     if (status == APSM_OK) status = compute(&w, &options);
     if (status == APSM_OK) say(ui, &w);
     apsm_evaluation_free(&w.evaluation);

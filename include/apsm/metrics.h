@@ -25,10 +25,11 @@ typedef enum apsm_definition {
                                   depends on the unit; distance by push, pull, disagreement */
 } apsm_definition;
 
-const char *apsm_definition_name(apsm_definition d);    /* "standard", ...; constant string */
-const char *apsm_definition_text(apsm_definition d);    /* one line to print beside the numbers */
-const char *apsm_definition_warning(apsm_definition d); /* one line to warn with, or NULL */
-size_t apsm_definition_samples(apsm_definition d);      /* 1,000 or 25,000 */
+const char *apsm_definition_name(apsm_definition d);      /* "standard", ...; constant string */
+const char *apsm_definition_text(apsm_definition d);      /* one line to print beside the numbers */
+const char *apsm_definition_warning(apsm_definition d);   /* one line to warn with, or NULL */
+size_t apsm_definition_samples(apsm_definition d);        /* 1,000 or 25,000 */
+size_t apsm_definition_modes(apsm_definition definition); /* SIZE_MAX: all */
 
 /* Share of the variance in the first m modes; compactness (I-1, out).  All 1 without variance. */
 void apsm_compactness(const apsm_shape_model *model, double *compactness);
@@ -44,11 +45,11 @@ apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model
 /* Mean over samples of the distance to the nearest training shape.  Sample k of m modes is that of
  * m - 1 modes plus one mode's term, so all m are judged by the same draws.  Draws come from the
  * context's seed, stream APSM_STREAM_SPECIFICITY, index k.  samples 0: the definition's number.
- * specificity (I-1, out), error (I-1, out, or NULL): standard error over the samples.  The search
- * is exact; parallel over samples. */
+ * modes: largest m (at most I-1 counts).  specificity (m, out), error (m, out, or NULL): standard
+ * error over the samples.  The search is exact; parallel over samples. */
 apsm_status apsm_specificity(apsm_context *ctx, const apsm_shape_model *model,
-                             apsm_definition definition, size_t samples, double *specificity,
-                             double *error) APSM_NODISCARD;
+                             apsm_definition definition, size_t samples, size_t modes,
+                             double *specificity, double *error) APSM_NODISCARD;
 /* The same for given scores (samples x modes, length units). */
 apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model, size_t samples,
                                 const double *scores, double *specificity,
@@ -60,22 +61,25 @@ typedef struct apsm_evaluate_input {
     const double *P; /* I x J x 3, world frame */
     apsm_definition definition;
     size_t samples;                 /* 0: the definition's number */
+    size_t specificity_modes;       /* 0: the definition's number */
     const apsm_mesh_source *shape;  /* the meshes of the shapes in the world frame; NULL: no
                                        surface distances */
     const apsm_mesh *template_mesh; /* warped to every shape; world frame */
     size_t template_index;
+    const apsm_warp *warp; /* of template_mesh by the template's particles; NULL: made here */
 } apsm_evaluate_input;
 
 /* Owns its arrays. */
 typedef struct apsm_evaluation {
     size_t shapes, particles, modes, samples;
     apsm_definition definition;
-    double *variance;                                      /* modes */
-    double *compactness;                                   /* shapes - 1 */
-    double *generalization, *generalization_error;         /* shapes - 2 */
-    double *specificity, *specificity_error;               /* shapes - 1 */
-    size_t n_compactness, n_generalization, n_specificity; /* those lengths, 0 if negative */
-    apsm_surface_distance *surface;                        /* shapes, or NULL */
+    double *variance;                              /* modes */
+    double *compactness;                           /* shapes - 1 */
+    double *generalization, *generalization_error; /* shapes - 2 */
+    double *specificity, *specificity_error;       /* shapes - 1 */
+    /* Those lengths, 0 if negative; of specificity at most as many as were asked for. */
+    size_t n_compactness, n_generalization, n_specificity;
+    apsm_surface_distance *surface; /* shapes, or NULL */
     apsm_surface_summary surface_summary;
 } apsm_evaluation;
 

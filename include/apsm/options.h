@@ -136,6 +136,9 @@ extern "C" {
     /* evaluate */                                                                                 \
     ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \
     INT(specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")            \
+    INT(specificity_modes, 0, 0, 1000000,                                                          \
+        "most modes that specificity is measured for; 0: the definition's own number (paper: 20, " \
+        "else all)")                                                                               \
     BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")               \
     /* run */                                                                                      \
     REAL(checkpoint_seconds, 60, 0, 1e9, "seconds between two checkpoints; 0: after every epoch")

@@ -1,9 +1,11 @@
 /* The named definitions of the metrics. */
+#include <stdint.h>
+
 #include "apsm/metrics.h"
 
 typedef struct definition {
     const char *name, *text, *warning;
-    size_t samples;
+    size_t samples, modes;
 } definition;
 
 static const definition *look_up(apsm_definition d)
@@ -12,11 +14,11 @@ static const definition *look_up(apsm_definition d)
         [APSM_DEFINITION_STANDARD] = { "standard",
                                        "specificity: Gaussian samples with the modes' variances "
                                        "(divisor N-1)",
-                                       NULL, 1000 },
+                                       NULL, 1000, SIZE_MAX },
         [APSM_DEFINITION_PAPER] = { "paper",
                                     "specificity: samples uniform in +-3 standard deviations of "
                                     "every mode",
-                                    NULL, 25000 },
+                                    NULL, 25000, 20 },
         [APSM_DEFINITION_SHAPEWORKS] = { "shapeworks-compat",
                                          "specificity: Gaussian samples whose variance is the "
                                          "singular value, as in ShapeWorks",
@@ -25,7 +27,7 @@ static const definition *look_up(apsm_definition d)
                                          "on the unit of the input; compare it only with "
                                          "ShapeWorks "
                                          "in the same unit",
-                                         1000 },
+                                         1000, SIZE_MAX },
     };
     return &table[d];
 }
@@ -45,4 +47,8 @@ const char *apsm_definition_warning(apsm_definition d)
 size_t apsm_definition_samples(apsm_definition d)
 {
     return look_up(d)->samples;
+}
+size_t apsm_definition_modes(apsm_definition d)
+{
+    return look_up(d)->modes;
 }

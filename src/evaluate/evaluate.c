@@ -24,7 +24,8 @@ static double *numbers(size_t n)
 static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_t modes,
                          apsm_evaluation *e)
 {
-    const size_t I = in->I;
+    const size_t I = in->I, wanted = in->specificity_modes ? in->specificity_modes
+                                                           : apsm_definition_modes(in->definition);
     *e = (apsm_evaluation){ .shapes = I,
                             .particles = in->J,
                             .modes = modes,
@@ -33,7 +34,7 @@ static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_
                             .definition = in->definition,
                             .n_compactness = I - 1,
                             .n_generalization = I > 2 ? I - 2 : 0,
-                            .n_specificity = I - 1 };
+                            .n_specificity = wanted < I - 1 ? wanted : I - 1 };
     e->variance = numbers(modes);
     e->compactness = numbers(I);
     e->generalization = numbers(I);
@@ -53,7 +54,7 @@ static apsm_status measure_model(apsm_context *ctx, const apsm_shape_model *mode
     for (size_t k = 0; k < model->modes; k++) e->variance[k] = model->variance[k];
     apsm_compactness(model, e->compactness);
     APSM_TRY(apsm_generalization(ctx, model, e->generalization, e->generalization_error));
-    return apsm_specificity(ctx, model, e->definition, e->samples, e->specificity,
+    return apsm_specificity(ctx, model, e->definition, e->samples, e->n_specificity, e->specificity,
                             e->specificity_error);
 }
 
@@ -61,14 +62,15 @@ static apsm_status measure_surfaces(apsm_context *ctx, const apsm_evaluate_input
                                     apsm_evaluation *e)
 {
     const apsm_mesh *mesh = in->template_mesh;
-    apsm_warp warp;
+    apsm_warp own = { 0 };
     if (!mesh || in->template_index >= in->I)
         return apsm_fail(ctx, APSM_ERR_ARG, "surface distances need the template's mesh and index");
-    APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, in->J,
-                             in->P + in->template_index * 3 * in->J, &warp));
-    const apsm_status status =
-        apsm_surface_distances(ctx, &warp, mesh, in->I, in->P, in->shape, e->surface);
-    apsm_warp_free(&warp);
+    if (!in->warp)
+        APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, in->J,
+                                 in->P + in->template_index * 3 * in->J, &own));
+    const apsm_status status = apsm_surface_distances(ctx, in->warp ? in->warp : &own, mesh, in->I,
+                                                      in->P, in->shape, e->surface);
+    apsm_warp_free(&own);
     if (status == APSM_OK)
         apsm_surface_summarize(in->I, e->surface, in->template_index, &e->surface_summary);
     return status;

@@ -7,6 +7,7 @@
  * square).  A shape is measured again only when (S1), from the step a where it was measured last,
  * no longer excludes it.  The result is that of measuring all. */
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -35,7 +36,8 @@ typedef struct scratch {
 typedef struct search {
     draws from;
     size_t samples, row, blocks;
-    double *mode;  /* modes x row */
+    size_t modes;  /* largest m: those of the model, or fewer */
+    double *mode;  /* all modes x row */
     double *shape; /* I x row: deviations of the training shapes */
     double *norm;  /* I: sum of their particles' lengths */
     double *mean;  /* chunks x modes: mean over a chunk's samples */
@@ -101,7 +103,7 @@ static double nearest_shape(const search *s, scratch *w, double S, size_t *neare
 static void one_sample(const search *s, scratch *w, size_t sample, size_t count, double *mean,
                        double *sum2)
 {
-    const size_t I = s->from.model->I, r = s->from.model->modes;
+    const size_t I = s->from.model->I, r = s->modes;
     size_t nearest = 0;
     double S = 0.0;
     draw(&s->from, sample, w->b);
@@ -122,7 +124,7 @@ static apsm_status one_chunk(apsm_context *ctx, size_t chunk, int worker, void *
 {
     (void)ctx;
     search *s = user;
-    const size_t r = s->from.model->modes, first = chunk * CHUNK;
+    const size_t r = s->modes, first = chunk * CHUNK;
     const size_t n = s->samples - first < CHUNK ? s->samples - first : CHUNK;
     for (size_t k = 0; k < n; k++)
         one_sample(s, &s->worker[worker], first + k, k, s->mean + chunk * r, s->sum2 + chunk * r);
@@ -140,8 +142,8 @@ static apsm_status search_alloc(search *s)
     s->mode = malloc(r * s->row * sizeof *s->mode);
     s->shape = malloc(I * s->row * sizeof *s->shape);
     s->norm = malloc(I * sizeof *s->norm);
-    s->mean = calloc(chunks * r, sizeof *s->mean);
-    s->sum2 = calloc(chunks * r, sizeof *s->sum2);
+    s->mean = calloc(chunks * s->modes, sizeof *s->mean);
+    s->sum2 = calloc(chunks * s->modes, sizeof *s->sum2);
     s->worker = calloc((size_t)s->threads, sizeof *s->worker);
     if (!s->mode || !s->shape || !s->norm || !s->mean || !s->sum2 || !s->worker)
         return APSM_ERR_MEMORY;
@@ -183,9 +185,9 @@ static void fill(search *s)
 }
 
 /* Puts the chunks' means and squares together in their order (Chan, Golub & LeVeque 1983). */
-static void combine(const search *s, double *specificity, double *error)
+static void combine(const search *s, size_t M, double *specificity, double *error)
 {
-    const size_t r = s->from.model->modes, M = s->from.model->I - 1;
+    const size_t r = s->modes;
     for (size_t m = 0; m < r; m++) {
         double n = 0.0, mean = 0.0, sum2 = 0.0;
         for (size_t c = 0; c < chunks_of(s->samples); c++) {
@@ -205,17 +207,18 @@ static void combine(const search *s, double *specificity, double *error)
     }
 }
 
-static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, double *specificity,
-                       double *error)
+static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, size_t modes,
+                       double *specificity, double *error)
 {
     search s = { .from = *from,
                  .samples = samples,
+                 .modes = modes < from->model->modes ? modes : from->model->modes,
                  .row = apsm_blocks_row(from->model->J),
                  .threads = apsm_context_threads(ctx) };
     s.blocks = s.row / (3 * APSM_BLOCK);
     if (from->model->I < 2) return APSM_OK;
     apsm_status status = APSM_OK;
-    if (from->model->modes > 0) {
+    if (s.modes > 0) {
         status = search_alloc(&s);
         if (status == APSM_OK) {
             fill(&s);
@@ -225,18 +228,19 @@ static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, dou
                       from->model->I);
         }
     }
-    if (status == APSM_OK) combine(&s, specificity, error);
+    if (status == APSM_OK)
+        combine(&s, modes < from->model->I - 1 ? modes : from->model->I - 1, specificity, error);
     search_free(&s);
     return status;
 }
 
 apsm_status apsm_specificity(apsm_context *ctx, const apsm_shape_model *model,
-                             apsm_definition definition, size_t samples, double *specificity,
-                             double *error)
+                             apsm_definition definition, size_t samples, size_t modes,
+                             double *specificity, double *error)
 {
     const draws from = { .model = model, .definition = definition, .seed = apsm_context_seed(ctx) };
     if (samples == 0) samples = apsm_definition_samples(definition);
-    return run(ctx, &from, samples, specificity, error);
+    return run(ctx, &from, samples, modes, specificity, error);
 }
 
 apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model, size_t samples,
@@ -245,5 +249,5 @@ apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model
     const draws from = { .model = model, .given = scores };
     if (samples == 0 || !scores)
         return apsm_fail(ctx, APSM_ERR_ARG, "specificity needs at least one sample");
-    return run(ctx, &from, samples, specificity, error);
+    return run(ctx, &from, samples, SIZE_MAX, specificity, error);
 }

@@ -96,9 +96,11 @@ static apsm_status compute(evaluation_work *w)
         .P = w->P,
         .definition = (apsm_definition)run->options.definition,
         .samples = (size_t)run->options.specificity_samples,
+        .specificity_modes = (size_t)run->options.specificity_modes,
         .shape = run->options.surface_distance ? &shapes : NULL,
         .template_mesh = mesh,
         .template_index = t,
+        .warp = &w->warp,
     };
     APSM_TRY(apsm_shape_model_fit(run->ctx, w->I, w->J, w->P, &w->model));
     APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,

@@ -24,8 +24,9 @@ static const char *const texts[] = { "labels",   "reflect_match",  "exclude",
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */
-static const char *const harmless[] = { "definition", "specificity_samples", "surface_distance",
-                                        "original_frame", "checkpoint_seconds" };
+static const char *const harmless[] = { "definition",        "specificity_samples",
+                                        "specificity_modes", "surface_distance",
+                                        "original_frame",    "checkpoint_seconds" };
 
 static bool is_one_of(const char *const *words, size_t n, const char *word)
 {

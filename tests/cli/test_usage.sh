@@ -55,6 +55,7 @@ for x in 0 1 2 3; do
 done
 expect 0 "4 shapes, 4 particles, definition standard" evaluate "$folder"/?.particles
 expect 0 "1 1 " evaluate "$folder"/?.particles --definition paper --specificity-samples 10
+expect 2 "specificity_modes" evaluate "$folder"/?.particles --specificity-modes -1
 expect 2 "give 3 at least" evaluate "$folder"/[01].particles
 expect 2 "give a mesh for each" evaluate "$folder"/?.particles "$0"
 expect 2 "leave out -o" evaluate "$folder"/?.particles -o "$folder/m"

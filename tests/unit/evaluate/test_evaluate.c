@@ -52,11 +52,19 @@ static void gives_what_the_parts_give(void **state)
     golden_close("compactness", 5, e.compactness, compactness, 1e-9);
     golden_close("generalization", 4, e.generalization, generalization, 1e-9);
     apsm_shape_model model = fit_model(6, 10, P);
-    assert_int_equal(apsm_specificity(ctx, &model, APSM_DEFINITION_STANDARD, 50, spec, error),
+    assert_int_equal(apsm_specificity(ctx, &model, APSM_DEFINITION_STANDARD, 50, 5, spec, error),
                      APSM_OK);
     assert_memory_equal(spec, e.specificity, sizeof spec);
     assert_memory_equal(error, e.specificity_error, sizeof error);
     apsm_shape_model_free(&model);
+    apsm_evaluation_free(&e);
+
+    apsm_evaluate_input three = input; /* fewer modes: the first of the same figures */
+    three.specificity_modes = 3;
+    assert_int_equal(apsm_evaluate(ctx, &three, &e), APSM_OK);
+    assert_true(e.n_specificity == 3 && e.n_compactness == 5);
+    assert_memory_equal(spec, e.specificity, 3 * sizeof *spec);
+    assert_memory_equal(error, e.specificity_error, 3 * sizeof *error);
     apsm_evaluation_free(&e);
     free(P);
     free(compactness);
