@@ -29,7 +29,8 @@ static void measure(size_t I, size_t J, const double *P, apsm_definition definit
                     double *spec, double *error)
 {
     apsm_shape_model model = fit_model(I, J, P);
-    assert_int_equal(apsm_specificity(ctx, &model, definition, samples, I - 1, spec, error), APSM_OK);
+    assert_int_equal(apsm_specificity(ctx, &model, definition, samples, I - 1, spec, error),
+                     APSM_OK);
     apsm_shape_model_free(&model);
 }
 
