@@ -13,6 +13,7 @@
 #include "apsm/files.h"
 #include "apsm/input.h"
 #include "apsm/points_file.h"
+#include "apsm/project.h"
 #include "options_table.h"
 #include "pairs.h"
 
@@ -258,10 +259,15 @@ bool cli_is_particles_file(const char *path)
     return apsm_points_extension(path) && !apsm_input_kind_of(path, &kind);
 }
 
+bool cli_holds_particles(const char *path)
+{
+    return apsm_is_project_file(path) || cli_is_particles_file(path);
+}
+
 /* `evaluate` on particle files, not in a model folder. */
 static bool evaluates_files(const cli_args *a)
 {
-    return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 && cli_is_particles_file(a->inputs[0]);
+    return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 && cli_holds_particles(a->inputs[0]);
 }
 
 /* initialize, optimize, evaluate and report take their folder as operand or by -o. */

@@ -74,6 +74,8 @@ void cli_args_free(cli_args *args);
 
 /* By its extension (apsm/points_file.h); .vtk and .vtp count as meshes. */
 bool cli_is_particles_file(const char *path);
+/* That, or a project file: what evaluate reads besides model folders. */
+bool cli_holds_particles(const char *path);
 /* Value of a key in set, or NULL. */
 const char *cli_args_get(const cli_args *args, const char *key);
 

@@ -1,7 +1,7 @@
 /* evaluate FILE...: figures of a model from particle files of any program, and its meshes if they
- * are given in the same order and in the frame of the particles.  Writes nothing; the figures are
- * the result.  Without a project there is no template: the shape whose particles are nearest to
- * the mean is warped to the others. */
+ * are given in the same order and in the frame of the particles; or from a project, with its
+ * meshes.  Writes nothing; the figures are the result.  Without a project there is no template: the
+ * shape whose particles are nearest to the mean is warped to the others. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,58 +10,86 @@
 #include "apsm/bvh.h"
 #include "apsm/metrics.h"
 #include "apsm/options.h"
-#include "apsm/points_file.h"
+#include "particle_sets.h"
 #include "verbs.h"
 
 typedef struct files_work {
     apsm_context *ctx;
-    const char *const *particle_file, *const *mesh_file;
+    cli_sets in;
+    const char *const *mesh_file;
     size_t I, J, n_meshes;
     double *P;         /* I x J x 3 */
     apsm_mesh *meshes; /* I, or NULL */
     apsm_evaluation evaluation;
 } files_work;
 
-/* The particle files come first, then as many meshes or none. */
-static apsm_status split_operands(apsm_context *ctx, const cli_args *args, files_work *w)
+static apsm_status out_of_memory(const files_work *w)
 {
-    while (w->I < args->n_inputs && cli_is_particles_file(args->inputs[w->I])) w->I++;
-    w->n_meshes = args->n_inputs - w->I;
-    w->particle_file = args->inputs;
-    w->mesh_file = args->inputs + w->I;
+    return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+}
+
+/* Local particles have the pose of each shape in them, and a model of poses looks like a model. */
+static apsm_status check_names(const files_work *w)
+{
+    const cli_frames frames = cli_sets_frames(&w->in);
+    if (frames == CLI_FRAMES_MIXED)
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "local and world particles are among the inputs, which lie in different "
+                         "frames; give *_world.particles alone");
+    if (frames == CLI_FRAMES_LOCAL)
+        apsm_log(w->ctx, APSM_LOG_WARNING,
+                 "local particles are not aligned: the figures are of poses as well as of shapes; "
+                 "world particles are wanted here");
+    return APSM_OK;
+}
+
+/* What holds particles comes first, then as many meshes as shapes, or none. */
+static apsm_status read_operands(files_work *w, const cli_args *args)
+{
+    size_t n = 0;
+    while (n < args->n_inputs && cli_holds_particles(args->inputs[n])) n++;
+    w->n_meshes = args->n_inputs - n;
+    w->mesh_file = args->inputs + n;
+    APSM_TRY(cli_sets_read(w->ctx, n, args->inputs, &w->in));
+    w->I = w->in.n;
     if (w->I < 3)
-        return apsm_fail(ctx, APSM_ERR_ARG, "%zu particle files make no model; give 3 at least",
-                         w->I);
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "particles of %zu shapes make no model; give 3 at least", w->I);
     if (w->n_meshes != 0 && w->n_meshes != w->I)
-        return apsm_fail(ctx, APSM_ERR_ARG,
-                         "%zu particle files, then %zu meshes; give a mesh for each, or none", w->I,
-                         w->n_meshes);
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "particles of %zu shapes, then %zu meshes; give a mesh for each, or none",
+                         w->I, w->n_meshes);
+    return check_names(w);
+}
+
+static apsm_status gather(files_work *w)
+{
+    w->J = w->in.sets[0].n;
+    w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
+    if (!w->P) return out_of_memory(w);
+    for (size_t i = 0; i < w->I; i++) {
+        const cli_set *set = &w->in.sets[i];
+        if (set->n != w->J)
+            return apsm_fail(w->ctx, APSM_ERR_FORMAT,
+                             "%s: holds %zu particles where %zu are expected; every shape needs "
+                             "the same number",
+                             set->file, set->n, w->J);
+        memcpy(w->P + i * w->J * 3, set->P, w->J * 3 * sizeof *w->P);
+    }
     return APSM_OK;
 }
 
-/* Particles of shape i; the first says how many there are. */
-static apsm_status read_shape(files_work *w, size_t i)
+/* Of a project, if it has one for every shape. */
+static bool has_own_meshes(const files_work *w)
 {
-    size_t n;
-    double *P;
-    APSM_TRY(apsm_points_read(w->ctx, w->particle_file[i], &n, &P));
-    if (i == 0) w->P = malloc(w->I * n * 3 * sizeof *w->P);
-    if (i == 0) w->J = n;
-    const bool fits = w->P && n == w->J;
-    if (fits) memcpy(w->P + i * n * 3, P, n * 3 * sizeof *P);
-    free(P);
-    if (fits) return APSM_OK;
-    if (!w->P) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
-    return apsm_fail(w->ctx, APSM_ERR_FORMAT,
-                     "%s: holds %zu particles where %zu are expected; every shape needs the same "
-                     "number",
-                     w->particle_file[i], n, w->J);
+    for (size_t i = 0; i < w->I; i++)
+        if (!w->in.sets[i].mesh) return false;
+    return true;
 }
 
-static apsm_status read_particles(files_work *w)
+static const char *mesh_of(const files_work *w, size_t i)
 {
-    for (size_t i = 0; i < w->I; i++) APSM_TRY(read_shape(w, i));
-    return APSM_OK;
+    return w->n_meshes ? w->mesh_file[i] : w->in.sets[i].mesh;
 }
 
 /* Mean squared distance of shape i's particles to its mesh, relative to their own variance. */
@@ -92,20 +120,21 @@ static apsm_status read_mesh(apsm_context *ctx, size_t i, int worker, void *user
     (void)worker;
     const files_work *w = user;
     double relative;
-    APSM_TRY(apsm_vtk_read_mesh(ctx, w->mesh_file[i], &w->meshes[i]));
+    APSM_TRY(apsm_vtk_read_mesh(ctx, mesh_of(w, i), &w->meshes[i]));
+    if (w->n_meshes == 0) apsm_mesh_transform(&w->meshes[i], w->in.sets[i].to_world);
     APSM_TRY(misfit(w, i, &relative));
     if (relative <= 0.01) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                      "%s: its particles (%s) are not on it; give meshes in the same order and "
                      "frame as the particles",
-                     w->mesh_file[i], w->particle_file[i]);
+                     mesh_of(w, i), w->in.sets[i].file);
 }
 
 static apsm_status read_meshes(files_work *w)
 {
-    if (w->n_meshes == 0) return APSM_OK;
+    if (w->n_meshes == 0 && !has_own_meshes(w)) return APSM_OK;
     w->meshes = calloc(w->I, sizeof *w->meshes);
-    if (!w->meshes) return apsm_fail(w->ctx, APSM_ERR_MEMORY, "out of memory");
+    if (!w->meshes) return out_of_memory(w);
     return apsm_parallel_for(w->ctx, w->I, read_mesh, w, "meshes");
 }
 
@@ -182,9 +211,9 @@ apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli
 {
     files_work w = { .ctx = ctx };
     apsm_options options;
-    apsm_status status = split_operands(ctx, args, &w);
-    if (status == APSM_OK) status = take_options(ctx, args, &options);
-    if (status == APSM_OK) status = read_particles(&w);
+    apsm_status status = take_options(ctx, args, &options);
+    if (status == APSM_OK) status = read_operands(&w, args);
+    if (status == APSM_OK) status = gather(&w);
     if (status == APSM_OK) status = read_meshes(&w);
     if (status == APSM_OK) status = compute(&w, &options);
     if (status == APSM_OK) say(ui, &w);
@@ -192,5 +221,6 @@ apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli
     for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
     free(w.meshes);
     free(w.P);
+    cli_sets_free(&w.in);
     return status;
 }

@@ -169,16 +169,10 @@ static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
     return APSM_OK;
 }
 
-static bool ends_with(const char *text, const char *end)
-{
-    const size_t n = strlen(text), m = strlen(end);
-    return n >= m && strcmp(text + n - m, end) == 0;
-}
-
 static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_input_kind kind;
-    if (ends_with(path, ".swproj")) return info_project(ctx, path, ui);
+    if (apsm_is_project_file(path)) return info_project(ctx, path, ui);
     const bool is_shape = apsm_input_kind_of(path, &kind);
     if (!is_shape && apsm_points_extension(path)) return info_particles(ctx, path, ui);
     if (!is_shape)

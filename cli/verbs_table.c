@@ -9,7 +9,8 @@ static const cli_verb_info verbs[] = {
     { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
       "the whole job: groom, initialize, optimize, evaluate",
       "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
-      "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj). An interrupted "
+      "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj, .xlsx). An "
+      "interrupted "
       "run goes on with --resume, and every step can be repeated on its own." },
     { CLI_GROOM, "groom", "INPUT... -o MODEL_DIR", "inputs to clean, aligned meshes",
       "Reads the inputs, makes one closed mesh of each, chooses the template and aligns all to it. "
@@ -19,13 +20,16 @@ static const cli_verb_info verbs[] = {
     { CLI_OPTIMIZE, "optimize", "MODEL_DIR", "particles to correspondence",
       "Moves the particles to correspondence in two stages. With --resume from the last "
       "checkpoint, else from the first particles." },
-    { CLI_EVALUATE, "evaluate", "MODEL_DIR|PARTICLES... [MESHES...]",
+    { CLI_EVALUATE, "evaluate", "MODEL_DIR|PROJECT|PARTICLES... [MESHES...]",
       "the model, its quality, reconstructed meshes",
       "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
       "specificity, the certificate of correspondence, and meshes. On particle files of any "
       "program "
-      "(aligned, line j everywhere the same place) it prints the figures and writes nothing; "
-      "meshes in the same order and frame add surface distances." },
+      "(aligned, line j everywhere the same place), or on a project (.swproj, .xlsx), it prints "
+      "the "
+      "figures and writes nothing; meshes in the same order and frame, or those of the project, "
+      "add "
+      "surface distances." },
     { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "
@@ -42,7 +46,8 @@ static const cli_verb_info verbs[] = {
       "of 3D Slicer, points as .vtk or .vtp), or a model folder or project, which stands for the "
       "world particles of its shapes. OUTPUT is a file of one of these formats; only .npy holds "
       "several shapes, as one array of shapes x particles x 3. With --to EXT it is a folder, with "
-      "a file for each shape. Order and frame of the particles are kept." },
+      "a file for each shape. Order and frame of the particles are kept. A project or model folder "
+      "is rewritten as a project if OUTPUT ends in .swproj or .xlsx." },
     { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",
       "Tells in a few lines what a model folder or one of its files holds." },
 };

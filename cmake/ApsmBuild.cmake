@@ -43,7 +43,7 @@ if(APSM_SANITIZE)
 endif()
 
 # What pieces of the library need from outside.
-set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON ZLIB::ZLIB PNG::PNG ${LAPACKE_LIBRARY} ${BLAS_LIBRARY} m)
+set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON PkgConfig::MINIZIP PkgConfig::XLSXWRITER EXPAT::EXPAT ZLIB::ZLIB PNG::PNG ${LAPACKE_LIBRARY} ${BLAS_LIBRARY} m)
 set(APSM_ROOMS "" CACHE INTERNAL "")
 
 function(apsm_c_target target)

@@ -13,7 +13,8 @@ extern "C" {
 
 /* *P (n x 3, malloc'ed) <- the particles of path.  Spaces, tabs, CR LF and a missing final newline
  * are harmless, blank lines are skipped; anything but three finite numbers on a line is refused
- * with file:line, an empty file too. */
+ * with file:line, an empty file too.  Warned of: no newline after the last number, and six digits
+ * where that is coarse against the extent of the particles. */
 apsm_status apsm_particles_read(apsm_context *ctx, const char *path, size_t *n,
                                 double **P) APSM_NODISCARD;
 /* As above, and refuses a file that does not hold exactly n particles.  P is caller's, n x 3. */

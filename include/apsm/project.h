@@ -1,5 +1,5 @@
-/* project.h -- the project file of a model folder: ShapeWorks' .swproj (JSON), read and written so
- * that both programs can work on one project.  What apsm does not know is kept. */
+/* project.h -- the project file of a model folder: ShapeWorks' .swproj (JSON) or .xlsx, read and
+ * written so that both programs can work on one project.  What apsm does not know is kept. */
 #ifndef APSM_PROJECT_H
 #define APSM_PROJECT_H
 
@@ -36,19 +36,23 @@ typedef struct apsm_project {
     struct json_t *root; /* all groups as read; owned */
 } apsm_project;
 
+/* Whether path ends in .swproj or .xlsx, in any case. */
+bool apsm_is_project_file(const char *path);
+
 /* An empty project for the given folder.  apsm_project_free leaves {0}. */
 apsm_status apsm_project_init(apsm_context *ctx, const char *folder,
                               apsm_project *project) APSM_NODISCARD;
 void apsm_project_free(apsm_project *project);
 
-/* Reads a .swproj of ours or ShapeWorks' (also with segmentation_, mesh_ columns, 12-number
- * transforms, numbers instead of strings).  The domain is the first of the first subject; others
- * are kept with a warning.  Empty names become the stem of the first file given, equal names get
- * _2, _3 ... in their order.  Errors name the file and line:column or data[i].key.  Any project
+/* Reads a .swproj or .xlsx of ours or ShapeWorks' (also with segmentation_, mesh_ columns,
+ * 12-number transforms, numbers instead of strings).  The domain is the first of the first subject;
+ * others are kept with a warning.  Empty names become the stem of the first file given, equal names
+ * get _2, _3 ... in their order.  Errors name the file and line:column or data[i].key.  Any project
  * is first zeroed; on failure it stays so. */
 apsm_status apsm_project_read(apsm_context *ctx, const char *path,
                               apsm_project *project) APSM_NODISCARD;
-/* Writes atomically.  Known columns come from the structs, others from row. */
+/* Writes atomically, as .xlsx if path ends so (what cannot stand in a table is left out with a
+ * warning), else as .swproj.  Known columns come from the structs, others from row. */
 apsm_status apsm_project_write(apsm_context *ctx, const char *path,
                                const apsm_project *project) APSM_NODISCARD;
 

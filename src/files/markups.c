@@ -40,6 +40,11 @@ static apsm_status find_sign(apsm_context *ctx, const char *path, const json_t *
     const json_t *system = json_object_get(list, "coordinateSystem");
     const bool ras = is_text(system, "RAS");
     *sign = ras ? -1.0 : 1.0;
+    if (ras)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: is in RAS; x and y change their sign, as all else here is in LPS", path);
+    if (!system)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: names no \"coordinateSystem\"; taken as LPS", path);
     if (ras || !system || is_text(system, "LPS")) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_FORMAT,
                      "%s: its \"coordinateSystem\" is neither LPS nor RAS; save it again", path);

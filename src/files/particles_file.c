@@ -68,6 +68,55 @@ static apsm_status parse(apsm_context *ctx, const char *path, const char *data, 
                   : apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds no particles; make it anew", path);
 }
 
+/* ---- Traps of other programs ---- */
+
+/* Most digits of a number of the file, from the first that is not 0: "0.0120" has 3, "1200" 4. */
+static int most_digits(const char *data, size_t size)
+{
+    int most = 0, digits = 0;
+    bool exponent = false;
+    for (size_t k = 0; k < size; k++) {
+        const char c = data[k];
+        if (c == '\n' || strchr(blank, c)) digits = 0, exponent = false;
+        if (c == 'e' || c == 'E') exponent = true;
+        if (c >= '0' && c <= '9' && !exponent) digits += digits > 0 || c != '0';
+        if (digits > most) most = digits;
+    }
+    return most;
+}
+
+/* C++ writes 6 digits unless told otherwise: far from the origin that is coarse against a shape. */
+static void warn_of_digits(apsm_context *ctx, const char *path, const char *data, size_t size,
+                           size_t n, const double *P)
+{
+    enum { DIGITS = 6 };
+    double most = 0, lo[3], hi[3], diagonal = 0;
+    for (size_t k = 0; k < 3 * n; k++) {
+        most = fmax(most, fabs(P[k]));
+        lo[k % 3] = k < 3 ? P[k] : fmin(lo[k % 3], P[k]);
+        hi[k % 3] = k < 3 ? P[k] : fmax(hi[k % 3], P[k]);
+    }
+    for (int c = 0; c < 3; c++) diagonal = hypot(diagonal, hi[c] - lo[c]);
+    const double step = most > 0 ? pow(10, floor(log10(most)) - DIGITS + 1) : 0;
+    if (n > 1 && step > 1e-4 * diagonal && most_digits(data, size) == DIGITS)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: 6 digits are steps of %g at coordinates up to %.6g, and the particles span "
+                 "%.3g; write them with 9 digits, or move the shapes towards the origin",
+                 path, step, most, diagonal);
+}
+
+static void warn_of_traps(apsm_context *ctx, const char *path, const char *data, size_t size,
+                          size_t n, const double *P)
+{
+    const char last = data[size - 1];
+    if (last != '\n' && !strchr(blank, last))
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: ends without a newline; all %zu particles are read, but ShapeWorks would "
+                 "lose the last one: add a newline",
+                 path, n);
+    warn_of_digits(ctx, path, data, size, n, P);
+}
+
 apsm_status apsm_particles_read(apsm_context *ctx, const char *path, size_t *n, double **P)
 {
     char *data;
@@ -78,6 +127,7 @@ apsm_status apsm_particles_read(apsm_context *ctx, const char *path, size_t *n, 
     double *points = malloc((count_lines(data, size) + 1) * 3 * sizeof *points);
     const apsm_status status = points ? parse(ctx, path, data, size, n, points)
                                       : apsm_fail_errno(ctx, path, "cannot be read", ENOMEM);
+    if (status == APSM_OK) warn_of_traps(ctx, path, data, size, *n, points);
     free(data);
     if (status != APSM_OK) {
         free(points);

@@ -1,13 +1,32 @@
 /* Projects in memory. */
+#define _DEFAULT_SOURCE /* strcasecmp */
 #include "apsm/project.h"
 
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/sheets.h"
+
+static bool has_extension(const char *path, const char *extension)
+{
+    const size_t length = strlen(path), end = strlen(extension);
+    return length > end && strcasecmp(path + length - end, extension) == 0;
+}
+
+bool apsm_is_spreadsheet(const char *path)
+{
+    return has_extension(path, ".xlsx");
+}
+
+bool apsm_is_project_file(const char *path)
+{
+    return has_extension(path, ".swproj") || apsm_is_spreadsheet(path);
+}
 
 static void set_identity(double M[16])
 {

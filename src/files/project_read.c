@@ -1,14 +1,15 @@
-/* From a .swproj file to a project.  ShapeWorks keeps every value as a string; people who edit the
- * file write numbers as well, so plain values of any kind are taken and kept as strings. */
+/* From a .swproj or .xlsx file to a project.  ShapeWorks keeps every value as a string; people who
+ * edit the file write numbers as well, so plain values of any kind are taken and kept as strings.
+ */
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <strings.h>
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/sheets.h"
 
 /* What the steps of reading share. */
 typedef struct reading {
@@ -241,22 +242,22 @@ static apsm_status read_options(const reading *r)
     return APSM_OK;
 }
 
-static apsm_status refuse_spreadsheet(apsm_context *ctx, const char *path)
+static apsm_status read_root(apsm_context *ctx, const char *path, json_t **root)
 {
-    const size_t length = strlen(path);
-    if (length < 5 || strcasecmp(path + length - 5, ".xlsx") != 0) return APSM_OK;
-    return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                     "%s: spreadsheet projects are not read; save it as .swproj in ShapeWorks",
-                     path);
+    workbook w;
+    if (!apsm_is_spreadsheet(path)) return apsm_json_read(ctx, path, root);
+    APSM_TRY(workbook_read(ctx, path, &w));
+    const apsm_status status = project_from_sheets(ctx, path, &w, root);
+    workbook_free(&w);
+    return status;
 }
 
 apsm_status apsm_project_read(apsm_context *ctx, const char *path, apsm_project *project)
 {
     const reading r = { .ctx = ctx, .path = path, .project = project };
     *project = (apsm_project){ 0 };
-    APSM_TRY(refuse_spreadsheet(ctx, path));
     json_t *root;
-    APSM_TRY(apsm_json_read(ctx, path, &root));
+    APSM_TRY(read_root(ctx, path, &root));
     project->root = root;
     project->folder = apsm_path_folder(path);
     apsm_status status = project->folder ? read_data(&r) : out_of_memory(&r);

@@ -1,11 +1,12 @@
-/* From a project to a .swproj file that ShapeWorks reads: every value a string, keys in its order,
- * and whatever we do not know as it was. */
+/* From a project to a .swproj or .xlsx file that ShapeWorks reads: every value a string, keys in
+ * its order, and whatever we do not know as it was. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/sheets.h"
 
 /* Sets key to text; NULL removes it.  json_string refuses what is not UTF-8. */
 static bool set(json_t *row, const char *key, const char *text)
@@ -68,6 +69,16 @@ static json_t *make_row(const apsm_project *p, const apsm_subject *s)
     return NULL;
 }
 
+static apsm_status write_root(apsm_context *ctx, const char *path, const json_t *root)
+{
+    workbook w;
+    if (!apsm_is_spreadsheet(path)) return apsm_json_write(ctx, path, root);
+    APSM_TRY(sheets_from_project(ctx, path, root, &w));
+    const apsm_status status = workbook_write(ctx, path, &w);
+    workbook_free(&w);
+    return status;
+}
+
 apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_project *project)
 {
     json_t *root = json_copy(project->root), *data = json_array();
@@ -83,7 +94,7 @@ apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_p
                              "files",
                              path, i + 1);
         }
-    const apsm_status status = apsm_json_write(ctx, path, root);
+    const apsm_status status = write_root(ctx, path, root);
     json_decref(root);
     return status;
 }

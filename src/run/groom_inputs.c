@@ -9,12 +9,6 @@
 
 /* ---- which inputs ---- */
 
-static bool has_extension(const char *path, const char *extension)
-{
-    const size_t n = strlen(path), m = strlen(extension);
-    return n > m && strcmp(path + n - m, extension) == 0;
-}
-
 /* The shapes that a project names, as paths. */
 static apsm_status inputs_of_project(apsm_run *run, const apsm_project *project)
 {
@@ -37,7 +31,7 @@ static apsm_status inputs_of_project(apsm_run *run, const apsm_project *project)
 static apsm_status resolve_inputs(apsm_run *run)
 {
     if (run->n_inputs == 0) return inputs_of_project(run, &run->project);
-    if (run->n_inputs > 1 || !has_extension(run->inputs[0], ".swproj")) return APSM_OK;
+    if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) return APSM_OK;
     apsm_project project = { 0 };
     APSM_TRY(apsm_project_read(run->ctx, run->inputs[0], &project));
     const apsm_status status = inputs_of_project(run, &project);

@@ -1,8 +1,9 @@
 #!/bin/bash
 # convert and info on particles: around all formats and back, a model to one array and back, and
-# nothing written where something is wrong.  $1 is the program.
+# nothing written where something is wrong.  $1 is the program, $2 make_synthetic.
 set -u
 apsm=$1
+synthetic=$2
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -62,6 +63,54 @@ for extension in lpts csv npy mrk.json; do
     cmp eval_lpts eval_$extension || fail "evaluate differs on .$extension"
 done
 
+# Projects: from one format to the other and back, to be read from another folder; evaluate reads both
+# and finds the meshes.
+mkdir many elsewhere
+for i in 1 2 3 4; do
+    "$synthetic" ellipsoid many/e$i.ply level 3 index $((i - 1)) count 4
+    row="{ \"name\": \"e$i\", \"shape_1\": \"e$i.ply\", \"groomed_1\": \"e$i.ply\", \"age\": \"$((40 + i))\",
+        \"world_particles_1\": \"e${i}_world.particles\" }"
+    rows="${rows:+$rows, }$row"
+done
+echo "{ \"data\": [ $rows ], \"groom\": { \"1\": { \"blur\": \"true\" } }, \"mine\": { \"k\": \"v\" } }" \
+    >many/p.swproj
+for i in 1 2 3 4; do
+    for k in 0 1 2 3 4 5 6 7 8 9; do
+        awk -v i=$i -v k=$k 'BEGIN { t = 2.4 * k; z = (k - 4.5) / 5; r = sqrt(1 - z * z)
+            print (10 + i) * r * cos(t), 7 * r * sin(t), 5 * z }'
+    done >many/e${i}_world.particles
+    cp many/e${i}_world.particles many/e${i}_local.particles
+done
+convert many/p.swproj -o elsewhere/p.xlsx
+convert elsewhere/p.xlsx -o elsewhere/q.swproj
+grep -q '"age": "43"' elsewhere/q.swproj || fail "a column is lost in the spreadsheet"
+grep -q '"blur": "true"' elsewhere/q.swproj || fail "options of a domain are lost"
+grep -q '"k": "v"' elsewhere/q.swproj || fail "an unknown group is lost"
+grep -q '"../many/e2_world.particles"' elsewhere/q.swproj || fail "paths are not rewritten"
+convert many/p.swproj -o many.npy
+convert elsewhere/p.xlsx -o xlsx.npy
+cmp many.npy xlsx.npy || fail "particles of a spreadsheet differ"
+"$apsm" info elsewhere/p.xlsx | grep -q 'project: 4 shapes' || fail "info on a spreadsheet"
+"$apsm" evaluate -q many/e?_world.particles >eval_files || fail "evaluate on files"
+"$apsm" evaluate -q many.npy | cmp - eval_files || fail "evaluate on an array"
+sed -i 's/"groomed_1": "[^"]*", //' many/p.swproj
+"$apsm" evaluate -q many/p.swproj | cmp - eval_files || fail "evaluate on a project without meshes"
+
+# Traps of other programs are told, not inherited.
+warns() { # WORDS COMMAND...
+    local words=$1
+    shift
+    "$apsm" "$@" 2>&1 | grep -qF -- "$words" || fail "apsm $*: does not warn '$words'"
+}
+printf '1 2 3\n4 5 6' >cut.particles
+warns "would lose the last one" convert cut.particles -o cut.csv
+[ "$(wc -l <cut.csv)" -eq 3 ] || fail "the last particle is lost"
+warns "different frames" convert many/e1_local.particles many/e1_world.particles -o both --to csv
+warns "are not aligned" evaluate many/e?_local.particles
+sed 's/LPS/RAS/' slicer/zoe.mrk.json >ras.mrk.json
+warns "is in RAS" convert ras.mrk.json -o ras.csv
+"$apsm" evaluate many/e?_*.particles 2>&1 | grep -q "different frames" || fail "frames are mixed"
+
 # What is wrong leaves nothing behind.
 before=$(find . | sort)
 echo '1 2' >bad.particles
@@ -74,6 +123,9 @@ refuse "two inputs would be written to none/start.csv" start.particles model/../
 refuse "is an input" start.particles around.csv -o . --to particles
 refuse "is a folder" start.particles -o model
 refuse "no project.swproj" back -o none.npy
+refuse "would be replaced" many/p.swproj -o many/p.swproj
+refuse "one project or model folder only" start.particles -o none.swproj
+refuse "one project or model folder only" model many/p.swproj -o none.xlsx
 refuse "not a format of particles" start.particles -o none.json
 refuse "none.ply" none.ply -o none.csv
 [ "$(find . | sort)" = "$(sort <<<"$before")" ] || fail "something was left behind"

@@ -106,13 +106,56 @@ static void what_is_not_finite_is_not_written(void **state)
     assert_int_equal(folder_count(*state), 0);
 }
 
+/* ---- Traps of other programs are told ---- */
+
+static char said[4096];
+static void keep(void *user, apsm_log_level level, const char *text)
+{
+    (void)user;
+    assert_int_equal(level, APSM_LOG_WARNING);
+    strncat(said, text, sizeof said - strlen(said) - 1);
+}
+
+static void traps_are_told(void **state)
+{
+    static const struct {
+        const char *text, *words; /* words NULL: nothing is said */
+    } cases[] = {
+        { "1 2 3\n4 5 6\n", NULL },
+        { "1 2 3\n4 5 6 ", NULL }, /* a blank after the last number is enough */
+        { "1 2 3\n4 5 6", "lose the last one" },
+        { "12345.6 1 2\n12346.7 3 4\n", "steps of 0.1" },
+        { "12345.61 1 2\n12346.7 3 4\n", NULL },
+        { "0.00123456 1 2\n0.00223456 3 4\n", NULL },
+        { "647.544 1 2\n600.123 3 4\n", NULL },
+        { "-1.23456e+08 0 0\n-1.23457e+08 0 0\n", "steps of 1000" },
+        { "100000 1 2\n100003 3 4\n", "steps of 1" },
+        { "100 1 2\n103 3 4\n", NULL },
+    };
+    char path[TEST_PATH];
+    size_t n;
+    double *P;
+    apsm_context_set_log(ctx, keep, NULL);
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        said[0] = '\0';
+        folder_put(state, "p.particles", cases[k].text, strlen(cases[k].text));
+        assert_int_equal(apsm_particles_read(ctx, folder_path(state, "p.particles", path), &n, &P),
+                         APSM_OK);
+        assert_int_equal(n, 2);
+        free(P);
+        if (cases[k].words ? !strstr(said, cases[k].words) : *said)
+            fail_msg("%s: said '%s'", cases[k].text, said);
+    }
+    apsm_context_set_log(ctx, NULL, NULL);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
     const struct CMUnitTest tests[] = {
         TEST(what_is_written_is_read),           TEST(all_common_dialects_are_read),
         TEST(damage_is_told_with_its_line),      TEST(counts_must_agree),
-        TEST(what_is_not_finite_is_not_written),
+        TEST(what_is_not_finite_is_not_written), TEST(traps_are_told),
     };
     ctx = apsm_context_new();
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -315,8 +315,8 @@ static void broken_projects_are_refused_with_the_place(void **state)
     char path[TEST_PATH];
     apsm_project p;
     put(state, "bad.xlsx", "PK", path);
-    assert_int_equal(apsm_project_read(ctx, path, &p), APSM_ERR_UNSUPPORTED);
-    assert_non_null(strstr(apsm_error_text(ctx), "save it as .swproj"));
+    assert_int_equal(apsm_project_read(ctx, path, &p), APSM_ERR_FORMAT);
+    assert_non_null(strstr(apsm_error_text(ctx), "bad.xlsx: is no .xlsx"));
     assert_int_equal(apsm_project_read(ctx, folder_path(state, "none", path), &p), APSM_ERR_IO);
 }
 
