@@ -29,6 +29,7 @@ function makeModel() {
   for (const shape of c.per_shape)
     Object.assign(shape, { verdict: "certified", reasons: [], swaps: [], folds: [], "mismatched_1.5_2.0": [] });
   Object.assign(c.per_shape[2], { verdict: "needs review", reasons: [HARM, "particles have changed places"], swaps: [[7, 11]] });
+  c.per_shape[3]["mismatched_1.5_2.0"] = [5];
   Object.assign(c, { verdict: "needs review", certified: 7 });
   writeFileSync(path, JSON.stringify(c));
   run("report", model, "-q");
@@ -180,7 +181,58 @@ const tests = {
     const far = await order();
     assert.equal(far.length, 8);
     assert.deepEqual(far, [...far].sort((a, b) => b - a));
+    const facts = await page.evaluate(() => {
+      const { model } = apsmReport, c = new Map(model.certificate.per_shape.map((s) => [s.name, s]));
+      return model.shapes.map((s) => [s.name, c.get(s.name)["mismatched_1.5_2.0"].length,
+        model.evaluation.surface_distance.per_shape.find((d) => d.name === s.name).mean]);
+    });
+    const names = () => page.$$eval("#cohort .tile figcaption button", (b) => b.map((x) => x.title.replace(/: show its surface distances$/, "")));
+    await page.locator("#cohort select").first().selectOption("surface");
+    const error = new Map(facts.map(([name, , mean]) => [name, mean])), byError = (await names()).map((name) => error.get(name));
+    assert.deepEqual(byError, [...byError].sort((a, b) => b - a));
+    assert.ok(byError[0] > byError[7]);
+    await page.locator("#cohort select").first().selectOption("mismatched");
+    assert.equal((await names())[0], "d", "the shape with a mismatched particle comes first");
     await page.locator("#cohort select").first().selectOption("name");
+    assert.deepEqual(await names(), facts.map(([name]) => name));
+  },
+  async "a particle has one colour on all shapes"(page) {
+    const tints = await page.evaluate(() => {
+      const tint = (t) => [...t.view.scene.children[1].geometry.getAttribute("tint").array];
+      return [tint(apsmReport.tiles[1]), tint(apsmReport.tiles[6]), [...apsmReport.model.array(apsmReport.model.colours, "integers")]];
+    });
+    assert.equal(tints[0].length, 3 * 48);
+    assert.deepEqual(tints[0], tints[1]);
+    const kinds = new Map(tints[2].map((c, j) => [c, tints[0].slice(3 * j, 3 * j + 3).join()]));
+    assert.equal(new Set(kinds.values()).size, 10, "colours that cannot be told apart");
+    tints[2].forEach((c, j) => assert.equal(tints[0].slice(3 * j, 3 * j + 3).join(), kinds.get(c)));
+  },
+  async "the keyboard alone reaches shapes, particles, views"(page) {
+    const now = () => page.evaluate(() => [apsmReport.state.chosen, apsmReport.state.pin]);
+    await page.evaluate(() => document.activeElement.blur());
+    const [chosen] = await now();
+    await page.keyboard.press("n");
+    assert.deepEqual(await now(), [(chosen + 1) % 8, -1]);
+    await page.keyboard.press("p");
+    await page.keyboard.press(".");
+    await page.keyboard.press(".");
+    assert.deepEqual(await now(), [chosen, 1]);
+    await page.keyboard.press(",");
+    assert.deepEqual(await now(), [chosen, 0]);
+    assert.match(await page.textContent("#modes .readout"), /particle 0 \(kept/);
+    await page.keyboard.press("Escape");
+    assert.deepEqual(await now(), [chosen, -1]);
+    // Tab gets from the slider of one mode to the next; a view takes + and 0.
+    await page.locator("#modes input[type=range]").first().focus();
+    await page.keyboard.press("Tab");
+    await page.keyboard.press("Tab");
+    assert.equal(await page.evaluate(() => document.activeElement.getAttribute("aria-label")), "mode 2 in standard deviations");
+    await page.locator("#modes canvas").focus();
+    const zoom = () => page.evaluate(() => apsmReport.pose.zoom);
+    await page.keyboard.press("+");
+    assert.ok((await zoom()) > 1.1);
+    await page.keyboard.press("0");
+    await page.waitForFunction(() => apsmReport.pose.zoom === 1);
   },
   async "heat maps and histogram follow the shape chosen"(page) {
     await show(page, "#fidelity .pair");
@@ -219,6 +271,8 @@ const tests = {
     const text = await page.textContent("#provenance");
     assert.match(text, /[0-9a-f]{64}/);
     assert.ok(text.includes("stage1_epochs"));
+    assert.match(text, /Made by apsm \d+\.\d+\.\d+, seed 0, 8 inputs/);
+    assert.match(text, /optimize[\d.]+ s[\d.]+ s\d+ MB/);
     assert.ok(!(await page.content()).includes(folder));
   },
   async "text has enough contrast, light and dark"(page) {
@@ -293,6 +347,13 @@ async function main() {
     await phone.context().close();
   });
   await check("it prints", async () => {
+    await page.emulateMedia({ media: "print" });
+    await page.evaluate(() => dispatchEvent(new Event("beforeprint")));
+    assert.ok(await page.isHidden("nav") && await page.isHidden("#modes input[type=range]") && await page.isVisible("#provenance table"));
+    assert.ok((await look(page, "#cohort .tile:nth-child(8) canvas")).share > 0.05, "a shape is not printed");
+    await picture(page, "print");
+    await page.evaluate(() => dispatchEvent(new Event("afterprint")));
+    await page.emulateMedia({ media: "screen" });
     const pdf = await page.pdf({ format: "A4" });
     assert.ok(pdf.length > 30000);
     if (pictures) writeFileSync(join(pictures, "print.pdf"), pdf);

@@ -183,15 +183,20 @@ function schedule() {
 export function invalidateAll() {
   for (const view of views) view.invalidate();
 }
-/** Paints everything at once, also what is off the screen: for printing. */
-export function paintAll() {
-  for (const view of views) view.show(true);
-  while (dirty.size > 0) for (const view of [...dirty]) dirty.delete(view), view.paint();
+/** While printing, everything is painted and stays so, also what is off the screen. */
+let printing = false;
+export function setPrinting(on) {
+  printing = on;
+  for (const view of views) view.show(on || view.seen);
+  while (on && dirty.size > 0) for (const view of [...dirty]) dirty.delete(view), view.paint();
 }
 export const idle = () => dirty.size === 0;
 
 const seen = new IntersectionObserver(
-  (entries) => entries.forEach((entry) => entry.target.view.show(entry.isIntersecting)),
+  (entries) => entries.forEach(({ target: { view }, isIntersecting }) => {
+    view.seen = isIntersecting;
+    if (!printing) view.show(isIntersecting);
+  }),
   { rootMargin: "120px" },
 );
 const resized = new ResizeObserver((entries) => entries.forEach((entry) => entry.target.view.invalidate()));
@@ -202,7 +207,7 @@ export class View {
     this.canvas = canvas;
     canvas.view = this;
     this.large = large;
-    this.on = false;
+    this.on = this.seen = false;
     this.scene = new Scene();
     this.camera = new OrthographicCamera();
     this.skin = new ShaderMaterial({

@@ -65,6 +65,12 @@ function pickParticle(j, how) {
   refresh.particle.forEach((f) => f());
   gl.invalidateAll();
 }
+/** Keeps the next or the previous particle: what a click does, for the keyboard. */
+function stepParticle(n) {
+  const j = state.pin < 0 ? (n > 0 ? 0 : model.J - 1) : (state.pin + n + model.J) % model.J;
+  state.hover = -1;
+  pickParticle(j, "click");
+}
 const readoutText = () => {
   const j = state.hover >= 0 ? state.hover : state.pin;
   return j < 0 ? "" : `particle ${j}${j === state.pin ? " (kept; click again to let go)" : ""}`;
@@ -130,14 +136,14 @@ function gatherFacts() {
 }
 function findOutliers() {
   const kinds = [
-    ["surface error", facts.map((f) => f.mean)],
-    ["mismatched particles", facts.map((f) => f.mismatched)],
-    ["distance from the mean", facts.map((f) => f.distance)],
+    ["surface error", facts.map((f) => f.mean), show],
+    ["mismatched particles", facts.map((f) => f.mismatched), (n) => String(n)],
+    ["distance from the mean", facts.map((f) => f.distance), show],
   ];
   const found = new Map();
-  for (const [word, values] of kinds)
+  for (const [word, values, tell] of kinds)
     for (const i of outliers(values)) {
-      const text = `${word} ${show(values[i])} (median ${show(median(values))})`;
+      const text = `${word} ${tell(values[i])} (median ${tell(median(values))})`;
       found.set(i, [...(found.get(i) ?? []), text]);
     }
   return found;
@@ -165,7 +171,7 @@ function fillHeader() {
           : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
         fine ? "Particles correspond: none has changed places, and the surface between them is not folded."
           : review.slice(0, 12).map((i) => el("button", { type: "button", class: "link", onclick: () => showTrouble(i) }, facts[i].name)),
-        !fine && review.length > 12 && ` and ${review.length - 12} more`)),
+        !fine && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`))),
   );
 }
 
@@ -341,7 +347,7 @@ function fillCohort(strange) {
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
   const readout = el("p", { class: "small screen", "aria-live": "polite" });
-  const hint = "Point at a particle to find it on every shape; click keeps it.";
+  const hint = "Point at a particle to find it on every shape; click keeps it. The keys , and . go through all particles.";
   const tell = () => (readout.textContent = readoutText() || hint);
   refresh.particle.push(tell);
   tell();
@@ -561,11 +567,12 @@ function chooseTheme() {
     root.dataset.theme = "light";
     opened = [...document.querySelectorAll("details:not([open])")];
     opened.forEach((d) => (d.open = true));
-    gl.paintAll();
+    gl.setPrinting(true);
   });
   addEventListener("afterprint", () => {
     opened.forEach((d) => (d.open = false));
     apply(before);
+    gl.setPrinting(false);
   });
 }
 
@@ -626,6 +633,7 @@ async function start() {
   addEventListener("keydown", (e) => {
     if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
     if (e.key === "n" || e.key === "p") chooseShape((state.chosen + (e.key === "n" ? 1 : -1) + model.I) % model.I);
+    if (e.key === "," || e.key === ".") stepParticle(e.key === "." ? 1 : -1);
     if (e.key === "Escape") { state.hover = -1; if (state.pin >= 0) pickParticle(state.pin, "click"); }
   });
   window.apsmReport = { model, state, pose: gl.pose, modes, tiles, idle: gl.idle }; // for tests and the curious
