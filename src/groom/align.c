@@ -17,7 +17,9 @@
 #include "groom/icp.h"
 #include "groom/medoid.h"
 
-enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96 };
+enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
+/* Relative step at which the last registration ends. */
+static const double at_rest = 1e-6;
 
 typedef struct aligner {
     size_t n;
@@ -35,7 +37,8 @@ typedef struct aligner {
     double *work;      /* threads x work_size */
     size_t work_size;
     const apsm_medoid_plan *plan;
-    double *R; /* plan's candidates x shapes */
+    double *R;        /* plan's candidates x shapes */
+    apsm_cloud dense; /* of the template */
 } aligner;
 
 apsm_align_options apsm_align_defaults(void)
@@ -252,12 +255,31 @@ static void to_world(const aligner *a, double M[16])
     for (size_t r = 0; r < 3; r++) M[4 * r + 3] -= c[r];
 }
 
+/* Registers shape i to the template from M: on the sample, then on all vertices until it rests, so
+ * that the pose is that of the surfaces and not of the points drawn or the way there. */
+static apsm_status register_shape(const aligner *a, const apsm_surface *moving, size_t i,
+                                  double M[16], double *work)
+{
+    const apsm_surface fixed = { a->bvh[a->out->template_index],
+                                 &a->cloud[a->out->template_index] };
+    apsm_icp_options icp = icp_options(a);
+    apsm_cloud dense;
+    roughly(&icp);
+    APSM_TRY(apsm_cloud_of_vertices(a->mesh[i], moving->cloud, &dense));
+    apsm_icp(moving, &fixed, &icp, M, &a->out->residual[i], work);
+    icp.points = 0;
+    icp.tolerance = at_rest;
+    if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
+    apsm_icp_to_rest(&(apsm_surface){ moving->bvh, &dense },
+                     &(apsm_surface){ fixed.bvh, &a->dense }, &icp, M, &a->out->residual[i], work);
+    apsm_cloud_free(&dense);
+    return APSM_OK;
+}
+
 static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *user)
 {
     aligner *a = user;
     const size_t t = a->out->template_index;
-    const apsm_surface fixed = { a->bvh[t], &a->cloud[t] };
-    const apsm_icp_options icp = icp_options(a);
     apsm_surface moving;
     apsm_bvh *own;
     double *M = a->out->M + 16 * i;
@@ -266,8 +288,9 @@ static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *
     if (i != t) {
         APSM_TRY(open_surface(ctx, a, i, &own, &moving));
         between(a, i, t, M);
-        apsm_icp(&moving, &fixed, &icp, M, &a->out->residual[i], scratch(a, worker));
+        const apsm_status status = register_shape(a, &moving, i, M, scratch(a, worker));
         apsm_bvh_free(own);
+        if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
     }
     to_world(a, M);
     if (!isfinite(a->out->residual[i]))
@@ -312,10 +335,21 @@ static apsm_status check(apsm_context *ctx, size_t n, const apsm_align_options *
     return APSM_OK;
 }
 
+/* For the sample, and for all vertices of two shapes. */
+static size_t work_size(const aligner *a)
+{
+    size_t most = a->opt->points;
+    for (size_t i = 0; i < a->n; i++) {
+        const size_t n = apsm_cloud_vertices(a->mesh[i]);
+        if (n > most) most = n;
+    }
+    return apsm_icp_work_size(most);
+}
+
 static apsm_status allocate(const apsm_context *ctx, aligner *a)
 {
     const size_t n = a->n;
-    a->work_size = apsm_icp_work_size(a->opt->points);
+    a->work_size = work_size(a);
     a->cloud = calloc(n, sizeof *a->cloud);
     a->bvh = calloc(n, sizeof(apsm_bvh *));
     a->area = malloc(n * sizeof *a->area);
@@ -347,6 +381,7 @@ static void release(aligner *a)
         if (a->cloud) apsm_cloud_free(&a->cloud[i]);
         if (a->bvh) apsm_bvh_free(a->bvh[i]);
     }
+    apsm_cloud_free(&a->dense);
     free(a->cloud);
     free(a->bvh);
     free(a->area);
@@ -368,6 +403,8 @@ static apsm_status align(apsm_context *ctx, aligner *a)
         APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
     judge_mirrored(a);
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
+    const size_t t = a->out->template_index;
+    APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
     APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
     report(ctx, a);
     return APSM_OK;

@@ -10,8 +10,12 @@
 #include "apsm/align.h"
 #include "apsm/random.h"
 #include "geometry/vec3.h"
+#include "groom/icp.h"
 
-enum { DRAWN = 8 }; /* points drawn per point kept */
+enum {
+    DRAWN = 8, /* points drawn per point kept */
+    MOST_VERTICES = 16384
+};
 
 /* Twice the area, along the normal. */
 static void face_vector(const apsm_mesh *mesh, size_t f, double n[3])
@@ -151,6 +155,37 @@ apsm_status apsm_cloud_sample(const apsm_mesh *mesh, size_t n, uint64_t seed, ui
     free(X);
     free(scratch);
     return enough ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static size_t stride(const apsm_mesh *mesh)
+{
+    return (mesh->nv + MOST_VERTICES - 1) / MOST_VERTICES;
+}
+
+size_t apsm_cloud_vertices(const apsm_mesh *mesh)
+{
+    const size_t every = stride(mesh);
+    return every > 0 ? (mesh->nv + every - 1) / every : 0;
+}
+
+apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                   apsm_cloud *cloud)
+{
+    const size_t every = stride(mesh);
+    *cloud = *sample;
+    cloud->n = apsm_cloud_vertices(mesh);
+    cloud->normal = NULL;
+    cloud->x = malloc(3 * cloud->n * sizeof *cloud->x);
+    cloud->w = calloc(cloud->n, sizeof *cloud->w);
+    if (!cloud->x || !cloud->w) {
+        apsm_cloud_free(cloud);
+        return APSM_ERR_MEMORY;
+    }
+    for (size_t k = 0; k < cloud->n; k++)
+        memcpy(cloud->x + 3 * k, mesh->V + 3 * k * every, 3 * sizeof *cloud->x);
+    for (size_t h = 0; h < 3 * mesh->nf; h++)
+        if (mesh->F[h] % every == 0) cloud->w[mesh->F[h] / every] += face_area(mesh, h / 3);
+    return APSM_OK;
 }
 
 void apsm_cloud_free(apsm_cloud *cloud)

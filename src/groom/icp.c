@@ -30,7 +30,7 @@
 static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
 static const double largest_turn = 0.7; /* rad: linearisation is no use beyond */
 
-/* The pairs of one pose; m = 2 n pairs, those of moving points first. */
+/* The pairs of one pose; m = n + n_fixed pairs, those of moving points first. */
 typedef struct pairs {
     double *p, *y, *normal; /* m x 3 */
     double *at;             /* m x 3: the closest point in the frame of its own surface */
@@ -43,11 +43,11 @@ typedef struct icp_job {
     const apsm_surface *moving, *fixed;
     const apsm_icp_options *opt;
     bool coarse;
-    size_t n;     /* points of each cloud in use */
-    double *work; /* 6 n */
+    size_t n, n_fixed; /* points of the clouds in use; coarse: as many of both */
+    double *work;      /* 6 times the larger number */
 } icp_job;
 
-enum { DOUBLES_PER_PAIR = 14 };
+enum { DOUBLES_PER_PAIR = 14, DEPTH = 7 };
 
 size_t apsm_icp_work_size(size_t n)
 {
@@ -133,7 +133,7 @@ static void match_fixed(const icp_job *job, const double M[16], const pairs *bef
     const double scale2 = vec3_dot(M, M);
     double back[16];
     apsm_similarity_invert(M, back);
-    for (size_t k = job->n; k < 2 * job->n; k++) {
+    for (size_t k = job->n; k < job->n + job->n_fixed; k++) {
         apsm_closest c;
         double x[3], m[3];
         memcpy(q->y + 3 * k, job->fixed->cloud->x + 3 * (k - job->n), 3 * sizeof *q->y);
@@ -216,9 +216,10 @@ static double select_smallest(size_t n, double *v, size_t k)
 
 /* Weights of the pairs of one direction: those of the cloud (1 for the beginning of a cloud),
  * 0 for the farthest ones, 1/2 in all. */
-static void weigh(const icp_job *job, const apsm_cloud *cloud, const double *d2, double *w)
+static void weigh(const icp_job *job, const apsm_cloud *cloud, size_t n, const double *d2,
+                  double *w)
 {
-    const size_t n = job->n, keep = n - (size_t)(job->opt->trim * (double)n);
+    const size_t keep = n - (size_t)(job->opt->trim * (double)n);
     double farthest = INFINITY, sum = 0.0;
     if (keep < n) {
         memcpy(job->work, d2, n * sizeof *d2);
@@ -239,10 +240,10 @@ static void match(const icp_job *job, const double M[16], const pairs *before, p
         match_moving(job, M, before, q);
         match_fixed(job, M, before, q);
     }
-    weigh(job, job->moving->cloud, q->d2, q->w);
-    weigh(job, job->fixed->cloud, q->d2 + job->n, q->w + job->n);
+    weigh(job, job->moving->cloud, job->n, q->d2, q->w);
+    weigh(job, job->fixed->cloud, job->n_fixed, q->d2 + job->n, q->w + job->n);
     q->E = q->residual = 0.0;
-    for (size_t k = 0; k < 2 * job->n; k++) {
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) {
         q->E += q->w[k] * q->d2[k];
         q->residual += q->w[k] * sqrt(q->d2[k]);
     }
@@ -287,13 +288,14 @@ static void step_map(const double z[7], const double c[3], double radius, double
     }
 }
 
-/* The step for 0 < lambda < 1; false if there is none to be trusted. */
-static bool newton_step(const icp_job *job, const pairs *q, double lambda, double D[16])
+/* The step z for 0 < lambda < 1; false if there is none to be trusted. */
+static bool newton_step(const icp_job *job, const pairs *q, double lambda, double z[7])
 {
     const double *c = job->fixed->cloud->centre, radius = job->fixed->cloud->radius;
     const size_t unknowns = job->opt->scale ? 7 : 6;
-    double H[49] = { 0 }, A[49], z[7] = { 0 };
-    for (size_t k = 0; k < 2 * job->n; k++) {
+    double H[49] = { 0 }, A[49];
+    for (size_t a = 0; a < 7; a++) z[a] = 0.0;
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) {
         double lever[3], r[3];
         if (!(q->w[k] > 0.0)) continue;
         for (size_t a = 0; a < 3; a++) {
@@ -307,16 +309,20 @@ static bool newton_step(const icp_job *job, const pairs *q, double lambda, doubl
     if (!job->opt->scale) z[6] = 0.0;
     if (apsm_cholesky(unknowns, A) != APSM_OK) return false;
     apsm_cholesky_solve(unknowns, A, 1, z);
-    if (!(vec3_norm(z) <= largest_turn) || !(fabs(z[6]) <= largest_turn)) return false;
-    step_map(z, c, radius, D);
-    return true;
+    return vec3_norm(z) <= largest_turn && fabs(z[6]) <= largest_turn;
+}
+
+/* The map of a step about the centre of the fixed cloud. */
+static void map_of_step(const icp_job *job, const double z[7], double D[16])
+{
+    step_map(z, job->fixed->cloud->centre, job->fixed->cloud->radius, D);
 }
 
 /* The step's move of the points, root mean square, relative to the radius. */
 static double step_length(const icp_job *job, const pairs *q, const double D[16])
 {
     double sum = 0.0;
-    for (size_t k = 0; k < 2 * job->n; k++) {
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) {
         double x[3];
         map(D, q->p + 3 * k, x);
         sum += q->w[k] * vec3_distance2(x, q->p + 3 * k);
@@ -327,9 +333,13 @@ static double step_length(const icp_job *job, const pairs *q, const double D[16]
 /* The next map to try, at the safe end if lambda says so or Newton's step cannot be trusted. */
 static void propose(const icp_job *job, const pairs *q, double *lambda, double D[16])
 {
-    if (*lambda < 1.0 && newton_step(job, q, *lambda, D)) return;
+    double z[7];
+    if (*lambda < 1.0 && newton_step(job, q, *lambda, z)) {
+        map_of_step(job, z, D);
+        return;
+    }
     *lambda = 1.0;
-    apsm_affine_fit(2 * job->n, q->p, q->y, q->w, job->opt->scale, D);
+    apsm_affine_fit(job->n + job->n_fixed, q->p, q->y, q->w, job->opt->scale, D);
 }
 
 static void swap_pairs(pairs *a, pairs *b)
@@ -339,16 +349,29 @@ static void swap_pairs(pairs *a, pairs *b)
     *b = t;
 }
 
+static size_t smaller(size_t a, size_t b)
+{
+    return a < b ? a : b;
+}
+
+/* Says how many points are in use and divides the scratch. */
+static void open_job(icp_job *job, double *work, pairs *a, pairs *b)
+{
+    const size_t most = job->opt->points > 0 ? job->opt->points : SIZE_MAX;
+    job->n = smaller(job->moving->cloud->n, most);
+    job->n_fixed = smaller(job->fixed->cloud->n, most);
+    if (job->coarse) job->n = job->n_fixed = smaller(job->n, job->n_fixed);
+    const size_t m = job->n + job->n_fixed;
+    *a = pairs_in(work, m);
+    *b = pairs_in(work + DOUBLES_PER_PAIR * m, m);
+    job->work = work + 2 * DOUBLES_PER_PAIR * m;
+}
+
 static double icp_run(icp_job *job, double M[16], double *work)
 {
     const apsm_icp_options *opt = job->opt;
-    const size_t most = opt->points > 0 ? opt->points : SIZE_MAX;
-    job->n =
-        job->moving->cloud->n < job->fixed->cloud->n ? job->moving->cloud->n : job->fixed->cloud->n;
-    if (most < job->n) job->n = most;
-    const size_t m = 2 * job->n;
-    pairs now = pairs_in(work, m), next = pairs_in(work + DOUBLES_PER_PAIR * m, m);
-    job->work = work + 2 * DOUBLES_PER_PAIR * m;
+    pairs now, next;
+    open_job(job, work, &now, &next);
     double lambda = 1.0;
     match(job, M, NULL, &now);
     for (int i = 0; i < opt->max_iterations; i++) {
@@ -368,6 +391,110 @@ static double icp_run(icp_job *job, double M[16], double *work)
         }
     }
     return now.residual;
+}
+
+/* ---- To rest ---- */
+
+/* The last poses, as sums of steps, and the steps that were proposed there. */
+typedef struct trail {
+    size_t n; /* how many are known; the last is at (n - 1) % DEPTH */
+    double x[DEPTH][7], z[DEPTH][7];
+} trail;
+
+/* Anderson's extrapolation (J. ACM 12, 1965): of the affine combinations of the poses on the trail
+ * the one whose steps cancel best, and one step on from there.  Newton's step with normals alone
+ * creeps where the surfaces curve away from each other; six poses tell it how.  next: the sum of
+ * steps to go to. */
+static void extrapolate(const trail *t, double next[7])
+{
+    const size_t known = t->n < DEPTH ? t->n : DEPTH, last = (t->n - 1) % DEPTH;
+    double A[(DEPTH - 1) * (DEPTH - 1)], b[DEPTH - 1], most = 0.0;
+    for (size_t a = 0; a < 7; a++) next[a] = t->x[last][a] + t->z[last][a];
+    size_t n = 0, of[DEPTH - 1];
+    for (size_t k = 0; k < known; k++)
+        if (k != last) of[n++] = k;
+    for (size_t k = 0; k < n; k++) {
+        b[k] = 0.0;
+        for (size_t a = 0; a < 7; a++) b[k] += (t->z[last][a] - t->z[of[k]][a]) * t->z[last][a];
+        for (size_t l = 0; l < n; l++) {
+            A[n * k + l] = 0.0;
+            for (size_t a = 0; a < 7; a++)
+                A[n * k + l] += (t->z[last][a] - t->z[of[k]][a]) * (t->z[last][a] - t->z[of[l]][a]);
+        }
+        most = fmax(most, A[n * k + k]);
+    }
+    for (size_t k = 0; k < n; k++) A[n * k + k] += 1e-10 * most;
+    if (n == 0 || apsm_cholesky(n, A) != APSM_OK) return;
+    apsm_cholesky_solve(n, A, 1, b);
+    for (size_t k = 0; k < n; k++)
+        for (size_t a = 0; a < 7; a++)
+            next[a] -= b[k] * (t->x[last][a] - t->x[of[k]][a] + t->z[last][a] - t->z[of[k]][a]);
+}
+
+/* Normals of the pairs along the way from point to point, where that has a direction: unlike the
+ * normals of faces they do not jump when a closest point crosses an edge, and so the step has no
+ * jumps and vanishes where the sum of squares is least. */
+static void look_along(const icp_job *job, pairs *q)
+{
+    const double least = 1e-9 * job->fixed->cloud->radius;
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) {
+        double r[3];
+        vec3_sub(q->y + 3 * k, q->p + 3 * k, r);
+        if (vec3_normalise(r) > least) memcpy(q->normal + 3 * k, r, sizeof r);
+    }
+}
+
+/* The best pose so far. */
+typedef struct best_pose {
+    double M[16], E, residual;
+} best_pose;
+
+static void note(const pairs *q, const double M[16], best_pose *best)
+{
+    if (q->E >= best->E) return;
+    best->E = q->E;
+    best->residual = q->residual;
+    memcpy(best->M, M, sizeof best->M);
+}
+
+/* From M on along the trail; true if that comes to rest. */
+static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], best_pose *best)
+{
+    trail t = { 0 };
+    double at[7] = { 0 };
+    match(job, M, NULL, now);
+    note(now, M, best);
+    for (int i = 0; i < job->opt->max_iterations; i++) {
+        double next[7], step[7], D[16], moved[16], *z = t.z[t.n % DEPTH];
+        look_along(job, now);
+        memcpy(t.x[t.n % DEPTH], at, sizeof at);
+        if (!newton_step(job, now, lambda_least, z)) return false;
+        t.n++;
+        map_of_step(job, z, D);
+        if (step_length(job, now, D) < job->opt->tolerance) return true;
+        extrapolate(&t, next);
+        for (size_t a = 0; a < 7; a++) step[a] = next[a] - at[a];
+        memcpy(at, next, sizeof at);
+        map_of_step(job, step, D);
+        apsm_affine_multiply(D, M, moved);
+        memcpy(M, moved, sizeof moved);
+        swap_pairs(now, before);
+        match(job, M, before, now);
+        note(now, M, best);
+    }
+    return false;
+}
+
+void apsm_icp_to_rest(const apsm_surface *moving, const apsm_surface *fixed,
+                      const apsm_icp_options *opt, double M[16], double *residual, double *work)
+{
+    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt };
+    best_pose best = { .E = INFINITY };
+    pairs now, before;
+    open_job(&job, work, &now, &before);
+    const bool rests = rest(&job, &now, &before, M, &best) && now.E <= best.E * (1.0 + 1e-9);
+    if (!rests) memcpy(M, best.M, sizeof best.M);
+    *residual = rests ? now.residual : best.residual;
 }
 
 void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,

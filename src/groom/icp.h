@@ -7,6 +7,21 @@
 /* Inverse of a similarity, proper or not. */
 void apsm_similarity_invert(const double M[16], double inverse[16]);
 
+/* How many points apsm_cloud_of_vertices gives: all vertices, or of a great many every second,
+ * third, ... */
+size_t apsm_cloud_vertices(const apsm_mesh *mesh);
+
+/* Vertices as a cloud without normals, weighted by the area around them; centre, radius and axes
+ * are those of sample.  Drawn points would be others if one edge were flipped or rounding moved
+ * one of them to the next face; sums over the vertices hardly change. */
+apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                   apsm_cloud *cloud) APSM_NODISCARD;
+
+/* As apsm_icp, but from a pose near the end, to where steps are smaller than the tolerance, which
+ * may be far below what apsm_icp can tell by the sum of squares. */
+void apsm_icp_to_rest(const apsm_surface *moving, const apsm_surface *fixed,
+                      const apsm_icp_options *opt, double M[16], double *residual, double *work);
+
 /* As apsm_icp, but with closest cloud points for closest points: rough and fast, for clouds of
  * about a hundred points. */
 void apsm_icp_coarse(const apsm_surface *moving, const apsm_surface *fixed,

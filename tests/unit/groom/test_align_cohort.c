@@ -114,6 +114,41 @@ static void check_equal(const apsm_alignment *a, const apsm_alignment *b)
     assert_memory_equal(a->mirrored, b->mirrored, a->n * sizeof *a->mirrored);
 }
 
+/* Turns the list of faces by one and rounds coordinates to float32 in a unit of 1/scale mm. */
+static void redraw(cohort *c, double scale)
+{
+    for (size_t i = 0; i < c->n; i++) {
+        apsm_mesh *mesh = &c->local[i];
+        uint32_t *F = mesh->F, first[3] = { F[0], F[1], F[2] };
+        memmove(F, F + 3, 3 * (mesh->nf - 1) * sizeof *F);
+        memcpy(F + 3 * (mesh->nf - 1), first, sizeof first);
+        for (size_t x = 0; x < 3 * mesh->nv; x++)
+            mesh->V[x] = (double)(float)(scale * mesh->V[x]) / scale;
+    }
+}
+
+/* The order of faces decides which points are drawn, and rounding which of many ways a registration
+ * goes: the poses where they end are those of the surfaces. */
+static void poses_belong_to_the_surfaces(void **state)
+{
+    (void)state;
+    cohort c, d;
+    const apsm_align_options opt = apsm_align_defaults();
+    open_cohort(&c, 5);
+    open_cohort(&d, 5);
+    redraw(&d, 1000.0);
+    apsm_alignment a = run(&c, &opt, 2, NULL), b = run(&d, &opt, 2, NULL);
+    assert_int_equal(a.template_index, b.template_index);
+    for (size_t i = 0; i < c.n; i++) {
+        const double apart = align_difference(c.mesh[i], a.M + 16 * i, b.M + 16 * i);
+        if (!(apart < 0.001)) fail_msg("shape %zu: %g mm apart", i, apart);
+    }
+    apsm_alignment_free(&a);
+    apsm_alignment_free(&b);
+    close_cohort(&c);
+    close_cohort(&d);
+}
+
 static void threads_do_not_matter(void **state)
 {
     (void)state;
@@ -291,6 +326,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(central_shape_becomes_the_template),
+        cmocka_unit_test(poses_belong_to_the_surfaces),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(large_cohort_is_aligned_too),
         cmocka_unit_test(mirrored_shapes_are_found_and_fixed),
