@@ -42,6 +42,10 @@ apsm_status apsm_text_set(char **slot, const char *value)
     return APSM_OK;
 }
 
+const char *const apsm_project_columns[APSM_COLUMNS] = { "groomed_", "local_particles_",
+                                                         "world_particles_", "alignment_",
+                                                         "procrustes_" };
+
 const char *apsm_project_key(const apsm_project *project, const char *prefix,
                              char key[APSM_KEY_LENGTH])
 {
@@ -91,12 +95,10 @@ void apsm_project_free(apsm_project *project)
 /* A row whose keys stand in ShapeWorks' order; the values come when it is written. */
 static json_t *blank_row(const apsm_project *project)
 {
-    static const char *const prefixes[] = { "shape_",           "groomed_",   "local_particles_",
-                                            "world_particles_", "alignment_", "procrustes_" };
     char key[APSM_KEY_LENGTH];
-    json_t *row = json_pack("{s:s}", "name", "");
-    for (size_t i = 0; row && i < sizeof prefixes / sizeof *prefixes; i++)
-        if (json_object_set_new(row, apsm_project_key(project, prefixes[i], key),
+    json_t *row = json_pack("{s:s, s:s}", "name", "", apsm_project_key(project, "shape_", key), "");
+    for (size_t i = 0; row && i < APSM_COLUMNS; i++)
+        if (json_object_set_new(row, apsm_project_key(project, apsm_project_columns[i], key),
                                 json_string("")) != 0) {
             json_decref(row);
             row = NULL;

@@ -15,6 +15,10 @@ const char *apsm_project_key(const apsm_project *project, const char *prefix,
 const char *apsm_project_input_key(const apsm_project *project, const json_t *row,
                                    char key[APSM_KEY_LENGTH]);
 
+/* The columns of a row in ShapeWorks' order, behind the name and the input. */
+enum { APSM_COLUMNS = 5 };
+extern const char *const apsm_project_columns[APSM_COLUMNS];
+
 /* M <- the 16 (row-major 4 x 4) or 12 (translation last) numbers of text.  Returns how many
  * numbers were read, 0 if it is no usable transform.  plain: false if the first nine of 12 are
  * no identity. */

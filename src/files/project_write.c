@@ -2,6 +2,7 @@
  * its order, and whatever we do not know as it was. */
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "files/io.h"
@@ -48,6 +49,62 @@ static bool set_mirrored(json_t *row, bool mirrored)
     return !json_object_get(row, "mirrored") || set(row, "mirrored", "no");
 }
 
+/* ---- order of columns ---- */
+
+static size_t find_key(const char *const *keys, size_t n, const char *key)
+{
+    size_t k = 0;
+    while (k < n && strcmp(keys[k], key) != 0) k++;
+    return k;
+}
+
+/* Moves keys[from] to stand at index to <= from. */
+static void move_key(const char **keys, size_t from, size_t to)
+{
+    const char *key = keys[from];
+    memmove(keys + to + 1, keys + to, (from - to) * sizeof *keys);
+    keys[to] = key;
+}
+
+/* Columns that the row did not have when it was read stand at its end: each is moved behind the one
+ * before it in ShapeWorks' order.  So a project looks the same whether it was read between two
+ * steps or not. */
+static void order_keys(const apsm_project *p, const json_t *before, const char **keys, size_t n)
+{
+    char key[APSM_KEY_LENGTH], previous[APSM_KEY_LENGTH];
+    snprintf(previous, sizeof previous, "%s", "name");
+    const size_t input = find_key(keys, n, apsm_project_input_key(p, before, key));
+    if (input < n) snprintf(previous, sizeof previous, "%s", keys[input]);
+    for (size_t c = 0; c < APSM_COLUMNS; c++) {
+        const size_t at = find_key(keys, n, apsm_project_key(p, apsm_project_columns[c], key));
+        const size_t after = find_key(keys, n, previous);
+        if (at == n) continue;
+        if (!json_object_get(before, key) && after + 1 < at) move_key(keys, at, after + 1);
+        snprintf(previous, sizeof previous, "%s", key);
+    }
+}
+
+/* row, a reference that is taken over, in order; NULL if out of memory. */
+static json_t *in_order(const apsm_project *p, const json_t *before, json_t *row)
+{
+    const size_t n = json_object_size(row);
+    const char **keys = malloc((n + 1) * sizeof *keys), *key;
+    json_t *ordered = json_object(), *value;
+    size_t k = 0;
+    bool ok = keys && ordered;
+    if (ok) {
+        json_object_foreach(row, key, value) keys[k++] = key;
+        order_keys(p, before, keys, n);
+    }
+    for (k = 0; k < n && ok; k++)
+        ok = json_object_set(ordered, keys[k], json_object_get(row, keys[k])) == 0;
+    free(keys);
+    json_decref(row);
+    if (ok) return ordered;
+    json_decref(ordered);
+    return NULL;
+}
+
 /* The row of a subject as it is now; a new reference, NULL if it cannot be made. */
 static json_t *make_row(const apsm_project *p, const apsm_subject *s)
 {
@@ -64,7 +121,7 @@ static json_t *make_row(const apsm_project *p, const apsm_subject *s)
         set_transform(row, apsm_project_key(p, "procrustes_", procrustes), s->has_procrustes,
                       s->procrustes) &&
         set_mirrored(row, s->mirrored))
-        return row;
+        return in_order(p, s->row, row);
     json_decref(row);
     return NULL;
 }

@@ -399,6 +399,37 @@ static void every_problem_of_a_project_is_one_line(void **state)
     apsm_project_free(&p);
 }
 
+static void add_particles(apsm_project *p)
+{
+    assert_int_equal(apsm_text_set(&p->subjects[0].local_particles, "l"), APSM_OK);
+    assert_int_equal(apsm_text_set(&p->subjects[0].world_particles, "w"), APSM_OK);
+}
+
+/* A run that was interrupted reads the project again before it adds columns. */
+static void reading_between_two_steps_leaves_no_trace(void **state)
+{
+    apsm_project p;
+    apsm_subject *s;
+    assert_int_equal(apsm_project_init(ctx, *state, &p), APSM_OK);
+    assert_int_equal(apsm_project_add(&p, "a", "in/a.ply", &s), APSM_OK);
+    s->has_alignment = s->has_procrustes = s->mirrored = true;
+    assert_int_equal(apsm_text_set(&s->groomed, "g"), APSM_OK);
+    assert_int_equal(apsm_subject_set_column(s, "reflection", "r"), APSM_OK);
+    char *between = write_text(state, &p);
+    apsm_project q = read_text(state, between);
+    add_particles(&p);
+    add_particles(&q);
+    char *whole = write_text(state, &p), *resumed = write_text(state, &q);
+    assert_string_equal(whole, resumed);
+    assert_true(strstr(whole, "\"groomed_1\"") < strstr(whole, "\"local_particles_1\""));
+    assert_true(strstr(whole, "\"world_particles_1\"") < strstr(whole, "\"alignment_1\""));
+    free(between);
+    free(whole);
+    free(resumed);
+    apsm_project_free(&p);
+    apsm_project_free(&q);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
@@ -413,6 +444,7 @@ int main(void)
         TEST(texts_that_are_not_utf8_are_not_written),
         TEST(a_moved_project_reaches_the_same_files),
         TEST(every_problem_of_a_project_is_one_line),
+        TEST(reading_between_two_steps_leaves_no_trace),
     };
     ctx = apsm_context_new();
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);
