@@ -270,11 +270,11 @@ static bool evaluates_files(const cli_args *a)
     return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 && cli_holds_particles(a->inputs[0]);
 }
 
-/* initialize, optimize, evaluate and report take their folder as operand or by -o. */
+/* initialize, optimize, evaluate, report and verify take their folder as operand or by -o. */
 static apsm_status settle_folder(parsing *p)
 {
     cli_args *a = p->args;
-    if (!(a->verb->verb & (CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE | CLI_REPORT)))
+    if (!(a->verb->verb & (CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE | CLI_REPORT | CLI_VERIFY)))
         return APSM_OK;
     if (evaluates_files(a)) {
         if (!a->out_dir) return APSM_OK;

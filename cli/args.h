@@ -18,7 +18,8 @@ typedef enum cli_verb {
     CLI_INFO = 1 << 6,
     CLI_REPORT = 1 << 7,
     CLI_CONVERT = 1 << 8,
-    CLI_RENDER = 1 << 9
+    CLI_RENDER = 1 << 9,
+    CLI_VERIFY = 1 << 10
 } cli_verb;
 
 typedef struct cli_verb_info {

@@ -11,12 +11,12 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK,
-    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER
+    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY
 };
 
 static const cli_option own[] = {
-    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT, STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER, "DIR",
-      NULL, NULL,
+    { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
+      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY, "DIR", NULL, NULL,
       "the model folder (convert, render: the file or folder to write); made if it does not exist",
       NULL },
     { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
@@ -60,8 +60,9 @@ static const cli_option own[] = {
     { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS, "N", "seed", NULL,
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
-    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN, STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER, "N",
-      NULL, NULL, "threads to use (default: one for each processor)", NULL },
+    { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY, "N", NULL, NULL,
+      "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
       "afterwards; changes the time, never the result (default: no limit)",

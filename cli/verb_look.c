@@ -1,4 +1,4 @@
-/* check and info: look at inputs, a model folder or one file; write nothing. */
+/* check, verify and info: look at inputs, a model folder or one file; write nothing. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -51,6 +51,25 @@ apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     return problems == 0 ? APSM_OK
                          : apsm_fail(ctx, APSM_ERR_GEOMETRY, "%zu problem%s", problems,
                                      problems == 1 ? "" : "s");
+}
+
+/* ---- verify ---- */
+
+static void say_remark(void *ui, const char *line)
+{
+    cli_say(ui, "(%s)", line);
+}
+
+apsm_status apsm_cli_verify(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_verification result;
+    APSM_TRY(apsm_run_verify(ctx, args->out_dir, say_problem, say_remark, ui, &result));
+    if (result.problems > 0)
+        return apsm_fail(ctx, APSM_ERR_STATE, "%s: %zu disagreement%s", args->out_dir,
+                         result.problems, result.problems == 1 ? "" : "s");
+    cli_say(ui, "%zu files and %zu inputs agree with %s/manifest.json", result.outputs,
+            result.inputs, args->out_dir);
+    return APSM_OK;
 }
 
 /* ---- info ---- */

@@ -1,7 +1,6 @@
 /* run, groom, initialize, optimize, evaluate: open the model folder, do the step; report. */
 #include <stdlib.h>
 
-#include "apsm/report.h"
 #include "apsm/run.h"
 #include "verbs.h"
 
@@ -80,7 +79,7 @@ apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *u
 
 apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    APSM_TRY(apsm_report_write(ctx, args->out_dir));
+    APSM_TRY(do_step(ctx, args, apsm_run_report));
     cli_say(ui, "report: %s/report.html", args->out_dir);
     return APSM_OK;
 }

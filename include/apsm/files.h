@@ -69,6 +69,8 @@ apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);
 
+apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes) APSM_NODISCARD;
+
 /* All return malloc'ed text, NULL only if out of memory. */
 char *apsm_path_join(const char *folder, const char *name); /* name itself if it is absolute */
 char *apsm_path_folder(const char *path);                   /* "." if path has no slash */
@@ -77,6 +79,19 @@ char *apsm_path_folder(const char *path);                   /* "." if path has n
 char *apsm_path_relative(const char *folder, const char *path);
 /* Last component without its extension; ".nii.gz" and ".gz" of others count as one extension. */
 char *apsm_path_stem(const char *path);
+
+/* Paths of files, from a folder on, sorted by their bytes.  Owns its texts; zero-initialise with
+ * {0}.
+ */
+typedef struct apsm_file_list {
+    size_t n, capacity;
+    char **path;
+} apsm_file_list;
+
+/* The files in a folder, with deep also in the folders in it.  Links are listed, not followed. */
+apsm_status apsm_list_files(apsm_context *ctx, const char *folder, bool deep,
+                            apsm_file_list *list) APSM_NODISCARD;
+void apsm_file_list_free(apsm_file_list *list);
 
 /* ---- One run at a time ------------------------------------------------------------------ */
 
@@ -107,6 +122,9 @@ void apsm_sha256_end(apsm_sha256 *sha, unsigned char digest[32]);
 void apsm_sha256_hex(const unsigned char digest[32], char hex[65]);
 /* Of a file, read in pieces: O(1) memory. */
 apsm_status apsm_sha256_file(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;
+/* Of a folder: of each of the files in it and below, in the order of apsm_list_files, the 64 digits
+ * of its SHA-256, its path and a zero byte. */
+apsm_status apsm_sha256_folder(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;
 
 /* ---- JSON ------------------------------------------------------------------------------- */
 
@@ -121,6 +139,12 @@ apsm_status apsm_json_read(apsm_context *ctx, const char *path,
  * no number of NaN. */
 apsm_status apsm_json_write(apsm_context *ctx, const char *path,
                             const struct json_t *root) APSM_NODISCARD;
+/* As apsm_json_write for an object, with a last key "sha256": the SHA-256 of all bytes of the file
+ * before that key.  Whatever root has under this key is left out. */
+apsm_status apsm_json_write_sealed(apsm_context *ctx, const char *path,
+                                   struct json_t *root) APSM_NODISCARD;
+/* *intact: the file ends in the key "sha256", and what it says is true. */
+apsm_status apsm_json_is_intact(apsm_context *ctx, const char *path, bool *intact) APSM_NODISCARD;
 /* Refuses root unless it is an object with "format": format and "version" 1..version. */
 apsm_status apsm_json_check(apsm_context *ctx, const char *path, const struct json_t *root,
                             const char *format, int version) APSM_NODISCARD;

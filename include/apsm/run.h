@@ -61,8 +61,24 @@ apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
  * their number.  With inputs: each is groomed in memory; without: the folder's project. */
 apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line), void *user,
                            size_t *problems) APSM_NODISCARD;
-/* All four; with settings.resume those that are not yet done. */
+/* The report of what is in the folder, which may be another program's project. */
+apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
+/* All five; with settings.resume those that are not yet done. */
 apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
+
+/* What apsm_run_verify has looked at. */
+typedef struct apsm_verification {
+    size_t outputs, inputs; /* files of the model folder, input shapes */
+    size_t problems;        /* lines reported */
+} apsm_verification;
+
+/* Whether a model folder's files and inputs are what its manifest says, and the options in its
+ * files agree.  Reads everything, writes nothing.  report gets one line for each disagreement, and
+ * note one for what is unfinished. */
+apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
+                            void (*report)(void *user, const char *line),
+                            void (*note)(void *user, const char *line), void *user,
+                            apsm_verification *result) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -30,9 +30,20 @@ apsm_status apsm_json_read(apsm_context *ctx, const char *path, struct json_t **
     return APSM_OK;
 }
 
-static int to_writer(const char *text, size_t size, void *user)
+/* Where JSON goes: into a file and, if that is to be sealed, into its digest. */
+typedef struct sink {
+    apsm_writer *file;
+    bool sealed;
+    apsm_sha256 sha;
+} sink;
+
+static const char seal[] = "sha256"; /* the last key of a sealed file */
+
+static int put(const char *text, size_t size, void *user)
 {
-    apsm_writer_write(user, text, size);
+    sink *s = user;
+    if (s->sealed) apsm_sha256_add(&s->sha, text, size);
+    apsm_writer_write(s->file, text, size);
     return 0;
 }
 
@@ -50,55 +61,138 @@ static bool is_row(const json_t *json)
     return true;
 }
 
-static bool dump_flat(apsm_writer *w, const json_t *json)
+static bool dump_flat(sink *s, const json_t *json)
 {
-    return json_dump_callback(json, to_writer, w, JSON_ENCODE_ANY | JSON_REAL_PRECISION(17)) == 0;
+    return json_dump_callback(json, put, s, JSON_ENCODE_ANY | JSON_REAL_PRECISION(17)) == 0;
 }
 
-static void new_line(apsm_writer *w, int depth)
+static bool dump_key(sink *s, const char *key)
 {
-    apsm_writer_printf(w, "\n%*s", INDENT * depth, "");
+    json_t *text = json_string(key);
+    const bool written = text && dump_flat(s, text);
+    json_decref(text);
+    put(": ", 2, s);
+    return written;
 }
 
-static bool dump(apsm_writer *w, const json_t *json, int depth)
+static void new_line(sink *s, int depth)
+{
+    put("\n", 1, s);
+    for (int k = 0; k < depth; k++) put("    ", INDENT, s);
+}
+
+static bool dump(sink *s, const json_t *json, int depth);
+
+static bool dump_members(sink *s, const json_t *json, int depth)
 {
     const bool object = json_is_object(json);
     const size_t n = object ? json_object_size(json) : json_array_size(json);
-    if (is_row(json) || n == 0) return dump_flat(w, json);
     void *at = object ? json_object_iter((json_t *)json) : NULL;
-    apsm_writer_write(w, object ? "{" : "[", 1);
     for (size_t i = 0; i < n; i++) {
         const json_t *value = object ? json_object_iter_value(at) : json_array_get(json, i);
-        if (i > 0) apsm_writer_write(w, ",", 1);
-        new_line(w, depth + 1);
+        if (i > 0) put(",", 1, s);
+        new_line(s, depth);
         if (object) {
-            json_t *key = json_string(json_object_iter_key(at));
-            const bool written = key && dump_flat(w, key);
-            json_decref(key);
-            if (!written) return false;
-            apsm_writer_write(w, ": ", 2);
+            if (!dump_key(s, json_object_iter_key(at))) return false;
             at = json_object_iter_next((json_t *)json, at);
         }
-        if (!dump(w, value, depth + 1)) return false;
+        if (!dump(s, value, depth)) return false;
     }
-    new_line(w, depth);
-    apsm_writer_write(w, object ? "}" : "]", 1);
     return true;
 }
 
-apsm_status apsm_json_write(apsm_context *ctx, const char *path, const struct json_t *root)
+static bool dump(sink *s, const json_t *json, int depth)
+{
+    const bool object = json_is_object(json);
+    const size_t n = object ? json_object_size(json) : json_array_size(json);
+    if (is_row(json) || n == 0) return dump_flat(s, json);
+    put(object ? "{" : "[", 1, s);
+    if (!dump_members(s, json, depth + 1)) return false;
+    new_line(s, depth);
+    put(object ? "}" : "]", 1, s);
+    return true;
+}
+
+/* An object with the digest of everything before the last key as that key's value. */
+static bool dump_sealed(sink *s, const json_t *json)
+{
+    unsigned char digest[32];
+    char hex[65];
+    s->sealed = true;
+    apsm_sha256_begin(&s->sha);
+    put("{", 1, s);
+    if (!dump_members(s, json, 1)) return false;
+    if (json_object_size(json) > 0) put(",", 1, s);
+    new_line(s, 1);
+    s->sealed = false;
+    apsm_sha256_end(&s->sha, digest);
+    apsm_sha256_hex(digest, hex);
+    if (!dump_key(s, seal)) return false;
+    put("\"", 1, s);
+    put(hex, 64, s);
+    put("\"\n}", 3, s);
+    return true;
+}
+
+static apsm_status write_json(apsm_context *ctx, const char *path, const json_t *root,
+                              bool (*dump_root)(sink *, const json_t *))
 {
     if (!root)
         return apsm_fail(ctx, APSM_ERR_NONFINITE,
                          "%s: not written, a value of it is not a finite number", path);
-    apsm_writer *w;
-    APSM_TRY(apsm_writer_open(ctx, path, &w));
-    if (!dump(w, root, 0)) {
-        apsm_writer_abort(w);
+    sink s = { 0 };
+    APSM_TRY(apsm_writer_open(ctx, path, &s.file));
+    if (!dump_root(&s, root)) {
+        apsm_writer_abort(s.file);
         return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
     }
-    apsm_writer_write(w, "\n", 1);
-    return apsm_writer_commit(w);
+    put("\n", 1, &s);
+    return apsm_writer_commit(s.file);
+}
+
+static bool dump_plain(sink *s, const json_t *root)
+{
+    return dump(s, root, 0);
+}
+
+apsm_status apsm_json_write(apsm_context *ctx, const char *path, const struct json_t *root)
+{
+    return write_json(ctx, path, root, dump_plain);
+}
+
+apsm_status apsm_json_write_sealed(apsm_context *ctx, const char *path, struct json_t *root)
+{
+    json_object_del(root, seal);
+    return write_json(ctx, path, root, dump_sealed);
+}
+
+/* What ends a sealed file: `"sha256": "`, 64 digits, `"`, line end, `}`, line end. */
+static bool seal_holds(const char *data, size_t size)
+{
+    static const char begin[] = "\"sha256\": \"", end[] = "\"\n}\n";
+    enum { BEGIN = sizeof begin - 1, END = sizeof end - 1, SEAL = BEGIN + 64 + END };
+    apsm_sha256 sha;
+    unsigned char digest[32];
+    char hex[65];
+    if (size < SEAL) return false;
+    const char *at = data + size - SEAL;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add(&sha, data, size - SEAL);
+    apsm_sha256_end(&sha, digest);
+    apsm_sha256_hex(digest, hex);
+    return memcmp(at, begin, BEGIN) == 0 && memcmp(at + BEGIN, hex, 64) == 0 &&
+           memcmp(at + BEGIN + 64, end, END) == 0;
+}
+
+apsm_status apsm_json_is_intact(apsm_context *ctx, const char *path, bool *intact)
+{
+    char *data;
+    size_t size;
+    *intact = false;
+    APSM_TRY(apsm_read_file(ctx, path, JSON_LIMIT, &data, &size));
+    *intact = seal_holds(data, size);
+    free(data);
+    return APSM_OK;
 }
 
 apsm_status apsm_json_check(apsm_context *ctx, const char *path, const struct json_t *root,

@@ -20,6 +20,15 @@ bool apsm_file_exists(const char *path)
     return stat(path, &info) == 0 && !S_ISDIR(info.st_mode);
 }
 
+apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes)
+{
+    struct stat info;
+    *bytes = 0;
+    if (stat(path, &info) != 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+    *bytes = (long long)info.st_size;
+    return APSM_OK;
+}
+
 /* Another process may make the same folder meanwhile: what counts is that it is there. */
 static int make_one(const char *path)
 {

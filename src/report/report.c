@@ -176,6 +176,8 @@ static json_t *json_manifest(const json_t *manifest)
 {
     size_t i;
     json_t *input, *copy = json_deep_copy(manifest);
+    json_object_del(copy, "outputs"); /* not for readers, and the page is one of them itself */
+    json_object_del(copy, "sha256");
     json_array_foreach(json_object_get(copy, "inputs"), i, input)
     {
         const char *path = json_string_value(json_object_get(input, "path"));

@@ -360,6 +360,10 @@ apsm_status apsm_run_evaluate(apsm_run *run)
     evaluation_work w = { .run = run };
     apsm_status status = run_load_cohort(run, false);
     if (status == APSM_OK) status = load_particles(run, &w);
+    if (status == APSM_OK) {
+        stage_undo(run, "evaluate");
+        status = manifest_write(run);
+    }
     if (status == APSM_OK) status = evaluate_and_write(&w);
     if (status == APSM_OK) status = run_write_project(run); /* the definition may be another one */
     if (status == APSM_OK) status = manifest_set_options(run);

@@ -92,6 +92,12 @@ static apsm_status read_and_groom(apsm_context *ctx, const groom_inputs *in,
     return status;
 }
 
+apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65])
+{
+    return apsm_is_folder(path) ? apsm_sha256_folder(ctx, path, hex)
+                                : apsm_sha256_file(ctx, path, hex);
+}
+
 static void reflect(apsm_mesh *mesh, double M[16])
 {
     apsm_reflect(mesh, M);
@@ -126,8 +132,7 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
     groom_inputs *in = user;
     const apsm_input_case *c = &in->list.cases[i];
     apsm_affine_identity(in->reflection[i]);
-    if (c->kind != APSM_INPUT_DICOM) /* a folder has no hash */
-        in->status[i] = apsm_sha256_file(ctx, c->path, in->sha256[i]);
+    in->status[i] = groom_hash_input(ctx, c->path, in->sha256[i]);
     if (in->status[i] == APSM_OK) in->status[i] = read_and_groom(ctx, in, c, &in->mesh[i]);
     if (in->status[i] == APSM_OK && c->reflect) {
         reflect(&in->mesh[i], in->reflection[i]);

@@ -16,7 +16,7 @@ typedef struct groom_inputs {
     apsm_mesh *mesh;          /* in their own frames, mirrored where asked for */
     double (*reflection)[16]; /* input to groomed frame */
     bool *reflected;
-    char (*sha256)[65]; /* "" for a DICOM folder */
+    char (*sha256)[65];
     apsm_status *status;
     char **problem; /* the line of a failure, else NULL */
 } groom_inputs;
@@ -28,6 +28,9 @@ apsm_status groom_inputs_compare(apsm_run *run);
 /* Reads and grooms all; failures are in status and problem, and do not end the call. */
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in);
 void groom_inputs_free(groom_inputs *in);
+
+/* SHA-256 of a file, or of a folder with a DICOM series. */
+apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65]);
 
 /* Mirrors a groomed mesh; its coordinates stay float32 numbers, as in the file. */
 apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i);

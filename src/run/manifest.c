@@ -7,9 +7,12 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include "run/outputs.h"
+
 enum { MANIFEST_VERSION = 1 };
 
-static const char *const stages[] = { "groom", "initialize", "optimize", "evaluate" };
+/* In their order.  The report is none to be timed: it tells the times of the others. */
+static const char *const stages[] = { "groom", "initialize", "optimize", "evaluate", "report" };
 enum { STAGES = sizeof stages / sizeof stages[0] };
 
 static apsm_status no_memory(apsm_run *run)
@@ -19,8 +22,9 @@ static apsm_status no_memory(apsm_run *run)
 
 static json_t *new_manifest(void)
 {
-    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}}", "format", "apsm-manifest", "version",
-                     MANIFEST_VERSION, "apsm", APSM_VERSION, "options", "inputs", "stages");
+    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}, s:{}}", "format", "apsm-manifest",
+                     "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options", "inputs",
+                     "stages", "outputs");
 }
 
 static apsm_status check_shape(apsm_run *run, const char *path)
@@ -54,7 +58,7 @@ apsm_status manifest_write(apsm_run *run)
 {
     char *path = run_path(run, RUN_MANIFEST);
     if (!path) return no_memory(run);
-    const apsm_status status = apsm_json_write(run->ctx, path, run->manifest);
+    const apsm_status status = apsm_json_write_sealed(run->ctx, path, run->manifest);
     free(path);
     return status;
 }
@@ -143,6 +147,20 @@ static double peak_memory(void)
     return (double)(usage.ru_maxrss / 102) / 10;
 }
 
+bool stage_is_before(const char *stage, const char *other)
+{
+    for (size_t k = 0; k < STAGES; k++) {
+        if (strcmp(stages[k], other) == 0) return false;
+        if (strcmp(stages[k], stage) == 0) return true;
+    }
+    return false;
+}
+
+const char *stage_name(size_t k)
+{
+    return k < STAGES - 1 ? stages[k] : NULL;
+}
+
 void stage_undo(apsm_run *run, const char *stage)
 {
     bool from_here = false;
@@ -150,6 +168,7 @@ void stage_undo(apsm_run *run, const char *stage)
         from_here = from_here || strcmp(stages[k], stage) == 0;
         if (from_here) json_object_del(json_object_get(run->manifest, "stages"), stages[k]);
     }
+    outputs_forget(run, stage);
 }
 
 apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock)
@@ -161,6 +180,7 @@ apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock
                   "peak_memory_mb", peak_memory(), "threads", apsm_context_threads(run->ctx));
     if (!entry || json_object_set_new(json_object_get(run->manifest, "stages"), stage, entry))
         return no_memory(run);
+    APSM_TRY(outputs_record(run, stage));
     return manifest_write(run);
 }
 

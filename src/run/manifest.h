@@ -22,10 +22,15 @@ typedef struct stage_clock {
 } stage_clock;
 stage_clock stage_begin(void);
 double stage_wall(const stage_clock *clock); /* seconds so far */
-/* Records the stage as done (later stages become undone) and writes the manifest. */
+/* Records the stage as done (later stages become undone), with the files it has written, and writes
+ * the manifest. */
 apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock);
 bool stage_is_done(const apsm_run *run, const char *stage);
-/* Forgets that this stage and the later ones were done. */
+/* Whether a stage comes before another; false if there is none of that name. */
+bool stage_is_before(const char *stage, const char *other);
+/* The k-th of those that are recorded as done; NULL beyond the last. */
+const char *stage_name(size_t k);
+/* Forgets that this stage and the later ones were done, and their files. */
 void stage_undo(apsm_run *run, const char *stage);
 
 #endif

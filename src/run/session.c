@@ -16,6 +16,7 @@
 #include "geometry/stored.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
+#include "run/outputs.h"
 
 /* ---- texts beside the option table ---- */
 
@@ -219,6 +220,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
         APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
+    if (run->lock.fd >= 0) APSM_TRY(outputs_tidy(run));
     APSM_TRY(open_project(run, s->fresh));
     APSM_TRY(manifest_open(run));
     return settle_options(run, s);
@@ -662,8 +664,18 @@ apsm_status apsm_run_all(apsm_run *run)
                   { "initialize", apsm_run_initialize },
                   { "optimize", apsm_run_optimize },
                   { "evaluate", apsm_run_evaluate } };
-    if (run->resume && stage_is_done(run, "groom")) APSM_TRY(groom_inputs_compare(run));
+    if (run->resume && stage_is_done(run, "groom")) {
+        APSM_TRY(groom_inputs_compare(run));
+        APSM_TRY(outputs_check(run));
+    }
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
-    return apsm_report_write(run->ctx, run->folder);
+    return apsm_run_report(run);
+}
+
+apsm_status apsm_run_report(apsm_run *run)
+{
+    APSM_TRY(apsm_report_write(run->ctx, run->folder));
+    APSM_TRY(outputs_record(run, "report"));
+    return manifest_write(run);
 }

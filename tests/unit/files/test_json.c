@@ -141,6 +141,43 @@ static void matrices_of_another_shape_are_refused(void **state)
     json_decref(json);
 }
 
+static bool intact(const char *path)
+{
+    bool is;
+    assert_int_equal(apsm_json_is_intact(ctx, path, &is), APSM_OK);
+    return is;
+}
+
+/* A sealed file is ordinary JSON; any altered byte, a missing end and a missing seal are seen. */
+static void a_seal_breaks_with_any_byte(void **state)
+{
+    char path[TEST_PATH], *data;
+    size_t size;
+    json_t *root = json_pack("{s:s, s:{s:[i, i]}, s:[]}", "sha256", "of another file", "rows", "a",
+                             1, 2, "empty"),
+           *read;
+    folder_path(state, "a.json", path);
+    assert_int_equal(apsm_json_write_sealed(ctx, path, root), APSM_OK);
+    assert_true(intact(path));
+    assert_int_equal(apsm_json_read(ctx, path, &read), APSM_OK);
+    assert_int_equal(json_object_size(read), 3);
+    assert_true(json_equal(json_object_get(read, "rows"), json_object_get(root, "rows")));
+    assert_int_equal(apsm_read_file(ctx, path, 1 << 20, &data, &size), APSM_OK);
+    for (size_t k = 0; k < size; k++) {
+        data[k] ^= 1;
+        folder_put(state, "b.json", data, size);
+        if (intact(folder_path(state, "b.json", path))) fail_msg("byte %zu of %zu", k, size);
+        data[k] ^= 1;
+    }
+    folder_put(state, "b.json", data, size - 1);
+    assert_false(intact(path));
+    folder_put(state, "b.json", "{}\n", 3);
+    assert_false(intact(path));
+    free(data);
+    json_decref(read);
+    json_decref(root);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
@@ -149,6 +186,7 @@ int main(void)
         TEST(what_is_not_finite_is_refused),
         TEST(damage_is_told_with_line_and_column),
         TEST(a_byte_order_mark_is_harmless),
+        TEST(a_seal_breaks_with_any_byte),
         cmocka_unit_test(formats_and_versions_are_checked),
         cmocka_unit_test(matrices_of_another_shape_are_refused),
     };

@@ -1,0 +1,41 @@
+/* outputs.h -- which files a run writes, and their SHA-256 in the manifest:
+ *     "outputs": { PATH: [STAGE, BYTES, SHA-256], ... }, sorted by PATH. */
+#ifndef APSM_RUN_OUTPUTS_H
+#define APSM_RUN_OUTPUTS_H
+
+#include "run/session.h"
+
+/* A stage begins: what it and later ones have written is no longer known to be theirs.  groom,
+ * which comes first, forgets everything. */
+void outputs_forget(apsm_run *run, const char *stage);
+/* A stage has ended: the files it has written and the project are recorded. */
+apsm_status outputs_record(apsm_run *run, const char *stage);
+
+/* What became of a file since it was recorded. */
+typedef enum output_state {
+    OUTPUT_SAME,
+    OUTPUT_CHANGED,
+    OUTPUT_MISSING,
+    OUTPUT_UNREADABLE
+} output_state;
+
+/* A record, and what is there now. */
+typedef struct output {
+    const char *path, *stage, *sha256; /* of the manifest, borrowed */
+    long long bytes;
+    output_state state;
+} output;
+
+/* Looks at all recorded files.  *list, in the order of the paths, is malloc'ed. */
+apsm_status outputs_compare(apsm_run *run, output **list, size_t *n);
+/* With --resume: refuses files of finished stages that are not what they were. */
+apsm_status outputs_check(apsm_run *run);
+
+/* Whether a run may write a file of this name, a path from the model folder on. */
+bool outputs_is_ours(const char *path);
+/* NAME of "NAME.PID.tmp", a file that a killed run was writing: its length, or 0. */
+size_t outputs_left_over(const char *path);
+/* Removes such files; only while the folder is locked. */
+apsm_status outputs_tidy(apsm_run *run);
+
+#endif
