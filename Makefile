@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: all deps configure test demo demo-segmentations viewer check sanitize bench install package clean help
+.PHONY: all deps configure test test-crash demo demo-segmentations viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -19,6 +19,10 @@ test: deps ## deps, build, then all tests
 	@$(MAKE) --no-print-directory all
 	-@scripts/setup-browser $(BUILD)/browser
 	@cd $(BUILD) && ctest -j2 --output-on-failure
+
+test-crash: deps ## a thousand killed runs, each resumed and compared (about half an hour)
+	@$(MAKE) --no-print-directory all
+	@cmake --build $(BUILD) --target test_crash
 
 demo: deps ## a model of the 27 tali in data/talus
 	@$(MAKE) --no-print-directory all
