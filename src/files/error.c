@@ -17,6 +17,8 @@ static const char *remedy(int error)
     case ENOSPC:
     case EDQUOT:
         return "free some space or choose another disk";
+    case ENOMEM:
+        return "close other programs";
     case EFBIG:
         return "raise the limit on file sizes (ulimit -f)";
     case EISDIR:

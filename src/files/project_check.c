@@ -29,9 +29,18 @@ static void tell(checking *c, const char *format, ...)
     c->report(c->user, line);
 }
 
-static void check_file(checking *c, const apsm_subject *s, const char *what, const char *stored)
+/* The path of a stored text, which is NULL where there is none; not to be looked at is a problem.
+ */
+static char *path_of(checking *c, const apsm_subject *s, const char *what, const char *stored)
 {
     char *path = apsm_project_path(c->project, stored);
+    if (stored && !path) tell(c, "%s: out of memory for its %s", s->name, what);
+    return path;
+}
+
+static void check_file(checking *c, const apsm_subject *s, const char *what, const char *stored)
+{
+    char *path = path_of(c, s, what, stored);
     if (path && apsm_is_folder(path) && what[0] != 'i') /* an input may be a DICOM folder */
         tell(c, "%s: its %s %s is a folder; give a file", s->name, what, path);
     else if (path && !apsm_is_folder(path) && !apsm_file_exists(path))
@@ -43,7 +52,7 @@ static void check_file(checking *c, const apsm_subject *s, const char *what, con
 static void check_particles(checking *c, size_t i, const char *what, const char *stored)
 {
     const apsm_subject *s = &c->project->subjects[i];
-    char *path = apsm_project_path(c->project, stored);
+    char *path = path_of(c, s, what, stored);
     size_t n = 0;
     double *P = NULL;
     if (path && apsm_particles_read(c->ctx, path, &n, &P) != APSM_OK)

@@ -30,7 +30,10 @@ static void check_checkpoint(apsm_run *run, const char *name, problem_fn report,
 {
     apsm_optimizer_state state;
     char *path = run_path(run, name);
-    if (path && apsm_file_exists(path)) {
+    if (!path) {
+        report(user, apsm_status_text(APSM_ERR_MEMORY));
+        ++*problems;
+    } else if (apsm_file_exists(path)) {
         if (run_load_state(run, name, &state, NULL, NULL) != APSM_OK) {
             report(user, apsm_error_text(run->ctx));
             ++*problems;

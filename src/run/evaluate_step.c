@@ -38,11 +38,13 @@ static const char *name_of(const evaluation_work *w, size_t i)
 static apsm_status read_first(apsm_run *run, evaluation_work *w)
 {
     double *P = NULL;
-    char *path = apsm_project_path(&run->project, run->project.subjects[0].world_particles);
-    if (!path)
+    const char *stored = run->project.subjects[0].world_particles;
+    if (!stored)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: no particles yet; run `apsm optimize -o %s` first", run->folder,
                          run->folder);
+    char *path = apsm_project_path(&run->project, stored);
+    if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_particles_read(run->ctx, path, &w->J, &P);
     free(path);
     free(P);
@@ -54,10 +56,11 @@ static apsm_status read_particles(apsm_context *ctx, size_t i, int worker, void 
     (void)worker;
     evaluation_work *w = user;
     const apsm_subject *s = &w->run->project.subjects[i];
-    char *path = apsm_project_path(&w->run->project, s->world_particles);
-    if (!path)
+    if (!s->world_particles)
         return apsm_fail(ctx, APSM_ERR_STATE, "%s: has no particles; run `apsm optimize -o %s`",
                          s->name, w->run->folder);
+    char *path = apsm_project_path(&w->run->project, s->world_particles);
+    if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_particles_read_n(ctx, path, w->J, w->P + i * w->J * 3);
     free(path);
     return status;
@@ -120,12 +123,21 @@ static apsm_status write_json(apsm_run *run, const char *name, json_t *root)
     return status;
 }
 
+/* An array that misses entries, for want of memory or because one was not finite, is none: then its
+ * file is refused. */
+static json_t *all_or_none(json_t *array, size_t n)
+{
+    if (json_array_size(array) == n) return array;
+    json_decref(array);
+    return NULL;
+}
+
 static json_t *json_modes(const apsm_shape_model *m)
 {
     json_t *modes = json_array();
     for (size_t k = 0; k < m->modes; k++)
         json_array_append_new(modes, apsm_json_matrix(m->J, 3, m->mode + k * m->J * 3));
-    return modes;
+    return all_or_none(modes, m->modes);
 }
 
 static apsm_status write_model(const evaluation_work *w)
@@ -188,6 +200,7 @@ static json_t *json_surface(const evaluation_work *w)
     const apsm_surface_aggregate *a = &w->evaluation.surface_summary.two_way;
     json_t *shapes = json_array();
     for (size_t i = 0; i < w->I; i++) json_array_append_new(shapes, json_shape_distance(w, i));
+    shapes = all_or_none(shapes, w->I);
     return json_pack("{s:f, s:f, s:f, s:o}", "mean", a->mean, "max", a->max, "mean_max",
                      a->mean_max, "per_shape", shapes);
 }

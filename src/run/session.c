@@ -148,19 +148,44 @@ static apsm_status refuse_other_text(apsm_run *run, const char *key, const char 
     return APSM_OK;
 }
 
-static apsm_status store_options(apsm_run *run)
+/* Of the project's texts, those that are not in the option table; owned by the caller. */
+static apsm_status copy_texts(const apsm_run *run, char *copy[TEXTS + 1])
+{
+    for (size_t k = 0; k <= TEXTS; k++) {
+        const char *key = k < TEXTS ? texts[k] : "template_used";
+        APSM_TRY(apsm_text_set(&copy[k], apsm_project_get(&run->project, "apsm", key)));
+    }
+    return APSM_OK;
+}
+
+/* All options in the project, in one order, whichever were given and how. */
+static apsm_status store_in_order(apsm_run *run, char *const copy[TEXTS + 1])
 {
     size_t n;
     const apsm_option_info *table = apsm_options_table(&n);
+    apsm_project_clear(&run->project, "apsm");
     APSM_TRY(apsm_project_set(&run->project, "apsm", "version", APSM_VERSION));
     for (size_t k = 0; k < n; k++) {
         char text[64];
         APSM_TRY(apsm_options_get(&run->options, table[k].name, text));
         APSM_TRY(apsm_project_set(&run->project, "apsm", table[k].name, text));
     }
+    for (size_t k = 0; k < TEXTS; k++)
+        if (copy[k]) APSM_TRY(apsm_project_set(&run->project, "apsm", texts[k], copy[k]));
     char seed[32];
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)apsm_context_seed(run->ctx));
-    return apsm_project_set(&run->project, "apsm", "seed", seed);
+    APSM_TRY(apsm_project_set(&run->project, "apsm", "seed", seed));
+    return copy[TEXTS] ? apsm_project_set(&run->project, "apsm", "template_used", copy[TEXTS])
+                       : APSM_OK;
+}
+
+static apsm_status store_options(apsm_run *run)
+{
+    char *copy[TEXTS + 1] = { NULL };
+    apsm_status status = copy_texts(run, copy);
+    if (status == APSM_OK) status = store_in_order(run, copy);
+    for (size_t k = 0; k <= TEXTS; k++) free(copy[k]);
+    return status;
 }
 
 static apsm_status settle_options(apsm_run *run, const apsm_run_settings *s)

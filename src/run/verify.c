@@ -177,32 +177,34 @@ static apsm_status verify_options(const verifying *v)
 }
 
 /* A checkpoint knows which options and groomed shapes it belongs to. */
-static void verify_checkpoint(const verifying *v, const char *name)
+static apsm_status verify_checkpoint(const verifying *v, const char *name)
 {
-    apsm_optimizer_state state;
+    apsm_optimizer_state state = { 0 };
     char *path = run_path(v->run, name);
-    if (path && apsm_file_exists(path)) {
-        if (run_load_state(v->run, name, &state, NULL, NULL) == APSM_OK)
-            apsm_optimizer_state_free(&state);
-        else
-            disagree(v, "%s", apsm_error_text(v->ctx));
-    }
+    if (!path) return APSM_ERR_MEMORY;
+    const bool exists = apsm_file_exists(path);
     free(path);
+    if (!exists) return APSM_OK;
+    const apsm_status status = run_load_state(v->run, name, &state, NULL, NULL);
+    if (status == APSM_ERR_MEMORY) return status;
+    if (status != APSM_OK) disagree(v, "%s", apsm_error_text(v->ctx));
+    apsm_optimizer_state_free(&state);
+    return APSM_OK;
 }
 
 /* If the files are what they were; otherwise the checkpoints would only repeat what has been told.
  * Another version of apsm has other options, and so other checkpoints. */
-static void verify_checkpoints(const verifying *v)
+static apsm_status verify_checkpoints(const verifying *v)
 {
     const char *version = json_string_value(json_object_get(v->run->manifest, "apsm"));
-    if (v->result->problems > 0) return;
+    if (v->result->problems > 0) return APSM_OK;
     if (!version || strcmp(version, APSM_VERSION) != 0) {
         remark(v, "made by apsm %s: whether the options fit the checkpoints was not looked at",
                version ? version : "of an unknown version");
-        return;
+        return APSM_OK;
     }
-    verify_checkpoint(v, RUN_INITIAL);
-    verify_checkpoint(v, RUN_CHECKPOINT);
+    APSM_TRY(verify_checkpoint(v, RUN_INITIAL));
+    return verify_checkpoint(v, RUN_CHECKPOINT);
 }
 
 /* ---- inputs ---- */
@@ -240,7 +242,9 @@ static apsm_status check_input(apsm_context *ctx, size_t i, int worker, void *us
     c->state = INPUT_UNKNOWN;
     if (!c->path || !c->sha256 || !*c->sha256) return APSM_OK;
     c->state = INPUT_MISSING;
-    char *path = at < project->n ? apsm_project_path(project, project->subjects[at].shape) : NULL;
+    const char *shape = at < project->n ? project->subjects[at].shape : NULL;
+    char *path = apsm_project_path(project, shape);
+    if (shape && !path) return APSM_ERR_MEMORY;
     apsm_status status = path ? look_at(ctx, path, c) : APSM_OK;
     if (c->state != INPUT_SAME && status != APSM_ERR_MEMORY) {
         const int before = (int)c->state;
@@ -282,23 +286,25 @@ static apsm_status verify_inputs(const verifying *v)
 
 /* ---- all ---- */
 
-/* False if there is no manifest that could be followed; a line has been told then. */
-static bool verify_manifest(const verifying *v, char *path)
+/* *usable: there is a manifest that can be followed; if not, a line has been told. */
+static apsm_status verify_manifest(const verifying *v, const char *path, bool *usable)
 {
     bool intact = false;
     json_t *root = NULL;
+    *usable = false;
     apsm_status status = apsm_json_is_intact(v->ctx, path, &intact);
     if (status == APSM_OK) status = apsm_json_read(v->ctx, path, &root);
-    const bool lists = json_is_object(json_object_get(root, "outputs"));
+    *usable = json_is_object(json_object_get(root, "outputs"));
     json_decref(root);
+    if (status == APSM_ERR_MEMORY) return status;
     if (status != APSM_OK)
         disagree(v, "%s", apsm_error_text(v->ctx));
-    else if (!lists)
+    else if (!*usable)
         disagree(v, "%s: lists no files; the folder was made by an older apsm, or it is damaged",
                  RUN_MANIFEST);
     else if (!intact)
         disagree(v, "%s: changed since apsm wrote it", RUN_MANIFEST);
-    return status == APSM_OK && lists;
+    return APSM_OK;
 }
 
 static void tell_unfinished(const verifying *v)
@@ -315,7 +321,7 @@ static apsm_status verify_opened(const verifying *v)
 {
     APSM_TRY(verify_outputs(v));
     APSM_TRY(verify_options(v));
-    verify_checkpoints(v);
+    APSM_TRY(verify_checkpoints(v));
     APSM_TRY(verify_inputs(v));
     tell_unfinished(v);
     return APSM_OK;
@@ -338,7 +344,10 @@ static apsm_status verify_folder(verifying *v)
 {
     const apsm_run_settings settings = { .folder = v->folder, .dry = true };
     apsm_status status = apsm_run_open(v->ctx, &settings, &v->run);
-    status = status == APSM_OK ? verify_opened(v) : verify_without_project(v);
+    if (status == APSM_OK)
+        status = verify_opened(v);
+    else if (status != APSM_ERR_MEMORY)
+        status = verify_without_project(v);
     apsm_run_close(v->run);
     v->run = NULL;
     return status;
@@ -353,13 +362,15 @@ apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
     *result = (apsm_verification){ 0 };
     char *path = apsm_path_join(folder, RUN_MANIFEST);
     if (!path) return APSM_ERR_MEMORY;
+    bool usable = false;
     apsm_status status = APSM_OK;
     if (!apsm_file_exists(path))
         status = apsm_fail(ctx, APSM_ERR_STATE,
                            "%s: no %s in this folder; give a folder made by `apsm run`", folder,
                            RUN_MANIFEST);
-    else if (verify_manifest(&v, path))
-        status = verify_folder(&v);
+    else
+        status = verify_manifest(&v, path, &usable);
+    if (status == APSM_OK && usable) status = verify_folder(&v);
     free(path);
     return status;
 }

@@ -1,0 +1,201 @@
+/* Every allocation of a small run fails once: no crash, APSM_ERR_MEMORY, and the next try works.
+ *
+ * The program is linked with malloc, calloc, realloc and strdup of the library wrapped, and jansson
+ * allocates through the same door.  What other libraries (VTK, BLAS, OpenMP) allocate does not
+ * fail. One thread, so that the n-th allocation is always the same one. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/run.h"
+#include "folder.h"
+#include "synthetic.h"
+
+/* ---- the allocator that fails ---- */
+
+static long countdown; /* allocations until one fails; 0: none will */
+static long counted;
+
+static bool fails(void)
+{
+    counted++;
+    return countdown > 0 && --countdown == 0;
+}
+
+void *__real_malloc(size_t size);
+void *__real_calloc(size_t n, size_t size);
+void *__real_realloc(void *p, size_t size);
+char *__real_strdup(const char *text);
+void *__wrap_malloc(size_t size);
+void *__wrap_calloc(size_t n, size_t size);
+void *__wrap_realloc(void *p, size_t size);
+char *__wrap_strdup(const char *text);
+
+void *__wrap_malloc(size_t size)
+{
+    return fails() ? NULL : __real_malloc(size);
+}
+void *__wrap_calloc(size_t n, size_t size)
+{
+    return fails() ? NULL : __real_calloc(n, size);
+}
+void *__wrap_realloc(void *p, size_t size)
+{
+    return fails() ? NULL : __real_realloc(p, size);
+}
+char *__wrap_strdup(const char *text)
+{
+    return fails() ? NULL : __real_strdup(text);
+}
+
+/* ---- the steps ---- */
+
+enum { SHAPES = 3 };
+static char folder[TEST_PATH], model[TEST_PATH + 8], input[SHAPES][TEST_PATH + 8];
+static apsm_context *ctx;
+
+static void ignore_line(void *user, const char *line)
+{
+    (void)user, (void)line;
+}
+
+/* Opens the model folder and does one step. */
+static apsm_status step(apsm_status (*what)(apsm_run *), bool with_inputs)
+{
+    static const char *const set[][2] = {
+        { "particles", "24" },     { "faces", "150" },           { "stage1_epochs", "3" },
+        { "stage2_epochs", "2" },  { "fidelity_rounds", "1" },   { "original_frame", "true" },
+        { "reflect_match", "s1" }, { "checkpoint_seconds", "0" }
+    };
+    const char *inputs[SHAPES];
+    for (int i = 0; i < SHAPES; i++) inputs[i] = input[i];
+    const apsm_run_settings settings = { .folder = model,
+                                         .n_inputs = with_inputs ? SHAPES : 0,
+                                         .inputs = inputs,
+                                         .n_set = sizeof set / sizeof set[0],
+                                         .set = set,
+                                         .overwrite = true };
+    apsm_run *run = NULL;
+    apsm_status status = apsm_run_open(ctx, &settings, &run);
+    if (status == APSM_OK) status = what(run);
+    apsm_run_close(run);
+    return status;
+}
+
+static apsm_status groom(void)
+{
+    return step(apsm_run_groom, true);
+}
+static apsm_status initialize(void)
+{
+    return step(apsm_run_initialize, false);
+}
+static apsm_status optimize(void)
+{
+    return step(apsm_run_optimize, false);
+}
+static apsm_status evaluate(void)
+{
+    return step(apsm_run_evaluate, false);
+}
+static apsm_status report(void)
+{
+    return step(apsm_run_report, false);
+}
+static apsm_status verify(void)
+{
+    apsm_verification result;
+    APSM_TRY(apsm_run_verify(ctx, model, ignore_line, ignore_line, NULL, &result));
+    return result.problems == 0 ? APSM_OK : APSM_ERR_STATE;
+}
+/* What check cannot look at for want of memory is a problem that it tells. */
+static apsm_status check(void)
+{
+    const apsm_run_settings settings = { .folder = model, .dry = true };
+    apsm_run *run = NULL;
+    size_t problems = 0;
+    apsm_status status = apsm_run_open(ctx, &settings, &run);
+    if (status == APSM_OK) status = apsm_run_check(run, ignore_line, NULL, &problems);
+    apsm_run_close(run);
+    return status == APSM_OK && problems ? APSM_ERR_STATE : status;
+}
+
+/* Lets every allocation of a step fail, beyond the first hundred only some; the last try is left
+ * alone. */
+static void fail_each(const char *name, apsm_status (*what)(void))
+{
+    counted = 0;
+    assert_int_equal(what(), APSM_OK);
+    const long all = counted;
+    long wrong = 0, tried = 0;
+    for (long n = 1; n <= all; n += 1 + n / 40) {
+        countdown = n;
+        const apsm_status status = what();
+        countdown = 0;
+        tried++;
+        if (status == APSM_ERR_MEMORY || (what == check && status == APSM_ERR_STATE)) continue;
+        printf("%s, allocation %ld: %s (%s)\n", name, n, apsm_status_text(status),
+               apsm_error_text(ctx));
+        wrong++;
+    }
+    assert_int_equal(what(), APSM_OK);
+    printf("%s: %ld allocations, %ld of them failed\n", name, all, tried);
+    if (wrong) fail_msg("%s: %ld failures of an allocation went wrong", name, wrong);
+}
+
+#define STEP(name)                                                                                 \
+    static void name##_reports_want_of_memory(void **state)                                        \
+    {                                                                                              \
+        (void)state;                                                                               \
+        fail_each(#name, name);                                                                    \
+    }
+STEP(groom)
+STEP(initialize)
+STEP(optimize)
+STEP(evaluate)
+STEP(report)
+STEP(verify)
+STEP(check)
+
+static int set_up(void **state)
+{
+    if (folder_set_up(state)) return -1;
+    ctx = apsm_context_new();
+    snprintf(folder, sizeof folder, "%s", (const char *)*state);
+    snprintf(model, sizeof model, "%s/model", folder);
+    for (size_t i = 0; i < SHAPES; i++) {
+        apsm_mesh mesh = synthetic_shape(SYNTHETIC_BUMP, i, SHAPES, 2);
+        snprintf(input[i], sizeof input[i], "%s/s%zu.ply", folder, i);
+        if (apsm_vtk_write_mesh(ctx, input[i], &mesh) != APSM_OK) return -1;
+        apsm_mesh_free(&mesh);
+    }
+    return 0;
+}
+
+static int tear_down(void **state)
+{
+    apsm_context_free(ctx);
+    return folder_tear_down(state);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(groom_reports_want_of_memory),
+        cmocka_unit_test(initialize_reports_want_of_memory),
+        cmocka_unit_test(optimize_reports_want_of_memory),
+        cmocka_unit_test(evaluate_reports_want_of_memory),
+        cmocka_unit_test(report_reports_want_of_memory),
+        cmocka_unit_test(verify_reports_want_of_memory),
+        cmocka_unit_test(check_reports_want_of_memory),
+    };
+    return cmocka_run_group_tests_name("memory", tests, set_up, tear_down);
+}
