@@ -50,7 +50,8 @@ static const cli_verb_info verbs[] = {
       "is rewritten as a project if OUTPUT ends in .swproj or .xlsx." },
     { CLI_VERIFY, "verify", "MODEL_DIR", "whether a model folder still is what was made",
       "Computes the SHA-256 of all files of a model folder and of its inputs anew and compares "
-      "them with manifest.json; compares the options of the manifest, the project and the checkpoints. "
+      "them with manifest.json; compares the options of the manifest, the project and the "
+      "checkpoints. "
       "Tells in one line each what has changed, is missing or does not belong there. Writes "
       "nothing. The exit code is 0 if all agree and 1 if not." },
     { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",

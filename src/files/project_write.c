@@ -84,8 +84,8 @@ static void order_keys(const apsm_project *p, const json_t *before, const char *
     }
 }
 
-/* row, a reference that is taken over, in order; NULL if out of memory. */
-static json_t *in_order(const apsm_project *p, const json_t *before, json_t *row)
+/* row, a reference that is taken over, in order; NULL and *error if out of memory. */
+static json_t *in_order(const apsm_project *p, const json_t *before, json_t *row, int *error)
 {
     const size_t n = json_object_size(row);
     const char **keys = malloc((n + 1) * sizeof *keys), *key;
@@ -101,12 +101,13 @@ static json_t *in_order(const apsm_project *p, const json_t *before, json_t *row
     free(keys);
     json_decref(row);
     if (ok) return ordered;
+    *error = ENOMEM;
     json_decref(ordered);
     return NULL;
 }
 
 /* The row of a subject as it is now; a new reference, NULL if it cannot be made. */
-static json_t *make_row(const apsm_project *p, const apsm_subject *s)
+static json_t *make_row(const apsm_project *p, const apsm_subject *s, int *error)
 {
     char input[APSM_KEY_LENGTH], groomed[APSM_KEY_LENGTH], local[APSM_KEY_LENGTH],
         world[APSM_KEY_LENGTH], alignment[APSM_KEY_LENGTH], procrustes[APSM_KEY_LENGTH];
@@ -121,7 +122,7 @@ static json_t *make_row(const apsm_project *p, const apsm_subject *s)
         set_transform(row, apsm_project_key(p, "procrustes_", procrustes), s->has_procrustes,
                       s->procrustes) &&
         set_mirrored(row, s->mirrored))
-        return in_order(p, s->row, row);
+        return in_order(p, s->row, row, error);
     json_decref(row);
     return NULL;
 }
@@ -143,14 +144,17 @@ apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_p
         json_decref(root);
         return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
     }
-    for (size_t i = 0; i < project->n; i++)
-        if (json_array_append_new(data, make_row(project, &project->subjects[i])) != 0) {
+    for (size_t i = 0; i < project->n; i++) {
+        int error = 0;
+        if (json_array_append_new(data, make_row(project, &project->subjects[i], &error)) != 0) {
             json_decref(root);
+            if (error) return apsm_fail_errno(ctx, path, "cannot be written", error);
             return apsm_fail(ctx, APSM_ERR_ARG,
                              "%s: not written, a text of shape %zu is not valid UTF-8; rename its "
                              "files",
                              path, i + 1);
         }
+    }
     const apsm_status status = write_root(ctx, path, root);
     json_decref(root);
     return status;

@@ -95,8 +95,10 @@ static apsm_status read_particles(apsm_context *ctx, size_t i, int worker, void 
 {
     (void)worker;
     model_folder *m = user;
-    char *path = apsm_project_path(&m->project, m->project.subjects[i].world_particles);
-    if (!path) return stale(ctx, m, "a shape has no particles");
+    const char *stored = m->project.subjects[i].world_particles;
+    if (!stored) return stale(ctx, m, "a shape has no particles");
+    char *path = apsm_project_path(&m->project, stored);
+    if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_particles_read_n(ctx, path, m->J, m->P + i * m->J * 3);
     free(path);
     return status;
@@ -140,8 +142,9 @@ apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i
 {
     const apsm_subject *s = &m->project.subjects[i];
     double M[16];
+    if (!s->groomed) return stale(ctx, m, "a shape has no groomed mesh");
     char *path = apsm_project_path(&m->project, s->groomed);
-    if (!path) return stale(ctx, m, "a shape has no groomed mesh");
+    if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_vtk_read_mesh(ctx, path, mesh);
     free(path);
     APSM_TRY(status);

@@ -211,21 +211,19 @@ static char *title_of(const char *folder)
     return title;
 }
 
-static json_t *compose(composing *c)
+static json_t *compose(composing *c, const char *title)
 {
     const model_folder *m = c->m;
-    char *title = title_of(m->path);
     choose_steps(c);
     json_t *root = json_pack(
         "{s:s, s:i, s:s, s:I, s:I, s:[f, f, f], s:f, s:f, s:f, s:o, s:o, s:o, s:o, s:O, s:O, s:o}",
-        "format", "apsm-report", "version", DATA_VERSION, "title", title ? title : "model",
-        "particles", (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin",
-        c->lo[0], c->lo[1], c->lo[2], "step", c->step, "largest_distance", c->largest_distance,
-        "mode_step", c->mode_step, "colours", json_colours(c), "variances",
+        "format", "apsm-report", "version", DATA_VERSION, "title", title, "particles",
+        (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin", c->lo[0], c->lo[1],
+        c->lo[2], "step", c->step, "largest_distance", c->largest_distance, "mode_step",
+        c->mode_step, "colours", json_colours(c), "variances",
         apsm_json_vector(m->modes, m->variance), "mean", json_mean(c), "shapes", json_shapes(c),
         "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
         json_manifest(m->manifest));
-    free(title);
     return root;
 }
 
@@ -254,7 +252,10 @@ static apsm_status write_page(apsm_context *ctx, composing *c, const json_t *roo
 static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
 {
     apsm_writer *out = NULL;
-    json_t *root = compose(c);
+    char *title = title_of(c->m->path);
+    if (!title) return APSM_ERR_MEMORY;
+    json_t *root = compose(c, title);
+    free(title);
     apsm_status status = apsm_writer_open(ctx, path, &out);
     if (status == APSM_OK) {
         status = write_page(ctx, c, root, out);

@@ -75,24 +75,28 @@ static apsm_status write_history(const recorder *r)
 
 /* ---- the step ---- */
 
-static bool has_file(const apsm_run *run, const char *name)
+static apsm_status has_file(const apsm_run *run, const char *name, bool *has)
 {
     char *path = run_path(run, name);
-    const bool has = path && apsm_file_exists(path);
+    if (!path) return APSM_ERR_MEMORY;
+    *has = apsm_file_exists(path);
     free(path);
-    return has;
+    return APSM_OK;
 }
 
 static apsm_status load_start(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    if (run->resume && has_file(run, RUN_CHECKPOINT)) {
+    bool begun, initial;
+    APSM_TRY(has_file(run, RUN_CHECKPOINT, &begun));
+    APSM_TRY(has_file(run, RUN_INITIAL, &initial));
+    if (run->resume && begun) {
         APSM_TRY(run_load_state(run, RUN_CHECKPOINT, state, &r->records, &r->n));
         r->capacity = r->n;
         apsm_log(run->ctx, APSM_LOG_INFO, "resuming stage %d at epoch %ld", state->stage,
                  state->epoch);
         return APSM_OK;
     }
-    if (!has_file(run, RUN_INITIAL))
+    if (!initial)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: no initial particles; run `apsm initialize -o %s` first", run->folder,
                          run->folder);
