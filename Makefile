@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: all deps configure test test-crash demo demo-segmentations viewer check sanitize bench install package clean help
+.PHONY: all program deps configure test test-crash demo demo-segmentations viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -24,13 +24,16 @@ test-crash: deps ## a thousand killed runs, each resumed and compared (about hal
 	@$(MAKE) --no-print-directory all
 	@cmake --build $(BUILD) --target test_crash
 
+program: configure ## build/apsm alone, without the tests
+	@cmake --build $(BUILD) -j$(JOBS) --target apsm_cli
+
 demo: deps ## a model of the 27 tali in data/talus
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory program
 	$(BUILD)/apsm run data/talus -o $(BUILD)/demo-talus --reflect-match '_L_' --overwrite
 	@echo "The report: $(CURDIR)/$(BUILD)/demo-talus/report.html"
 
 demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocampus
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory program
 	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2 --overwrite
 	@echo "The report: $(CURDIR)/$(BUILD)/demo-hippocampus/report.html"
 

@@ -264,10 +264,16 @@ bool cli_holds_particles(const char *path)
     return apsm_is_project_file(path) || cli_is_particles_file(path);
 }
 
+bool cli_may_hold_points(const char *path)
+{
+    return apsm_points_extension(path) && apsm_file_exists(path) && !cli_is_particles_file(path);
+}
+
 /* `evaluate` on particle files, not in a model folder. */
 static bool evaluates_files(const cli_args *a)
 {
-    return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 && cli_holds_particles(a->inputs[0]);
+    return a->verb->verb == CLI_EVALUATE && a->n_inputs > 0 &&
+           (cli_holds_particles(a->inputs[0]) || cli_may_hold_points(a->inputs[0]));
 }
 
 /* initialize, optimize, evaluate, report and verify take their folder as operand or by -o. */

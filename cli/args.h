@@ -77,6 +77,8 @@ void cli_args_free(cli_args *args);
 bool cli_is_particles_file(const char *path);
 /* That, or a project file: what evaluate reads besides model folders. */
 bool cli_holds_particles(const char *path);
+/* A file whose format is of meshes and of points: only its content tells. */
+bool cli_may_hold_points(const char *path);
 /* Value of a key in set, or NULL. */
 const char *cli_args_get(const cli_args *args, const char *key);
 

@@ -10,6 +10,7 @@
 #include "apsm/bvh.h"
 #include "apsm/metrics.h"
 #include "apsm/options.h"
+#include "apsm/points_file.h"
 #include "particle_sets.h"
 #include "verbs.h"
 
@@ -43,11 +44,28 @@ static apsm_status check_names(const files_work *w)
     return APSM_OK;
 }
 
+/* Files of VTK may hold particles as well as meshes: those without polygons are particles. */
+static bool holds_particles(const char *path)
+{
+    if (cli_holds_particles(path)) return true;
+    if (!cli_may_hold_points(path)) return false;
+    size_t n;
+    double *P = NULL;
+    apsm_context *quiet = apsm_context_new();
+    const bool points = quiet && apsm_points_read(quiet, path, &n, &P) == APSM_OK;
+    free(P);
+    apsm_context_free(quiet);
+    return points;
+}
+
 /* What holds particles comes first, then as many meshes as shapes, or none. */
 static apsm_status read_operands(files_work *w, const cli_args *args)
 {
     size_t n = 0;
-    while (n < args->n_inputs && cli_holds_particles(args->inputs[n])) n++;
+    while (n < args->n_inputs && holds_particles(args->inputs[n])) n++;
+    if (n == 0)
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "%s: is a mesh; particles come first, meshes after them", args->inputs[0]);
     w->n_meshes = args->n_inputs - n;
     w->mesh_file = args->inputs + n;
     APSM_TRY(cli_sets_read(w->ctx, n, args->inputs, &w->in));

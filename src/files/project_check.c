@@ -3,6 +3,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "apsm/particles_file.h"
 #include "files/io.h"
@@ -49,9 +50,21 @@ static void check_file(checking *c, const apsm_subject *s, const char *what, con
     free(path);
 }
 
+/* ShapeWorks' option particle_format = vtk; what is in them, convert and evaluate tell. */
+static bool is_vtk(const char *stored)
+{
+    const size_t length = stored ? strlen(stored) : 0;
+    return length > 4 &&
+           (strcmp(stored + length - 4, ".vtk") == 0 || strcmp(stored + length - 4, ".vtp") == 0);
+}
+
 static void check_particles(checking *c, size_t i, const char *what, const char *stored)
 {
     const apsm_subject *s = &c->project->subjects[i];
+    if (is_vtk(stored)) {
+        check_file(c, s, "particle file", stored);
+        return;
+    }
     char *path = path_of(c, s, what, stored);
     size_t n = 0;
     double *P = NULL;

@@ -57,7 +57,7 @@ cmp model/zoe.particles zoe.particles || fail "Slicer's markups"
 # evaluate reads any of them.
 mkdir eval
 for i in 0 1 2 3; do printf '0 0 %d\n1 0.5 %d\n0 1 2\n%d 1 3\n' $i $((i * i)) $((i + 1)) >eval/$i.lpts; done
-for extension in lpts csv npy mrk.json; do
+for extension in lpts particles wpts csv npy mrk.json vtk vtp; do
     [ $extension = lpts ] || convert eval/?.lpts -o eval --to $extension
     "$apsm" evaluate --quiet eval/?.$extension >eval_$extension || fail "evaluate *.$extension"
     cmp eval_lpts eval_$extension || fail "evaluate differs on .$extension"
@@ -110,6 +110,14 @@ warns "are not aligned" evaluate many/e?_local.particles
 sed 's/LPS/RAS/' slicer/zoe.mrk.json >ras.mrk.json
 warns "is in RAS" convert ras.mrk.json -o ras.csv
 "$apsm" evaluate many/e?_*.particles 2>&1 | grep -q "different frames" || fail "frames are mixed"
+
+# Meshes of the same format follow their particles, and alone are none.
+"$apsm" evaluate -q many/e?_world.particles many/e?.ply >/dev/null 2>said && fail "other particles pass"
+grep -q "are not on it" said || fail "evaluate with meshes: $(cat said)"
+convert many/e?_world.particles -o vtk --to vtk
+"$apsm" evaluate -q vtk/e?_world.vtk | cmp - eval_files || fail "evaluate on points of VTK"
+printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\nPOLYGONS 1 4\n3 0 1 2\n' >mesh.vtk
+"$apsm" evaluate mesh.vtk mesh.vtk mesh.vtk 2>&1 | grep -q "is a mesh; particles come first" || fail "meshes pass for particles"
 
 # What is wrong leaves nothing behind.
 before=$(find . | sort)

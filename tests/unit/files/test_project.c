@@ -394,6 +394,12 @@ static void every_problem_of_a_project_is_one_line(void **state)
                          "\"local_particles_1\": \"a.particles\"}]}");
     assert_int_equal(apsm_project_check(ctx, &p, note, lines), 0);
     apsm_project_free(&p);
+    p = read_text(state, "{\"data\": [{\"name\": \"a\", \"shape_1\": \"a.ply\", "
+                         "\"world_particles_1\": \"a.ply.vtk\"}]}");
+    lines[0] = '\0';
+    assert_int_equal(apsm_project_check(ctx, &p, note, lines), 1);
+    assert_non_null(strstr(lines, "a.ply.vtk does not exist"));
+    apsm_project_free(&p);
     assert_int_equal(apsm_project_init(ctx, *state, &p), APSM_OK);
     assert_int_equal(apsm_project_check(ctx, &p, note, lines), 1);
     apsm_project_free(&p);
