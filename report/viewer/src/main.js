@@ -347,7 +347,7 @@ function fillCohort(strange) {
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
   const readout = el("p", { class: "small screen", "aria-live": "polite" });
-  const hint = "Point at a particle to find it on every shape; click keeps it. The keys , and . go through all particles.";
+  const hint = "Point at a particle to find it on every shape; click keeps it. The comma and full stop keys go through all particles.";
   const tell = () => (readout.textContent = readoutText() || hint);
   refresh.particle.push(tell);
   tell();
