@@ -1,4 +1,5 @@
 /* What is wrong with inputs or a project, and what a run would take: nothing is written. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -68,40 +69,125 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
 
 /* ---- dry run ---- */
 
-/* Rates of one 2020s core (benchmarks/bench_cohort.c); they only serve a rough forecast. */
-static const double groom_seconds = 0.6, align_seconds = 0.3, field_seconds = 0.2;
-static const double pair_seconds = 6e-9, factor_rate = 1.5e10;
-
-/* CPU seconds of an epoch of one shape: the pairs of points and particles within reach, and the
- * factorisation of the RBF-shape if it is needed. */
-static double epoch_seconds(const apsm_options *o, bool adaptive)
+/* CPU seconds of one shape on a core of the 2020s, as functions of J particles fitted to what
+ * benchmarks/rates measures; they only serve a forecast. */
+static double groom_seconds(const apsm_options *o)
 {
-    const double J = (double)o->particles, R = o->points * J, n = 3 * J;
-    const double near = J < 50 ? J : 50;
-    const double fit = n * n * n / 3 / factor_rate + R * n * 1.5e-9;
-    return R * near * pair_seconds + (adaptive ? fit : 0);
+    return 0.18 * (double)o->faces / 10000;
 }
 
-static void forecast(const apsm_run *run, size_t I)
+/* The pairs that the template is chosen from (docs/method.md, Initialisation). */
+static double template_seconds(double I)
+{
+    enum { ALL = 32, CANDIDATES = 24, COMPARED = 96 };
+    const double pairs = I <= ALL ? I * I / 2 : CANDIDATES * fmin(I, COMPARED);
+    return 0.002 * pairs;
+}
+
+static double initialize_seconds(double J)
+{
+    return 0.06 + 5.5e-4 * J;
+}
+
+static double epoch_seconds(double J, bool adaptive)
+{
+    const double n = 3 * J;
+    return 1e-5 * J + 1e-8 * J * J + (adaptive ? n * n * (7e-9 + n * 4e-12) : 0);
+}
+
+static double pass_seconds(double J)
+{
+    return 3.5e-3 + 2e-5 * J;
+}
+
+/* Normal equations in 2J unknowns, and the surfaces that are looked up. */
+static double round_seconds(const apsm_options *o)
+{
+    const double unknowns = 2 * (double)o->particles;
+    return 0.023 + (double)o->fidelity_points * unknowns * unknowns * 5e-11;
+}
+
+static double evaluate_seconds(double J)
+{
+    return 0.08 + 1e-4 * J; /* with the report */
+}
+
+/* Of one shape: iterations are counted by the particles that there are after each split. */
+static double psm_seconds(const apsm_options *o)
+{
+    const double J = (double)o->particles;
+    double visits = J * (double)o->psm_optimization_iterations;
+    for (double n = 1; n < J; n *= 2)
+        visits += fmin(2 * n, J) * (double)o->psm_iterations_per_split;
+    return 3e-6 * visits;
+}
+
+static double optimize_seconds(const apsm_options *o)
+{
+    const double J = (double)o->particles, epochs = (double)o->stage1_epochs;
+    if (o->method == APSM_METHOD_PSM) return psm_seconds(o);
+    double seconds = epochs * epoch_seconds(J, false) +
+                     (double)o->stage2_epochs * epoch_seconds(J, o->adaptivity > 0);
+    if (o->geodesic_correspondence && epochs > 0)
+        seconds += (2 + epochs / fmin((double)o->geodesic_interval, fmax(epochs / 4, 1))) *
+                   pass_seconds(J);
+    if (o->fidelity > 0) seconds += (double)o->fidelity_rounds * round_seconds(o);
+    return seconds;
+}
+
+/* Of a finished shape: mesh, trees, tables, and its distance field unless the method has none. */
+static double shape_bytes(const apsm_options *o)
+{
+    const double field = o->method == APSM_METHOD_PSM ? 0 : 8.7e3 * (double)o->particles;
+    return 370 * (double)o->faces + field;
+}
+
+static double other_bytes(const apsm_options *o, double I, double threads)
+{
+    const double J = (double)o->particles;
+    return 40e6 + threads * (110 * J * J + 5e6) + 8 * J * (double)o->faces + 200 * I * J;
+}
+
+static void forecast(const apsm_run *run, size_t shapes)
 {
     const apsm_options *o = &run->options;
-    const double threads = apsm_context_threads(run->ctx), n = (double)I;
-    const double pairs = I <= 32 ? n * n / 2 * 0.01 : n * 0.3;
-    const double groom = n * (groom_seconds + align_seconds) + pairs;
-    const double optimize =
-        n * (field_seconds + (double)o->stage1_epochs * epoch_seconds(o, false) +
-             (double)o->stage2_epochs * epoch_seconds(o, o->adaptivity > 0));
-    const double J = (double)o->particles, faces = (double)o->faces;
-    const double memory = n * (faces * 250 + J * 12e3 + J * 24 * 6) + threads * 9 * J * J * 24;
+    const double threads = apsm_context_threads(run->ctx), I = (double)shapes,
+                 J = (double)o->particles;
+    const double seconds =
+        I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o) + evaluate_seconds(J)) +
+        template_seconds(I);
+    const double stored = I * shape_bytes(o), others = other_bytes(o, I, threads);
+    const double limit = (double)run->memory;
+    const bool stores = run->memory > 0;
     apsm_log(run->ctx, APSM_LOG_INFO, "about %.0f s on %.0f threads, %.0f MB of memory",
-             (groom + optimize) / threads + 1, threads, memory / 1e6 + 60);
+             seconds / threads + 1, threads,
+             (stores ? fmax(others, fmin(limit, others + stored)) : others + stored) / 1e6);
+    if (stores)
+        apsm_log(run->ctx, APSM_LOG_INFO, "about %.0f MB of disk in %s/state while it runs",
+                 stored / 1e6, run->folder);
+}
+
+static void describe_plan(const apsm_run *run, size_t shapes)
+{
+    const apsm_options *o = &run->options;
+    if (o->method == APSM_METHOD_PSM)
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "%zu shapes, %ld particles each, method psm; %ld iterations a split, %ld after; "
+                 "into %s",
+                 shapes, o->particles, o->psm_iterations_per_split, o->psm_optimization_iterations,
+                 run->folder);
+    else
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "%zu shapes, %ld particles each, adaptivity %g; %ld + %ld epochs, %ld fidelity "
+                 "rounds; into %s",
+                 shapes, o->particles, o->adaptivity, o->stage1_epochs, o->stage2_epochs,
+                 o->fidelity > 0 ? o->fidelity_rounds : 0, run->folder);
 }
 
 apsm_status apsm_run_dry(apsm_run *run)
 {
     groom_inputs in = { 0 };
     apsm_context *ctx = run->ctx;
-    const apsm_options *o = &run->options;
     const apsm_status status = groom_inputs_list(run, &in);
     if (status != APSM_OK) {
         groom_inputs_free(&in);
@@ -110,9 +196,7 @@ apsm_status apsm_run_dry(apsm_run *run)
     for (size_t i = 0; i < in.list.n; i++)
         apsm_log(ctx, APSM_LOG_INFO, "%s: %s%s", in.list.cases[i].name, in.list.cases[i].path,
                  in.list.cases[i].reflect ? " (to be mirrored)" : "");
-    apsm_log(ctx, APSM_LOG_INFO,
-             "%zu shapes, %ld particles each, adaptivity %g; %ld + %ld epochs; into %s", in.list.n,
-             o->particles, o->adaptivity, o->stage1_epochs, o->stage2_epochs, run->folder);
+    describe_plan(run, in.list.n);
     forecast(run, in.list.n);
     groom_inputs_free(&in);
     return APSM_OK;

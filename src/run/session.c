@@ -695,6 +695,7 @@ apsm_status apsm_run_all(apsm_run *run)
     }
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
+    run_unload(run); /* the report reads what it needs */
     return apsm_run_report(run);
 }
 

@@ -76,6 +76,14 @@ done
 
 # ---- a run and what it leaves ----
 expect 0 "about" run cohort -o model "${quick[@]}" --dry-run
+expect 0 "4 fidelity rounds" run cohort -o model "${quick[@]}" --dry-run
+expect 0 "MB of disk in model/state" run cohort -o model "${quick[@]}" --memory 64M --dry-run
+expect 0 "1000 iterations a split" run cohort -o model --method psm --dry-run
+# seconds OPTION...: the forecast
+seconds() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/^about \([0-9]*\) s on.*/\1/p'; }
+plain=$(seconds --threads 1 --fidelity 0 -J 512 --fidelity-rounds 100)
+[ "$(seconds --threads 1 -J 512 --fidelity-rounds 100)" -gt $((plain + 20)) ] ||
+    fail "--dry-run: the fidelity stage costs nothing"
 [ -e model ] && fail "--dry-run wrote something"
 expect 0 "verdict:" run cohort -o model "${quick[@]}" --threads 1
 for file in project.swproj manifest.json history.csv model.json scores.csv evaluation.json \
