@@ -141,7 +141,8 @@ extern "C" {
         "else all)")                                                                               \
     BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")               \
     /* run */                                                                                      \
-    REAL(checkpoint_seconds, 60, 0, 1e9, "seconds between two checkpoints; 0: after every epoch")
+    REAL(checkpoint_seconds, 10, 0, 1e9,                                                           \
+         "seconds between two checkpoints, more if writing one takes long; 0: after every epoch")
 
 #define APSM_FIELD_INT(name, dflt, lo, hi, doc)  long name;
 #define APSM_FIELD_REAL(name, dflt, lo, hi, doc) double name;

@@ -393,7 +393,7 @@ static double icp_run(icp_job *job, double M[16], double *work)
     return now.residual;
 }
 
-/* ---- To rest ---- */
+/* ---- To rest: (13) of docs/method.md ---- */
 
 /* The last poses, as sums of steps, and the steps that were proposed there. */
 typedef struct trail {

@@ -8,12 +8,15 @@
 #include "run/manifest.h"
 #include "run/session.h"
 
+/* Of the time, at most so much goes into checkpoints, unless one is wanted after every epoch. */
+static const double checkpoint_share = 0.01;
+
 /* What on_epoch needs; records grows by doubling. */
 typedef struct recorder {
     apsm_run *run;
     apsm_epoch_record *records;
     size_t n, capacity;
-    double saved_at; /* seconds on clock */
+    double saved_at, save_took; /* seconds on clock; of the last checkpoint */
     stage_clock clock;
 } recorder;
 
@@ -35,9 +38,12 @@ static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
 {
     recorder *r = user;
     APSM_TRY(append_record(r, record));
-    if (stage_wall(&r->clock) - r->saved_at < r->run->options.checkpoint_seconds) return APSM_OK;
+    const double wanted = r->run->options.checkpoint_seconds, now = stage_wall(&r->clock);
+    if (wanted > 0 && now - r->saved_at < fmax(wanted, r->save_took / checkpoint_share))
+        return APSM_OK;
     APSM_TRY(run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n));
     r->saved_at = stage_wall(&r->clock);
+    r->save_took = r->saved_at - now;
     return APSM_OK;
 }
 

@@ -85,6 +85,10 @@ only 1
 rm cohort/s2.ply
 verify 1 "input s2: cohort/s2.ply: missing"
 only 2
+find x -type f -exec cksum {} + | sort >before
+"$apsm" groom -o x --overwrite >said 2>&1 && fail "groom without an input"
+grep -q "s2.ply" said || fail "a vanished input is not told: $(cat said)"
+find x -type f -exec cksum {} + | sort | cmp -s - before || fail "a failed groom changed the model"
 mv cohort elsewhere
 verify 1 "input s0: cohort/s0.ply: missing; removed or moved"
 rm -rf elsewhere both
