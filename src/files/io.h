@@ -11,6 +11,9 @@
 /* Fails with "PATH: WHAT: reason; remedy" for the given errno; ENOMEM gives APSM_ERR_MEMORY. */
 apsm_status apsm_fail_errno(apsm_context *ctx, const char *path, const char *what, int error);
 
+/* Brings the entry of path in its folder to the disk; 0 or an errno. */
+int apsm_sync_folder_of(const char *path);
+
 /* Between the two, this thread's numbers have a decimal point whatever the user's locale. */
 locale_t apsm_numbers_begin(void);
 void apsm_numbers_end(locale_t before);

@@ -32,7 +32,7 @@ apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes
 /* Another process may make the same folder meanwhile: what counts is that it is there. */
 static int make_one(const char *path)
 {
-    if (mkdir(path, 0777) == 0) return 0;
+    if (mkdir(path, 0777) == 0) return apsm_sync_folder_of(path);
     const int error = errno;
     if (apsm_is_folder(path)) return 0;
     return error == EEXIST ? ENOTDIR : error;

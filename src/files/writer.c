@@ -147,7 +147,7 @@ bool apsm_writer_failed(const apsm_writer *w)
 
 /* A folder's entry survives a power cut only after an fsync of the folder; some file systems
  * do not offer that, and then need none. */
-static int sync_folder_of(const char *path)
+int apsm_sync_folder_of(const char *path)
 {
     char *folder = apsm_path_folder(path);
     if (!folder) return ENOMEM;
@@ -161,7 +161,7 @@ static int sync_folder_of(const char *path)
 
 static int replace(const char *temp, const char *path)
 {
-    return rename(temp, path) == 0 ? sync_folder_of(path) : errno;
+    return rename(temp, path) == 0 ? apsm_sync_folder_of(path) : errno;
 }
 
 apsm_status apsm_writer_commit(apsm_writer *w)

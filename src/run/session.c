@@ -455,8 +455,11 @@ static void hash_options(const apsm_run *run, apsm_sha256 *sha)
         apsm_sha256_add(sha, table[k].name, strlen(table[k].name) + 1);
         apsm_sha256_add(sha, text, strlen(text) + 1);
     }
-    const uint64_t seed = apsm_context_seed(run->ctx);
+    const uint64_t seed = apsm_context_seed(run->ctx), record = sizeof(apsm_epoch_record);
     apsm_sha256_add(sha, &seed, sizeof seed);
+    /* Another version would go on differently, and may keep other records. */
+    apsm_sha256_add(sha, APSM_VERSION, sizeof APSM_VERSION);
+    apsm_sha256_add(sha, &record, sizeof record);
 }
 
 apsm_status run_identity(apsm_run *run, char hex[65])
@@ -532,8 +535,8 @@ static apsm_status check_identity(apsm_run *run, const char *path, const apsm_ch
     APSM_TRY(run_identity(run, now));
     if (memcmp(stored, now, sizeof now) == 0) return APSM_OK;
     return apsm_fail(run->ctx, APSM_ERR_STATE,
-                     "%s: belongs to other options or other groomed shapes; run `apsm initialize "
-                     "-o %s` and optimize anew",
+                     "%s: belongs to other options, other groomed shapes or another version of "
+                     "apsm; run `apsm initialize -o %s` and optimize anew",
                      path, run->folder);
 }
 
