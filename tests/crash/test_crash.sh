@@ -3,9 +3,9 @@
 # agrees with its manifest, and --resume ends in the same bytes as a run left alone.
 #   test_crash.sh APSM MAKE_SYNTHETIC FAULT_LIBRARY KILLS [SEED]
 # Half of the kills come by the clock, half at an operation on the disk, in the middle of a write if it
-# is one; a fifth as many runs are interrupted by Ctrl-C, and three tenths meet a disk that is full,
-# once or for good, or has become read-only.  All is random; the seed, which is printed, repeats all
-# but the clock.
+# is one; a fifth as many runs are interrupted by Ctrl-C, three tenths meet a disk that is full, once or
+# for good, or has become read-only, and in a fifth evaluate is killed when it is repeated.  All is
+# random; the seed, which is printed, repeats all but the clock.
 set -u
 apsm=$1 synthetic=$2 library=$3 kills=$4 seed=${5:-$(date +%N | sed 's/^0*//')}
 export ASAN_OPTIONS=verify_asan_link_order=0
@@ -112,5 +112,25 @@ for ((k = 0; k < 3 * kills / 10; k++)); do
     *) fail "$mode at operation $n: exit code $code, $(cat said)" ;;
     esac
     finish "$mode at operation $n"
+done
+# A step that is repeated on a finished model, and killed: no mixture of two models.
+mkdir paper
+rm -rf x
+cp -r whole/x x
+"$apsm" evaluate x --definition paper --quiet || fail "evaluate"
+"$apsm" verify x >/dev/null 2>&1 && fail "an old report is not told"
+level x
+mv x paper/x
+for ((k = 0; k < (kills + 4) / 5; k++)); do
+    rm -rf x
+    cp -r whole/x x
+    n=$((1 + $(random $((operations / 3)))))
+    { LD_PRELOAD=$library APSM_FAULT=kill:$n "$apsm" evaluate x --definition paper --quiet >said; } \
+        2>/dev/null
+    "$apsm" run -o x --resume --quiet >said 2>&1 || fail "evaluate killed at $n: $(cat said)"
+    "$apsm" verify x >said 2>&1 || fail "evaluate killed at $n: verify: $(cat said)"
+    level x
+    diff -r x whole/x >/dev/null 2>&1 || diff -r x paper/x >said 2>&1 ||
+        fail "evaluate killed at operation $n: a mixture: $(head -c 2000 said)"
 done
 exit $failed
