@@ -157,6 +157,7 @@ int main(int argc, char **argv)
         if (strncmp(argv[k], "prior=", 6) == 0) o.prior = x;
         if (strncmp(argv[k], "stay=", 5) == 0) o.stay = x;
         if (strncmp(argv[k], "smooth=", 7) == 0) o.smooth = x;
+        if (strncmp(argv[k], "order=", 6) == 0) o.order = x;
         if (strncmp(argv[k], "modes=", 6) == 0) o.modes = (long)x;
         if (strncmp(argv[k], "rounds=", 7) == 0) o.rounds = (long)x;
         if (strncmp(argv[k], "iterations=", 11) == 0) o.iterations = (long)x;

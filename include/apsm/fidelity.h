@@ -11,27 +11,29 @@ extern "C" {
 
 typedef struct apsm_fidelity_options {
     double fidelity; /* F in (0, 1]: the prior weighs prior (1 - F) / F; 1: no prior */
-    double prior;    /* weight of the prior at F = 1/2: 4 */
+    double prior;    /* weight of the prior at F = 1/2: 7 */
     double stay;     /* lambda: pull to where the stage began: 0.02 */
-    double smooth;   /* mu: neighbours move alike: 1 */
+    double smooth;   /* mu: neighbours move alike: 0.1 */
+    double order;    /* nu: neighbours of the template stay neighbours: 16 */
     long modes;      /* of the prior; -1: as many as predict left-out shapes best */
-    long rounds;     /* prior and shapes in turn: 4 */
+    long rounds;     /* prior and shapes in turn: 8 */
     long iterations; /* most Gauss-Newton steps of a shape in a round: 1 */
-    size_t points;   /* of either surface, about; all if it has fewer: 2000 */
+    size_t points;   /* of either surface, about; all if it has fewer: 1000 */
     double floor;    /* distances below this count as squares; in h: 0.05 */
     double clip;     /* longest move of a particle in a step; in h: 0.25 */
 } apsm_fidelity_options;
 apsm_fidelity_options apsm_fidelity_defaults(void);
 
-/* The Gaussian that the other shapes suggest for one shape, lengths in h: probabilistic PCA
- * (Tipping and Bishop 1999).  Precision up to a factor: S = 1 - sum over modes of weight u u^T,
- * weight = 1 - noise / variance.  Owns its arrays. */
+/* The Gaussian that the other shapes suggest for one shape, lengths in h and of every particle
+ * times its scale: probabilistic PCA (Tipping and Bishop 1999).  Precision up to a factor:
+ * S = 1 - sum over modes of weight u u^T, weight = 1 - noise / variance.  Owns its arrays. */
 typedef struct apsm_fidelity_prior {
     size_t I, J, modes, folds; /* shape i belongs to fold i % folds */
     double *noise;             /* folds: variance of a coordinate beside the modes, in h^2 */
     double *mean;              /* folds x 3J */
     double *mode;              /* folds x modes x 3J: orthonormal rows */
     double *weight;            /* folds x modes */
+    double *scale;             /* J: small for particles that the models predict badly */
     double gain; /* log-likelihood of left-out shapes, a shape, over that without modes */
 } apsm_fidelity_prior;
 
@@ -58,7 +60,7 @@ double apsm_fidelity_spacing(const apsm_fidelity *fidelity); /* h */
 typedef struct apsm_fidelity_record {
     double before, after; /* two-way distance on the round's points, in h */
     double step;          /* move of a particle, in h */
-    size_t moved, kept;   /* shapes that moved; that the certificate sent back */
+    size_t moved, kept;   /* shapes that moved; that have particles the certificate sent back */
     size_t modes;         /* of the prior */
     double noise;         /* its standard deviation beside the modes, in h */
 } apsm_fidelity_record;

@@ -109,10 +109,10 @@ extern "C" {
     REAL(fidelity, 0.5, 0, 1,                                                                      \
          "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
          "the other shapes weighs (1 - F)/F against that; 0: no such stage")                       \
-    INT(fidelity_rounds, 4, 1, 1000, "rounds of the fidelity stage")                               \
+    INT(fidelity_rounds, 8, 1, 1000, "rounds of the fidelity stage")                               \
     INT(fidelity_modes, -1, -1, 100000,                                                            \
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
-    INT(fidelity_points, 2000, 100, 10000000,                                                      \
+    INT(fidelity_points, 1000, 100, 10000000,                                                      \
         "vertices of either surface, about, that (12) sums over")                                  \
     /* method psm: names and defaults of ShapeWorks, lengths in psm_unit */                        \
     REAL(psm_initial_relative_weighting, 0.05, 0, 1e6,                                             \

@@ -241,17 +241,31 @@ static void fill_triangle(const apsm_bvh *bvh, uint32_t f, triangle *t)
     vec3_normalise(unit);
 }
 
+static void fill_leaf(apsm_bvh *bvh, size_t number)
+{
+    leaf *out = &bvh->leaves[number];
+    for (size_t i = 0; i < LEAF; i++) {
+        triangle t;
+        double rows[ROWS];
+        fill_triangle(bvh, bvh->face[LEAF * number + i], &t);
+        memcpy(rows, &t, sizeof t);
+        for (int r = 0; r < ROWS; r++) out->row[r][i] = rows[r];
+    }
+}
+
 static void add_leaf(apsm_bvh *bvh, const uint32_t *faces, uint32_t count)
 {
-    leaf *out = &bvh->leaves[bvh->leaf_count];
-    uint32_t *face = bvh->face + LEAF * bvh->leaf_count++;
-    for (uint32_t i = 0; i < LEAF; i++) {
-        triangle t;
-        double number[ROWS];
-        face[i] = faces[i < count ? i : count - 1];
-        fill_triangle(bvh, face[i], &t);
-        memcpy(number, &t, sizeof t);
-        for (int r = 0; r < ROWS; r++) out->row[r][i] = number[r];
+    const size_t number = bvh->leaf_count++;
+    for (uint32_t i = 0; i < LEAF; i++)
+        bvh->face[LEAF * number + i] = faces[i < count ? i : count - 1];
+    fill_leaf(bvh, number);
+}
+
+static void set_bounds(node *n, int child, const box *bounds)
+{
+    for (int c = 0; c < 3; c++) {
+        n->lo[c][child] = bounds->lo[c];
+        n->hi[c][child] = bounds->hi[c];
     }
 }
 
@@ -263,13 +277,8 @@ static void build_wide(apsm_bvh *bvh, const builder *t, uint32_t b)
     node *out = &bvh->nodes[self];
     memset(out, 0, sizeof *out);
     out->children = (uint8_t)gather_children(tree, b, child);
-    for (int k = 0; k < WIDTH; k++) {
-        const box *bounds = k < out->children ? &tree[child[k]].bounds : &empty_box;
-        for (int c = 0; c < 3; c++) {
-            out->lo[c][k] = bounds->lo[c];
-            out->hi[c][k] = bounds->hi[c];
-        }
-    }
+    for (int k = 0; k < WIDTH; k++)
+        set_bounds(out, k, k < out->children ? &tree[child[k]].bounds : &empty_box);
     for (int k = 0; k < out->children; k++) {
         const binary *c = &tree[child[k]];
         out->count[k] = (uint8_t)c->count;
@@ -386,6 +395,38 @@ void bvh_arrays(apsm_bvh *bvh, array_list *list)
     arrays_add(list, &bvh->face_normal, 3 * nf * sizeof *bvh->face_normal);
     arrays_add(list, &bvh->vertex_normal, 3 * nv * sizeof *bvh->vertex_normal);
     arrays_add(list, &bvh->twin, 3 * nf * sizeof *bvh->twin);
+}
+
+/* Bounds of a child whose own children are up to date. */
+static box child_bounds(const apsm_bvh *bvh, const node *n, int child)
+{
+    box b = empty_box;
+    if (n->count[child] > 0) {
+        for (uint32_t i = 0; i < n->count[child]; i++) {
+            const box face = face_box(bvh, bvh->face[LEAF * (size_t)n->first[child] + i]);
+            box_grow(&b, &face);
+        }
+        return b;
+    }
+    const node *inner = &bvh->nodes[n->first[child]];
+    for (int k = 0; k < inner->children; k++)
+        for (int c = 0; c < 3; c++) {
+            b.lo[c] = inner->lo[c][k] < b.lo[c] ? inner->lo[c][k] : b.lo[c];
+            b.hi[c] = inner->hi[c][k] > b.hi[c] ? inner->hi[c][k] : b.hi[c];
+        }
+    return b;
+}
+
+void apsm_bvh_refit(apsm_bvh *bvh)
+{
+    choose_frame(bvh);
+    for (size_t l = 0; l < bvh->leaf_count; l++) fill_leaf(bvh, l);
+    for (size_t n = bvh->node_count; n-- > 0;) /* children have larger numbers */
+        for (int k = 0; k < bvh->nodes[n].children; k++) {
+            const box b = child_bounds(bvh, &bvh->nodes[n], k);
+            set_bounds(&bvh->nodes[n], k, &b);
+        }
+    apsm_mesh_vertex_normals(bvh->mesh, bvh->vertex_normal);
 }
 
 void apsm_bvh_free(apsm_bvh *bvh)

@@ -13,6 +13,7 @@
 
 #include "apsm/correspondence_loss.h"
 #include "apsm/linalg.h"
+#include "apsm/snap.h"
 #include "geometry/vec3.h"
 #include "optimize/fidelity_shape.h"
 
@@ -21,13 +22,14 @@ enum { HALVINGS = 4 };
 apsm_fidelity_options apsm_fidelity_defaults(void)
 {
     return (apsm_fidelity_options){ .fidelity = 0.5,
-                                    .prior = 4,
+                                    .prior = 7,
                                     .stay = 0.02,
-                                    .smooth = 1,
+                                    .smooth = 0.1,
+                                    .order = 16,
                                     .modes = -1,
-                                    .rounds = 4,
+                                    .rounds = 8,
                                     .iterations = 1,
-                                    .points = 2000,
+                                    .points = 1000,
                                     .floor = 0.05,
                                     .clip = 0.25 };
 }
@@ -148,9 +150,18 @@ static bool is_worse(const faults *a, const faults *b)
     return a->count > b->count || (a->reasons & ~b->reasons) != 0;
 }
 
-/* Of particles P on shape i; s is scratch. */
+/* The particles that a certificate names. */
+static void mark_named(const apsm_fidelity *f, const apsm_certificate *c, bool *named)
+{
+    memset(named, 0, f->J * sizeof *named);
+    for (size_t k = 0; k < c->mismatched; k++) named[c->mismatched_list[k]] = true;
+    for (size_t k = 0; k < 2 * c->swaps; k++) named[c->swap[k / 2][k % 2]] = true;
+    for (size_t k = 0; k < 3 * c->folds; k++) named[c->fold[k / 3][k % 3]] = true;
+}
+
+/* Of particles P on shape i; s is scratch.  named (J, out) may be NULL. */
 static apsm_status find_faults(const apsm_fidelity *f, size_t i, const double *P, fidelity_state *s,
-                               faults *out)
+                               faults *out, bool *named)
 {
     const apsm_shape *shape = &f->cohort->shape[i];
     const apsm_certificate_options o = apsm_certificate_defaults();
@@ -169,6 +180,7 @@ static apsm_status find_faults(const apsm_fidelity *f, size_t i, const double *P
         status = apsm_certify(&in, &o, &c);
     }
     *out = (faults){ c.swaps + c.folds, c.reasons };
+    if (status == APSM_OK && named) mark_named(f, &c, named);
     apsm_certificate_free(&c);
     apsm_geodesic_work_free(g);
     apsm_neighbourhoods_free(&rows);
@@ -210,28 +222,29 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
     return (fidelity_weights){ .stay = diagonal * o->stay,
                                .smooth = diagonal * o->smooth,
                                .prior = diagonal * o->prior * (1 - F) / F,
+                               .order = diagonal * o->order,
                                .mean = p->mean + fold * D,
                                .modes = p->modes,
                                .mode = p->mode + fold * p->modes * D,
-                               .weight = p->weight + fold * p->modes };
+                               .weight = p->weight + fold * p->modes,
+                               .scale = p->scale };
 }
 
 /* From w->a, where the system has been solved, to w->b; false if no length of the step will do. */
-static apsm_status try_steps(const round_task *t, size_t i, const fidelity_weights *q, double limit,
-                             size_t folds, fidelity_work *w, bool *accepted)
+static bool try_steps(const round_task *t, size_t i, const fidelity_weights *q, double limit,
+                      size_t folds, fidelity_work *w)
 {
     const apsm_fidelity *f = t->f;
     const double *P0 = t->P0 + i * 3 * f->J;
     double length = 1;
-    *accepted = false;
-    for (int k = 0; k < HALVINGS && !*accepted; k++, length /= 2) {
+    for (int k = 0; k < HALVINGS; k++, length /= 2) {
         fidelity_move(f, i, length, &w->a, &w->b, w);
         if (fidelity_folds(f, &w->b) > folds) continue;
-        APSM_TRY(fidelity_measure(f, i, t->round, &w->b, w));
+        fidelity_measure(f, i, t->round, &w->b, w);
         fidelity_value(f, q, P0, &w->b, w);
-        *accepted = w->b.value < w->a.value && w->b.distance <= limit;
+        if (w->b.value < w->a.value && w->b.distance <= limit) return true;
     }
-    return APSM_OK;
+    return false;
 }
 
 static apsm_status solve(size_t n, fidelity_work *w)
@@ -242,15 +255,14 @@ static apsm_status solve(size_t n, fidelity_work *w)
     return APSM_OK;
 }
 
-static apsm_status descend(const round_task *t, size_t i, double limit, fidelity_work *w,
-                           bool *moved)
+static bool descend(const round_task *t, size_t i, double limit, fidelity_work *w)
 {
     const apsm_fidelity *f = t->f;
     const double *P0 = t->P0 + i * 3 * f->J;
     const size_t folds = fidelity_folds(f, &w->a);
     fidelity_weights q = { 0 };
+    bool moved = false;
     for (long k = 0; k < f->o.iterations; k++) {
-        bool accepted;
         const double diagonal = fidelity_linearise(f, &w->a, w);
         if (k == 0) {
             q = weights_at(t, i, diagonal);
@@ -258,33 +270,46 @@ static apsm_status descend(const round_task *t, size_t i, double limit, fidelity
         }
         fidelity_add_quadratic(f, &q, P0, &w->a, w);
         if (solve(2 * f->J, w) != APSM_OK) break; /* no step is better than a wrong one */
-        APSM_TRY(try_steps(t, i, &q, limit, folds, w, &accepted));
-        if (!accepted) break;
+        if (!try_steps(t, i, &q, limit, folds, w)) break;
         swap_states(w);
-        *moved = true;
+        moved = true;
     }
-    return APSM_OK;
+    return moved;
 }
 
-/* Where the last round leaves a shape: as it is now, or as before the round, or as before the
- * stage; the first of them that has no fault which the last of them had not. */
+/* Halves the way that particles with faults, and their neighbours on the template, have come since
+ * the stage began; P = the particles there, back on the surface. */
+static void return_half_way(const apsm_fidelity *f, size_t i, const double *P0, const bool *named,
+                            double *P)
+{
+    for (size_t j = 0; j < f->J; j++) {
+        bool returns = named[j];
+        for (size_t q = 0; q < APSM_NEIGHBOURS; q++)
+            returns |= named[f->N6[APSM_NEIGHBOURS * j + q]];
+        if (!returns) continue;
+        for (size_t c = 3 * j; c < 3 * j + 3; c++) P[c] = 0.5 * P[c] + 0.5 * P0[c];
+        apsm_snap_closest(f->cohort->shape[i].bvh, 1, P + 3 * j, NULL);
+    }
+}
+
+/* The last round leaves no shape with a fault that it had not when the stage began: particles that
+ * make one return half-way, if need be again, and at last the shape as a whole. */
 static apsm_status certify_end(const round_task *t, size_t i, fidelity_work *w, shape_result *r)
 {
-    const size_t D = 3 * t->f->J;
+    enum { RETURNS = 6 };
+    const size_t J = t->f->J;
+    const double *P0 = t->P0 + i * 3 * J;
+    double *P = t->P + i * 3 * J;
     faults now, first;
-    APSM_TRY(find_faults(t->f, i, t->P + i * D, &w->a, &now));
+    APSM_TRY(find_faults(t->f, i, P, &w->a, &now, w->named));
     if (now.reasons == 0 && now.count == 0) return APSM_OK;
-    APSM_TRY(find_faults(t->f, i, t->P0 + i * D, &w->a, &first));
-    if (!is_worse(&now, &first)) return APSM_OK;
-    r->kept = true;
-    if (r->moved) {
-        APSM_TRY(find_faults(t->f, i, w->entry, &w->a, &now));
-        if (!is_worse(&now, &first)) {
-            memcpy(t->P + i * D, w->entry, D * sizeof *w->entry);
-            return APSM_OK;
-        }
+    APSM_TRY(find_faults(t->f, i, P0, &w->a, &first, NULL));
+    for (int k = 0; k < RETURNS && is_worse(&now, &first); k++) {
+        r->kept = true;
+        return_half_way(t->f, i, P0, w->named, P);
+        APSM_TRY(find_faults(t->f, i, P, &w->a, &now, w->named));
     }
-    memcpy(t->P + i * D, t->P0 + i * D, D * sizeof *t->P);
+    if (is_worse(&now, &first)) memcpy(P, P0, 3 * J * sizeof *P);
     return APSM_OK;
 }
 
@@ -301,9 +326,9 @@ static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void 
     memcpy(w->entry, P, D * sizeof *P);
     memcpy(w->a.P, P, D * sizeof *P);
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
-    APSM_TRY(fidelity_measure(f, i, t->round, &w->a, w));
+    fidelity_measure(f, i, t->round, &w->a, w);
     r->before = w->a.distance;
-    APSM_TRY(descend(t, i, w->a.distance, w, &r->moved));
+    r->moved = descend(t, i, w->a.distance, w);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
     if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));

@@ -1,13 +1,15 @@
 /* The objective of the fidelity stage for one shape, equation (12), lengths in h:
  *
  *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 lambda |e|^2 + 1/2 mu e' L e
- *                                                  + 1/2 kappa (p - mean)' S (p - mean)
+ *       + 1/2 kappa (A p - mean)' S (A p - mean) + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
  *   e = p - p0  displacement since the stage began;  L  Laplacian of the 6-neighbour graph / 12
  *   rho(d)      d, below a floor d^2 / (2 floor) + floor / 2
- *   S           precision of the prior (apsm/fidelity.h)
+ *   A, S        scales of the particles and precision of the prior (apsm/fidelity.h)
+ *   x_jk        from particle j to its neighbour k of the template; l the particle next to j on the
+ *               shape.  beyond b = 1.75 k is on its way to being mismatched (2.0)
  *
  * The gradient of a distance is the unit vector between the two points (the closest one may slide:
  * its move is orthogonal), carried to the particles by the row of W; so the gradient is exact, and
@@ -69,10 +71,16 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->e = malloc(3 * J * sizeof *w->e);
     w->Le = malloc(3 * J * sizeof *w->Le);
     w->entry = malloc(3 * J * sizeof *w->entry);
+    w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->entry && w->Y && w->tangent && w->rows && w->H && w->g && w->e && w->Le &&
-        w->tangent_mode)
-        return APSM_OK;
+    if (states && w->entry && w->named && w->Y && w->tangent && w->rows && w->H && w->g && w->e &&
+        w->Le && w->tangent_mode) {
+        const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
+        memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
+        w->warped = *mesh;
+        w->warped.V = w->Y;
+        return apsm_bvh_build(&w->warped, &w->bvh);
+    }
     return APSM_ERR_MEMORY;
 }
 
@@ -81,7 +89,9 @@ void fidelity_work_free(fidelity_work *w)
     state_free(&w->a);
     state_free(&w->b);
     free(w->entry);
+    free(w->named);
     free(w->Y);
+    apsm_bvh_free(w->bvh);
     free(w->tangent);
     free(w->rows);
     free(w->H);
@@ -125,28 +135,23 @@ static void push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
     direct(c.x, x, shape->VN + 3 * (size_t)u, f->h, m);
 }
 
-apsm_status fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
-                             fidelity_work *w)
+void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
+                      fidelity_work *w)
 {
     const apsm_shape *shape = &f->cohort->shape[i];
-    apsm_mesh warped = f->cohort->shape[f->cohort->template_index].mesh; /* its triangles */
-    apsm_bvh *bvh = NULL;
-    warped.V = w->Y;
     apsm_warp_apply(&f->warp, s->P, w->Y);
-    APSM_TRY(apsm_bvh_build(&warped, &bvh));
-    const size_t step_v = stride_of(f, warped.nv), step_u = stride_of(f, shape->mesh.nv);
+    apsm_bvh_refit(w->bvh);
+    const size_t step_v = stride_of(f, w->warped.nv), step_u = stride_of(f, shape->mesh.nv);
     size_t n = 0;
-    for (size_t v = (size_t)round % step_v; v < warped.nv; v += step_v)
+    for (size_t v = (size_t)round % step_v; v < w->warped.nv; v += step_v)
         pull(f, shape, (uint32_t)v, w->Y, &s->match[n++]);
     s->pulls = n;
     for (size_t u = (size_t)round % step_u; u < shape->mesh.nv; u += step_u)
-        push(f, shape, (uint32_t)u, bvh, &s->match[n++]);
+        push(f, shape, (uint32_t)u, w->bvh, &s->match[n++]);
     s->n = n;
-    apsm_bvh_free(bvh);
     double sum = 0;
     for (size_t k = 0; k < n; k++) sum += s->match[k].distance;
     s->distance = sum / (double)n;
-    return APSM_OK;
 }
 
 /* ---- the objective ---- */
@@ -178,16 +183,79 @@ static double dot(size_t n, const double *a, const double *b)
     return sum;
 }
 
-/* e = p - mean in h; Le = S e. */
+/* e = scaled p - mean in h; Le = S e. */
 static void deviation(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                       fidelity_work *w)
 {
     const size_t D = 3 * f->J;
-    for (size_t x = 0; x < D; x++) w->Le[x] = w->e[x] = P[x] / f->h - q->mean[x];
+    for (size_t x = 0; x < D; x++) w->Le[x] = w->e[x] = q->scale[x / 3] * P[x] / f->h - q->mean[x];
     for (size_t m = 0; m < q->modes; m++) {
         const double *u = q->mode + m * D, s = q->weight[m] * dot(D, u, w->e);
         for (size_t x = 0; x < D; x++) w->Le[x] -= s * u[x];
     }
+}
+
+/* Gauss-Newton terms of d = (|x_jk| - b |x_jl|) / h for particles t = { j, k, l }. */
+static void pull_together(const apsm_fidelity *f, double weight, double d, const double *P,
+                          const size_t t[3], double limit, const double *tangent, fidelity_work *w)
+{
+    const size_t n = 2 * f->J;
+    double away[2][3], row[6];
+    for (int c = 0; c < 2; c++) { /* unit vectors from j to k and to l */
+        vec3_sub(P + 3 * t[c + 1], P + 3 * t[0], away[c]);
+        vec3_normalise(away[c]);
+    }
+    for (size_t a = 0; a < 2; a++) {
+        const double *u = tangent + 6 * t[0] + 3 * a;
+        row[a] = limit * vec3_dot(away[1], u) - vec3_dot(away[0], u);
+        row[2 + a] = vec3_dot(away[0], tangent + 6 * t[1] + 3 * a);
+        row[4 + a] = -limit * vec3_dot(away[1], tangent + 6 * t[2] + 3 * a);
+    }
+    for (size_t a = 0; a < 6; a++) {
+        const size_t x = 2 * t[a / 2] + a % 2;
+        w->g[x] += weight * d * row[a];
+        for (size_t b = 0; b < 6; b++) {
+            const size_t y = 2 * t[b / 2] + b % 2;
+            if (y <= x) w->H[x * n + y] += weight * row[a] * row[b];
+        }
+    }
+}
+
+/* The particle next to j and its distance. */
+static size_t next_particle(size_t J, const double *P, size_t j, double *distance)
+{
+    size_t next = j;
+    double least = INFINITY;
+    for (size_t k = 0; k < J; k++) {
+        const double d2 = vec3_distance2(P + 3 * j, P + 3 * k);
+        if (k != j && d2 < least) least = d2, next = k;
+    }
+    *distance = sqrt(least);
+    return next;
+}
+
+/* Calls for every neighbour of the template that is drifting away: d = |x_jk| - b |x_jl| > 0 in h.
+ */
+static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                       const double *tangent, fidelity_work *w)
+{
+    static const double limit = 1.75;
+    const apsm_neighbourhoods *r = &f->reference;
+    double sum = 0;
+    for (size_t j = 0; j < f->J; j++) {
+        double nearest;
+        const size_t l = next_particle(f->J, P, j, &nearest);
+        for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
+            const size_t k = r->index[i];
+            const double far = sqrt(vec3_distance2(P + 3 * j, P + 3 * k));
+            const double d = (far - limit * nearest) / f->h;
+            if (!(d > 0) || !(nearest > 0)) continue;
+            sum += d * d;
+            if (tangent)
+                pull_together(f, q->order, d, P, (size_t[3]){ j, k, l }, limit, tangent, w);
+        }
+    }
+    return sum;
 }
 
 void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
@@ -206,6 +274,7 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const dou
         deviation(f, q, s->P, w);
         sum += 0.5 * q->prior * dot(D, w->e, w->Le);
     }
+    if (q->order > 0) sum += 0.5 * q->order * disorder(f, q, s->P, NULL, w);
     s->value = sum;
 }
 
@@ -291,11 +360,12 @@ static void add_gradient(size_t J, double weight, const double *x, const double 
 static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
 {
     const size_t J = f->J, n = 2 * J;
-    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior;
+    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior * q->scale[x / 2] * q->scale[x / 2];
     for (size_t m = 0; m < q->modes; m++) {
         double *u = w->tangent_mode + m * n;
         for (size_t x = 0; x < n; x++)
-            u[x] = vec3_dot(q->mode + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
+            u[x] =
+                q->scale[x / 2] * vec3_dot(q->mode + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
         for (size_t x = 0; x < n; x++)
             for (size_t y = 0; y <= x; y++)
                 w->H[x * n + y] -= q->prior * q->weight[m] * u[x] * u[y];
@@ -314,11 +384,13 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, c
             add_block(J, k, k, q->smooth / 12, w->tangent, w->H);
             add_block(J, hi, lo, -q->smooth / 12, w->tangent, w->H);
         }
+    if (q->order > 0) disorder(f, q, s->P, w->tangent, w);
     displacement(f, s->P, P0, w);
     add_gradient(J, q->stay, w->e, w->tangent, w->g);
     add_gradient(J, q->smooth, w->Le, w->tangent, w->g);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
+    for (size_t x = 0; x < 3 * J; x++) w->Le[x] *= q->scale[x / 3];
     add_gradient(J, q->prior, w->Le, w->tangent, w->g);
     add_prior(f, q, w);
 }

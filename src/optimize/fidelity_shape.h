@@ -41,17 +41,22 @@ typedef struct fidelity_state {
 /* Weights of the quadratic terms of (12), lengths in h. */
 typedef struct fidelity_weights {
     double stay, smooth, prior;
+    double order;
     const double *mean; /* J x 3 */
     size_t modes;
     const double *mode;   /* modes x 3J */
     const double *weight; /* modes */
+    const double *scale;  /* J */
 } fidelity_weights;
 
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {
     fidelity_state a, b;
     double *entry;        /* J x 3: particles at the round's start */
+    bool *named;          /* J: by the certificate */
     double *Y;            /* nv x 3: warped template */
+    apsm_mesh warped;     /* its triangles on Y */
+    apsm_bvh *bvh;        /* of warped */
     double *tangent;      /* J x 2 x 3 */
     double *rows;         /* FIDELITY_ROWS x 2J */
     double *H, *g;        /* 2J x 2J lower, 2J */
@@ -64,8 +69,8 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
 void fidelity_work_free(fidelity_work *w);
 
 /* Fills s->match and s->distance for particles s->P of shape i. */
-apsm_status fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
-                             fidelity_work *w);
+void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
+                      fidelity_work *w);
 /* s->value from the matches and the quadratic terms; P0 (J x 3). */
 void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
                     fidelity_state *s, fidelity_work *w);

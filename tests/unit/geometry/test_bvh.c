@@ -377,6 +377,39 @@ static void queries_move_and_scale_with_the_mesh(void **state)
 }
 
 /* All faces in one place, or each half as large as the last, must not exhaust the stack. */
+/* A tree that follows a mesh which turns, grows and is dented answers like a new one. */
+static void refit_answers_like_a_new_tree(void **state)
+{
+    (void)state;
+    apsm_mesh mesh = shape_torus(48, 24, 5, 2);
+    apsm_bvh *bvh = build(&mesh);
+    apsm_random rng = apsm_random_stream(3, APSM_STREAM_TEST, 7, 0);
+    for (int round = 0; round < 3; round++) {
+        for (size_t v = 0; v < mesh.nv; v++) {
+            double *x = mesh.V + 3 * v, t = x[0];
+            x[0] = 1.7 * x[1] + 3;
+            x[1] = -1.7 * t + 0.2 * sin(x[2]);
+            x[2] += 0.3 * sin(t);
+        }
+        apsm_bvh_refit(bvh);
+        apsm_bvh *fresh = build(&mesh);
+        for (int i = 0; i < 500; i++) {
+            apsm_closest a, b;
+            double x[3];
+            random_point(&rng, 40, x);
+            apsm_bvh_closest(bvh, x, INFINITY, &a);
+            apsm_bvh_closest(fresh, x, INFINITY, &b);
+            assert_memory_equal(&a, &b, sizeof a);
+            const double d = apsm_bvh_signed_distance(bvh, x, NULL);
+            assert_true(d == apsm_bvh_signed_distance(fresh, x, NULL));
+            assert_true(fabs(a.distance2 - brute_force(&mesh, x)) <= 1e-12 * (1 + a.distance2));
+        }
+        apsm_bvh_free(fresh);
+    }
+    apsm_bvh_free(bvh);
+    apsm_mesh_free(&mesh);
+}
+
 static void hard_meshes_build(void **state)
 {
     (void)state;
@@ -428,6 +461,7 @@ int main(void)
         cmocka_unit_test(facing_keeps_to_its_side),
         cmocka_unit_test(rays_hit_where_they_must),
         cmocka_unit_test(queries_move_and_scale_with_the_mesh),
+        cmocka_unit_test(refit_answers_like_a_new_tree),
         cmocka_unit_test(hard_meshes_build),
         cmocka_unit_test(unusable_meshes_are_refused),
     };

@@ -7,6 +7,7 @@
 #include "apsm/linalg.h"
 #include "apsm/optimizer.h"
 #include "apsm/random.h"
+#include "apsm/snap.h"
 #include "cmocka_all.h"
 #include "optimize/fidelity_shape.h"
 #include "synthetic.h"
@@ -83,7 +84,7 @@ static double truth_error(const scene *s, const double *P)
 static double distance_of(const apsm_fidelity *f, size_t i, const double *P, fidelity_work *w)
 {
     memcpy(w->b.P, P, J * 3 * sizeof *P);
-    assert_int_equal(fidelity_measure(f, i, 0, &w->b, w), APSM_OK);
+    fidelity_measure(f, i, 0, &w->b, w);
     return w->b.distance;
 }
 
@@ -126,10 +127,12 @@ static fidelity_weights some_weights(const apsm_fidelity_prior *prior, size_t i)
     return (fidelity_weights){ .stay = 3,
                                .smooth = 20,
                                .prior = 40,
+                               .order = 50,
                                .mean = prior->mean + fold * 3 * J,
                                .modes = prior->modes,
                                .mode = prior->mode + fold * prior->modes * 3 * J,
-                               .weight = prior->weight + fold * prior->modes };
+                               .weight = prior->weight + fold * prior->modes,
+                               .scale = prior->scale };
 }
 
 /* The gradient that Gauss-Newton takes is that of the value, and the matrix that of the quadratic
@@ -148,11 +151,11 @@ static void test_gradient(void **state)
     assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, &prior), APSM_OK);
     assert_int_equal(prior.modes, 2);
     assert_int_equal(fidelity_work_alloc(f, prior.modes, &w), APSM_OK);
-    const fidelity_weights q = some_weights(&prior, i);
+    fidelity_weights q = some_weights(&prior, i);
     memcpy(w.a.P, s.P + i * J * 3, sizeof P0);
     for (size_t x = 0; x < 3 * J; x++) P0[x] = w.a.P[x] + f->h * 0.1 * noise(x + 7);
     apsm_shape_look_up(&s.cohort.shape[i], J, w.a.P, w.a.S, NULL, w.a.N);
-    assert_int_equal(fidelity_measure(f, i, 0, &w.a, &w), APSM_OK);
+    fidelity_measure(f, i, 0, &w.a, &w);
     assert_true(fidelity_linearise(f, &w.a, &w) > 0);
     fidelity_add_quadratic(f, &q, P0, &w.a, &w);
     for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
@@ -165,13 +168,19 @@ static void test_gradient(void **state)
     const double t = 1e-6;
     for (int k = 0; k < 2; k++) {
         shift(f, &w.a, w.tangent, d, k ? t : -t, w.b.P);
-        assert_int_equal(fidelity_measure(f, i, 0, &w.b, &w), APSM_OK);
+        fidelity_measure(f, i, 0, &w.b, &w);
         fidelity_value(f, &q, P0, &w.b, &w);
         value[k] = w.b.value;
     }
     const double difference = (value[1] - value[0]) / (2 * t);
     if (!(fabs(difference - slope) < 1e-4 * fabs(slope)))
         fail_msg("slope %.9g by differences, %.9g by the gradient", difference, slope);
+
+    /* the order of the particles does take part in that */
+    const double ordered = w.b.value;
+    q.order = 0;
+    fidelity_value(f, &q, P0, &w.b, &w);
+    assert_true(w.b.value < 0.99 * ordered);
 
     /* quadratic terms alone: H by second differences, exactly */
     double quadratic[3];
@@ -234,7 +243,8 @@ static void test_prior_finds_modes(void **state)
     P[0] += 1000;
     apsm_fidelity_prior q;
     assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, &q), APSM_OK);
-    for (size_t x = 0; x < D; x++) assert_true(fabs(p.mean[x] - q.mean[x]) < 1e-9);
+    for (size_t x = 0; x < D; x++)
+        assert_true(fabs(p.mean[x] / p.scale[x / 3] - q.mean[x] / q.scale[x / 3]) < 1e-9);
     apsm_fidelity_prior_free(&p);
     apsm_fidelity_prior_free(&q);
     apsm_context_free(ctx);
@@ -289,6 +299,82 @@ static void test_truth_error(void **state)
         if (!(after <= 1.1 * before)) fail_msg("cohort %zu: %g -> %g", k, before, after);
         free_scene(&s);
     }
+}
+
+/* Mismatched particles of all shapes but the template. */
+static size_t mismatched(const scene *s, const double *P)
+{
+    apsm_neighbourhoods reference = { 0 }, rows = { 0 };
+    uint32_t count[J];
+    size_t sum = 0;
+    for (size_t i = 0; i < I; i++) {
+        const apsm_shape *shape = &s->cohort.shape[i];
+        apsm_surface_point S[J];
+        apsm_geodesic_work *w = NULL;
+        const double factor = i == 0 ? APSM_REFERENCE_FACTOR : 2.0;
+        apsm_shape_look_up(shape, J, P + i * J * 3, S, NULL, NULL);
+        assert_int_equal(apsm_neighbourhoods_resize(i ? &rows : &reference, J), APSM_OK);
+        assert_int_equal(apsm_geodesic_work_new(shape->geodesic, &w), APSM_OK);
+        assert_int_equal(apsm_geodesic_neighbourhoods(shape->geodesic, w, J, S, P + i * J * 3,
+                                                      factor, i ? &rows : &reference),
+                         APSM_OK);
+        if (i > 0) sum += apsm_mismatches(&reference, &rows, 2.0, count);
+        apsm_geodesic_work_free(w);
+    }
+    apsm_neighbourhoods_free(&reference);
+    apsm_neighbourhoods_free(&rows);
+    return sum;
+}
+
+/* The term that keeps neighbours together also brings lost ones back. */
+static void test_neighbours_stay(void **state)
+{
+    (void)state;
+    scene s;
+    double P[I * J * 3], Q[I * J * 3];
+    make_scene(&s, SYNTHETIC_BUMP, 1.5, 1);
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.fidelity = 1;
+    run_all(&s, &o, P);
+    o.order = 0;
+    run_all(&s, &o, Q);
+    const size_t first = mismatched(&s, s.P), with = mismatched(&s, P), without = mismatched(&s, Q);
+    print_message("mismatched: %zu at first, %zu with the term, %zu without\n", first, with,
+                  without);
+    assert_true(first > 20 && 3 * with < first && 3 * with < without);
+    free_scene(&s);
+}
+
+/* Particle 20 of shape 2 has come close to a neighbour since the stage began: the last round sends
+ * back who tore neighbours apart, and leaves the others where they are. */
+static void test_faults_return(void **state)
+{
+    (void)state;
+    scene s;
+    double P[I * J * 3];
+    make_scene(&s, SYNTHETIC_ELLIPSOID, 0.5, 1);
+    assert_int_equal(mismatched(&s, s.P), 0);
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.fidelity = 1;
+    o.order = 0;
+    apsm_fidelity *f = new_stage(&s, &o);
+    memcpy(P, s.P, sizeof P);
+    double *shape = P + 2 * J * 3;
+    const size_t neighbour = f->N6[20 * APSM_NEIGHBOURS];
+    for (size_t c = 0; c < 3; c++)
+        shape[60 + c] = 0.2 * shape[60 + c] + 0.8 * shape[3 * neighbour + c];
+    apsm_snap_closest(s.cohort.shape[2].bvh, 1, shape + 60, NULL);
+    assert_true(mismatched(&s, P) > 0);
+    apsm_fidelity_record r;
+    assert_int_equal(apsm_fidelity_round(s.ctx, f, o.rounds - 1, s.P, P, &r), APSM_OK);
+    assert_int_equal(r.kept, 1);
+    assert_int_equal(mismatched(&s, P), 0);
+    size_t moved = 0;
+    for (size_t j = 0; j < J; j++)
+        moved += memcmp(shape + 3 * j, s.P + (2 * J + j) * 3, 3 * sizeof *P) != 0;
+    assert_int_equal(moved, J);
+    apsm_fidelity_free(f);
+    free_scene(&s);
 }
 
 static void test_threads_and_size(void **state)
@@ -387,6 +473,8 @@ int main(void)
         cmocka_unit_test(test_prior_finds_modes),
         cmocka_unit_test(test_distance_never_grows),
         cmocka_unit_test(test_truth_error),
+        cmocka_unit_test(test_neighbours_stay),
+        cmocka_unit_test(test_faults_return),
         cmocka_unit_test(test_threads_and_size),
         cmocka_unit_test(test_resumes),
         cmocka_unit_test(test_off),
