@@ -12,6 +12,7 @@
 #include "apsm/fidelity.h"
 #include "apsm/metrics.h"
 #include "apsm/particles_file.h"
+#include "apsm/reseat.h"
 #include "apsm/run.h"
 #include "run/certify.h"
 #include "run/session.h"
@@ -109,20 +110,27 @@ static double *load(apsm_context *ctx, apsm_run *run, size_t *J)
 }
 
 static void run_stage(apsm_context *ctx, apsm_cohort *cohort, size_t J, const double *P0,
-                      const apsm_fidelity_options *o, bool verbose)
+                      const apsm_fidelity_options *o, double adaptivity, bool verbose)
 {
     const size_t bytes = cohort->I * J * 3 * sizeof(double);
-    double *P = malloc(bytes);
+    double *P = malloc(bytes), *own = malloc(bytes);
     apsm_fidelity *f = NULL;
     char label[160];
-    if (!P) exit(1);
+    if (!P || !own) exit(1);
     memcpy(P, P0, bytes);
+    memcpy(own, P0, bytes);
     const clock_t start = clock();
     must(ctx, apsm_fidelity_new(ctx, cohort, J, P0 + cohort->template_index * J * 3, o, &f));
     size_t modes = 0;
     for (long k = 0; k < o->rounds; k++) {
         apsm_fidelity_record r;
-        must(ctx, apsm_fidelity_round(ctx, f, k, P0, P, &r));
+        if (adaptivity > 0 && k > 0 && k == o->rounds / 2) {
+            must(ctx, apsm_reseat(ctx, cohort, J, P, NULL, adaptivity, J, own));
+            memcpy(P, own, bytes);
+            apsm_fidelity_free(f);
+            must(ctx, apsm_fidelity_new(ctx, cohort, J, P + cohort->template_index * J * 3, o, &f));
+        }
+        must(ctx, apsm_fidelity_round(ctx, f, k, own, P, &r));
         modes = r.modes;
         if (verbose)
             fprintf(stderr,
@@ -131,11 +139,13 @@ static void run_stage(apsm_context *ctx, apsm_cohort *cohort, size_t J, const do
                     k, r.before, r.after, r.step, r.moved, r.kept, r.modes, r.noise);
     }
     const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
-    snprintf(label, sizeof label, "F %g prior %g stay %g smooth %g modes %zu%s %ldx%ld points %zu",
-             o->fidelity, o->prior, o->stay, o->smooth, modes, o->modes < 0 ? "*" : "", o->rounds,
+    snprintf(label, sizeof label,
+             "F %g c %g prior %g stay %g smooth %g modes %zu%s %ldx%ld points %zu", o->fidelity,
+             adaptivity, o->prior, o->stay, o->smooth, modes, o->modes < 0 ? "*" : "", o->rounds,
              o->iterations, o->points);
     judge(ctx, cohort, J, P, label, seconds);
     apsm_fidelity_free(f);
+    free(own);
     free(P);
 }
 
@@ -145,6 +155,7 @@ int main(int argc, char **argv)
     apsm_run *run = NULL;
     size_t J = 0;
     const char *list = "0.2,0.3,0.5,0.7,1";
+    double adaptivity = 0;
     bool verbose = false, start = false;
     apsm_fidelity_options o = apsm_fidelity_defaults();
     if (!ctx || argc < 2) return 2;
@@ -155,6 +166,7 @@ int main(int argc, char **argv)
         if (!value) return 2;
         if (strncmp(argv[k], "F=", 2) == 0) list = value + 1;
         if (strncmp(argv[k], "prior=", 6) == 0) o.prior = x;
+        if (strncmp(argv[k], "adaptivity=", 11) == 0) adaptivity = x;
         if (strncmp(argv[k], "stay=", 5) == 0) o.stay = x;
         if (strncmp(argv[k], "smooth=", 7) == 0) o.smooth = x;
         if (strncmp(argv[k], "order=", 6) == 0) o.order = x;
@@ -174,7 +186,7 @@ int main(int argc, char **argv)
     if (start) judge(ctx, &run->cohort, J, P, "start", 0);
     for (const char *at = list; at && *at;) {
         o.fidelity = strtod(at, NULL);
-        run_stage(ctx, &run->cohort, J, P, &o, verbose);
+        run_stage(ctx, &run->cohort, J, P, &o, adaptivity, verbose);
         at = strchr(at, ',');
         if (at) at++;
     }

@@ -4,25 +4,29 @@
 #define APSM_FIDELITY_H
 
 #include "apsm/cohort.h"
+#include "apsm/options.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 typedef struct apsm_fidelity_options {
-    double fidelity; /* F in (0, 1]: the prior weighs prior (1 - F) / F; 1: no prior */
-    double prior;    /* weight of the prior at F = 1/2: 7 */
-    double stay;     /* lambda: pull to where the stage began: 0.02 */
-    double smooth;   /* mu: neighbours move alike: 0.1 */
-    double order;    /* nu: neighbours of the template stay neighbours: 16 */
-    long modes;      /* of the prior; -1: as many as predict left-out shapes best */
-    long rounds;     /* prior and shapes in turn: 8 */
-    long iterations; /* most Gauss-Newton steps of a shape in a round: 1 */
-    size_t points;   /* of either surface, about; all if it has fewer: 1000 */
-    double floor;    /* distances below this count as squares; in h: 0.05 */
-    double clip;     /* longest move of a particle in a step; in h: 0.25 */
+    double fidelity;      /* F in (0, 1]: the prior weighs prior (1 - F) / F; 1: no prior */
+    double prior;         /* weight of the prior at F = 1/2: 7 */
+    double stay;          /* lambda: pull to where the stage began: 0.02 */
+    double smooth;        /* mu: neighbours move alike: 0.1 */
+    double order;         /* nu: neighbours of the template stay neighbours: 16 */
+    long modes;           /* of the prior; -1: as many as predict left-out shapes best */
+    long rounds;          /* prior and shapes in turn: 8 */
+    long iterations;      /* most Gauss-Newton steps of a shape in a round: 1 */
+    size_t points;        /* of either surface, about; all if it has fewer: 1000 */
+    double floor;         /* distances below this count as squares; in h: 0.05 */
+    double clip;          /* longest move of a particle in a step; in h: 0.25 */
+    const bool *left_out; /* cohort's I, borrowed: shapes that no prior is made from; NULL: none */
 } apsm_fidelity_options;
 apsm_fidelity_options apsm_fidelity_defaults(void);
+/* The defaults, and what the options of the method say of them. */
+apsm_fidelity_options apsm_fidelity_of(const apsm_options *options);
 
 /* The Gaussian that the other shapes suggest for one shape, lengths in h and of every particle
  * times its scale: probabilistic PCA (Tipping and Bishop 1999).  Precision up to a factor:
@@ -39,9 +43,10 @@ typedef struct apsm_fidelity_prior {
 
 /* From particles P (I x J x 3), h and the wanted modes (-1: chosen).  Every fold's model is made
  * from the shapes outside it; up to 32 shapes are folds of their own, and at most 256 shapes,
- * evenly taken, make the models.  I >= 2.  O(folds I^3 + folds modes I J) with I <= 256. */
+ * evenly taken, make the models.  Those whose flag in left_out (I; NULL: none) is set make none;
+ * two others are needed.  I >= 2.  O(folds I^3 + folds modes I J) with I <= 256. */
 apsm_status apsm_fidelity_prior_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
-                                    double h, long modes,
+                                    double h, long modes, const bool *left_out,
                                     apsm_fidelity_prior *prior) APSM_NODISCARD;
 void apsm_fidelity_prior_free(apsm_fidelity_prior *prior);
 

@@ -24,7 +24,13 @@ extern "C" {
          "the engine's own method, or one to compare it with: xu2023 is a set of options of it "   \
          "(see apsm_options_set), psm the entropy-based particles of ShapeWorks")                  \
     /* model */                                                                                    \
-    INT(particles, 128, 4, 100000, "J: particles on every shape")                                  \
+    INT(particles, 128, 4, 100000, "J: particles on every shape, or auto (see particles_auto)")    \
+    BOOL(particles_auto, false,                                                                    \
+         "search the smallest number of particles that meets `error`, from `particles` upward; "   \
+         "particles = auto sets this and begins with 32")                                          \
+    REAL(error, 0, 0, 1e300,                                                                       \
+         "mean two-way surface distance that particles_auto has to meet on shapes left out, in "   \
+         "the input's unit; a number may end in mm if that is the unit")                           \
     REAL(adaptivity, 0.5, 0, 1,                                                                    \
          "c in (5): 0 spreads particles evenly, 1 follows the surface error")                      \
     REAL(alpha, 10, 0, 1e6, "weight of the sampling loss in stage 1")                              \
@@ -60,7 +66,8 @@ extern "C" {
          "softmin temperature in the input's unit; 0: use tau (paper: 1 mm)")                      \
     ENUM(sampling_scale, "voronoi|mean|sum",                                                       \
          "normalisation of (7): J^2 times the mean, the mean (paper), or sum over particles")      \
-    ENUM(error, "relative|raw", "E in (5): divided by its mean on the shape, or as it is (paper)") \
+    ENUM(error_scale, "relative|raw",                                                              \
+         "E in (5): divided by its mean on the shape, or as it is (paper)")                        \
     ENUM(error_gradient, "constant|through-w",                                                     \
          "E in (7): a constant weight, or differentiated too")                                     \
     /* correspondence and eigenshape losses */                                                     \

@@ -168,10 +168,29 @@ static apsm_status follow_method(apsm_context *ctx, apsm_options *options, int b
     return APSM_OK;
 }
 
+/* A length in the input's unit, which a user may call mm. */
+static apsm_status set_error(apsm_context *ctx, apsm_options *options, const char *value)
+{
+    char number[64];
+    const size_t length = strlen(value);
+    const bool mm = length > 2 && length < sizeof number && strcmp(value + length - 2, "mm") == 0;
+    if (!mm) return set_one(ctx, options, "error", value);
+    snprintf(number, sizeof number, "%.*s", (int)length - 2, value);
+    return set_one(ctx, options, "error", number);
+}
+
+enum { AUTO_START = 32 }; /* particles */
+
 apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
                              const char *value)
 {
     const int before = options->method;
+    if (strcmp(key, "particles") == 0 && strcmp(value, "auto") == 0) {
+        options->particles = AUTO_START;
+        options->particles_auto = true;
+        return APSM_OK;
+    }
+    if (strcmp(key, "error") == 0) return set_error(ctx, options, value);
     APSM_TRY(set_one(ctx, options, key, value));
     return follow_method(ctx, options, before);
 }
@@ -214,7 +233,7 @@ static const char *const paper_literal[][2] = {
     { "stage2_epochs", "200" },
     { "tau_absolute", "1" },
     { "sampling_scale", "mean" },
-    { "error", "raw" },
+    { "error_scale", "raw" },
     { "error_gradient", "through-w" },
     { "rotation", "axis" },
     { "neighbour_scale", "none" },
@@ -275,6 +294,16 @@ apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *o)
             ctx, APSM_ERR_ARG,
             "particles = %ld: at least 7 are needed, a particle and its six neighbours",
             o->particles);
+    if (o->particles_auto != (o->error > 0))
+        return apsm_fail(
+            ctx, APSM_ERR_ARG,
+            o->particles_auto
+                ? "particles = auto: give the error to meet as well, such as error = 0.5"
+                : "error = %g: is met by particles = auto only; give that as well",
+            o->error);
+    if (o->particles_auto && (o->method != APSM_METHOD_ADAPTIVE || !(o->fidelity > 0)))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "particles = auto: needs method = adaptive and fidelity above 0");
     if (o->decay2_at < o->decay1_at)
         return apsm_fail(ctx, APSM_ERR_ARG, "decay2_at = %g comes before decay1_at = %g",
                          o->decay2_at, o->decay1_at);

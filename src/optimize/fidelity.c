@@ -34,6 +34,16 @@ apsm_fidelity_options apsm_fidelity_defaults(void)
                                     .clip = 0.25 };
 }
 
+apsm_fidelity_options apsm_fidelity_of(const apsm_options *options)
+{
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.fidelity = options->fidelity;
+    o.rounds = options->fidelity_rounds;
+    o.modes = options->fidelity_modes;
+    o.points = (size_t)options->fidelity_points;
+    return o;
+}
+
 /* ---- what stays the same ---- */
 
 static bool are_mutual(const uint32_t *N6, uint32_t j, uint32_t k)
@@ -377,7 +387,8 @@ apsm_status apsm_fidelity_round(apsm_context *ctx, const apsm_fidelity *f, long 
     apsm_fidelity_prior prior;
     *record = (apsm_fidelity_record){ 0 };
     if (f->cohort->I < 2) return APSM_OK;
-    APSM_TRY(apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, &prior));
+    APSM_TRY(apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, f->o.left_out,
+                                     &prior));
     round_task t = { .f = f, .prior = &prior, .round = round, .P0 = P0, .P = P };
     const apsm_status status = run_round(ctx, &t, record);
     apsm_fidelity_prior_free(&prior);

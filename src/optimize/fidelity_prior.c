@@ -20,10 +20,11 @@
 enum { MOST_FOLDS = 32, MOST_SHAPES = 256 };
 
 typedef struct fitting {
-    size_t I, J, n; /* n: shapes that the models are made from */
-    size_t stride;  /* every stride-th shape is one of them */
-    double *X;      /* I x 3J: particles over h, without their mean */
-    double *G;      /* I x n: inner products with the shapes of the models */
+    size_t I, J, n;       /* n: shapes that the models are made from */
+    size_t stride;        /* every stride-th shape is one of them, */
+    const bool *left_out; /* but for those left out */
+    double *X;            /* I x 3J: particles over h, without their mean */
+    double *G;            /* I x n: inner products with the shapes of the models */
     /* per fold */
     size_t *count;      /* shapes of the model */
     double *w, *Q;      /* n, n x n: eigenvalues and vectors of the fold's centred Gram matrix */
@@ -58,7 +59,9 @@ static size_t members(const fitting *f, size_t fold, size_t *member)
 {
     size_t m = 0;
     for (size_t k = 0; k < f->n; k++)
-        if ((k * f->stride) % f->prior->folds != fold) member[m++] = k;
+        if ((k * f->stride) % f->prior->folds != fold &&
+            !(f->left_out && f->left_out[k * f->stride]))
+            member[m++] = k;
     return m;
 }
 
@@ -253,11 +256,12 @@ static apsm_status fit(apsm_context *ctx, const double *P, double h, long modes,
 }
 
 apsm_status apsm_fidelity_prior_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
-                                    double h, long modes, apsm_fidelity_prior *prior)
+                                    double h, long modes, const bool *left_out,
+                                    apsm_fidelity_prior *prior)
 {
     *prior = (apsm_fidelity_prior){ .I = I, .J = J, .folds = I < MOST_FOLDS ? I : MOST_FOLDS };
     if (I < 2 || J == 0 || !(h > 0)) return APSM_ERR_ARG;
-    fitting f = { .I = I, .J = J, .prior = prior };
+    fitting f = { .I = I, .J = J, .left_out = left_out, .prior = prior };
     f.stride = (I + MOST_SHAPES - 1) / MOST_SHAPES;
     f.n = (I + f.stride - 1) / f.stride;
     f.X = malloc(I * 3 * J * sizeof *f.X);

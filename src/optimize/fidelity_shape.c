@@ -30,7 +30,7 @@
 static size_t stride_of(const apsm_fidelity *f, size_t nv)
 {
     const size_t wanted = f->o.points > 0 ? f->o.points : 1;
-    return (nv + wanted - 1) / wanted;
+    return nv / wanted + (nv % wanted != 0);
 }
 
 static size_t most_vertices(const apsm_fidelity *f)

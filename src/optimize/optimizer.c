@@ -304,7 +304,7 @@ static apsm_status surface_error(const optimizer *op, size_t i, const double *P,
     else
         apsm_rbf_eval(rbf, op->R, w->B, w->f, NULL);
     *e_factor = apsm_sampling_weights(op->R, w->f, w->D, op->w.c,
-                                      op->o->error == APSM_ERROR_RELATIVE, w->E, w->g);
+                                      op->o->error_scale == APSM_ERROR_RELATIVE, w->E, w->g);
     double sum = 0;
     for (size_t r = 0; r < op->R; r++) sum += w->E[r];
     op->record[i].error2 = sum / (double)op->R;
@@ -598,8 +598,6 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
 static apsm_status begin_fidelity(optimizer *op)
 {
     apsm_optimizer_state *s = op->state;
-    const apsm_options *o = op->o;
-    apsm_fidelity_options fo = apsm_fidelity_defaults();
     if (s->epoch == 0) {
         const size_t n = op->I * op->J * 3;
         double *own = doubles(n);
@@ -609,10 +607,7 @@ static apsm_status begin_fidelity(optimizer *op)
         s->own = own;
         s->own_size = n;
     }
-    fo.fidelity = o->fidelity;
-    fo.rounds = o->fidelity_rounds;
-    fo.modes = o->fidelity_modes;
-    fo.points = (size_t)o->fidelity_points;
+    const apsm_fidelity_options fo = apsm_fidelity_of(op->o);
     APSM_TRY(apsm_fidelity_new(op->ctx, op->cohort, op->J,
                                particles(op, op->cohort->template_index), &fo, &op->fidelity));
     s->h = apsm_fidelity_spacing(op->fidelity);

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/particle_search.h"
 #include "apsm/psm.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -119,11 +120,63 @@ static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, cons
     return stage_end(run, "optimize", &r->clock);
 }
 
+static void tell_search(apsm_run *run, const apsm_particle_search *found)
+{
+    apsm_log(run->ctx, found->met ? APSM_LOG_INFO : APSM_LOG_WARNING,
+             found->met ? "%zu particles meet the error: %.4g on %zu shapes left out (wanted: %.4g)"
+                        : "no number of particles meets the error: %zu leave %.4g on %zu shapes "
+                          "left out (wanted: %.4g); a larger fidelity or more faces may do",
+             found->J, found->error, found->left_out, run->options.error);
+}
+
+/* Between stage 2 and the fidelity stage: the number of particles that meets the error, and state
+ * with as many. */
+static apsm_status search_particles(apsm_run *run, apsm_optimizer_state *state)
+{
+    apsm_particle_search found;
+    APSM_TRY(
+        apsm_search_particles(run->ctx, &run->cohort, &run->options, state->J, state->P, &found));
+    tell_search(run, &found);
+    apsm_optimizer_state grown;
+    const apsm_status status = apsm_optimizer_state_alloc(state->I, found.J, &grown);
+    if (status == APSM_OK) {
+        memcpy(grown.P, found.P, state->I * found.J * 3 * sizeof *found.P);
+        grown.stage = APSM_STAGE_FIDELITY;
+        grown.epochs_run = state->epochs_run;
+        grown.stage1_stop = state->stage1_stop;
+        apsm_optimizer_state_free(state);
+        *state = grown;
+    }
+    free(found.P);
+    return status;
+}
+
+/* The two stages with the first number of particles.  A checkpoint within the fidelity stage, or
+ * with another number, comes from after the search. */
+static apsm_status optimize_and_search(apsm_run *run, apsm_optimizer_state *state, recorder *r)
+{
+    apsm_options first = run->options;
+    const bool searched = state->J != (size_t)first.particles || state->stage == APSM_STAGE_DONE ||
+                          (state->stage == APSM_STAGE_FIDELITY && state->epoch > 0);
+    if (searched) return APSM_OK;
+    first.fidelity = 0;
+    APSM_TRY(apsm_optimize(run->ctx, &run->cohort, &first, state, on_epoch, r));
+    state->stage = APSM_STAGE_FIDELITY;
+    state->epoch = 0;
+    return search_particles(run, state);
+}
+
+static apsm_status optimize(apsm_run *run, apsm_optimizer_state *state, recorder *r)
+{
+    if (run->options.method == APSM_METHOD_PSM)
+        return apsm_psm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+    if (run->options.particles_auto) APSM_TRY(optimize_and_search(run, state, r));
+    return apsm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+}
+
 static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    const bool psm = run->options.method == APSM_METHOD_PSM;
-    apsm_status status = (psm ? apsm_psm_optimize : apsm_optimize)(
-        run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+    const apsm_status status = optimize(run, state, r);
     if (status == APSM_OK) return finish(run, state, r);
     if (status != APSM_ERR_INTERRUPTED) return status;
     /* The state of the last full epoch is worth keeping, even if that one was never recorded. */

@@ -560,7 +560,8 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
     state_numbers n;
     APSM_TRY(check_identity(run, path, c));
     APSM_TRY(apsm_checkpoint_get(run->ctx, c, "numbers", &n, sizeof n));
-    if (n.I != (int64_t)run->project.n || n.J != run->options.particles)
+    if (n.I != (int64_t)run->project.n ||
+        (n.J != run->options.particles && !run->options.particles_auto))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: holds %lld shapes of %lld particles", path,
                          (long long)n.I, (long long)n.J);
     APSM_TRY(apsm_optimizer_state_alloc((size_t)n.I, (size_t)n.J, s));

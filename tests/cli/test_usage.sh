@@ -35,6 +35,11 @@ expect 2 "the nearest is 'optimize'" optimise
 expect 2 "the nearest is --particles" run x -o "$folder/m" --partcles 3
 expect 2 "contradict" run x -o "$folder/m" --resume --overwrite
 expect 2 "particles = 2" run x -o "$folder/m" -J 2
+expect 2 "give the error to meet" run "$folder" -o "$folder/m" --particles auto
+expect 2 "error = 3: is met by particles = auto only" run "$folder" -o "$folder/m" --error 3mm
+expect 2 "option error = 3cm" run "$folder" -o "$folder/m" --particles auto --error 3cm
+expect 2 "fidelity above 0" run "$folder" -o "$folder/m" --particles auto --error 3 --fidelity 0
+expect 2 "needs method = adaptive" run "$folder" -o "$folder/m" --particles auto --error 3 --method psm
 expect 2 "alpha is given twice" run x -o "$folder/m" --alpha 1 --set alpha=2
 expect 1 "nowhere: no such file" run "$folder/nowhere" -o "$folder/m"
 expect 1 "nowhere: no such file" info "$folder/nowhere"

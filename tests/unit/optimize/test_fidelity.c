@@ -148,7 +148,7 @@ static void test_gradient(void **state)
     fidelity_work w;
     const size_t i = 3;
     double d[2 * J], P0[3 * J];
-    assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, &prior), APSM_OK);
+    assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, NULL, &prior), APSM_OK);
     assert_int_equal(prior.modes, 2);
     assert_int_equal(fidelity_work_alloc(f, prior.modes, &w), APSM_OK);
     fidelity_weights q = some_weights(&prior, i);
@@ -225,7 +225,7 @@ static void test_prior_finds_modes(void **state)
             P[i * D + x] = 50 * noise(x) + a * synthetic_weyl(x, 0.41421356) +
                            b * synthetic_weyl(x, 0.73205081) + 0.1 * apsm_random_normal(&rng);
     }
-    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, -1, &p), APSM_OK);
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, -1, NULL, &p), APSM_OK);
     assert_int_equal(p.folds, SHAPES);
     assert_int_equal(p.modes, 2);
     assert_true(p.gain > 0);
@@ -242,7 +242,7 @@ static void test_prior_finds_modes(void **state)
     /* a shape's own model does not know it */
     P[0] += 1000;
     apsm_fidelity_prior q;
-    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, &q), APSM_OK);
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, NULL, &q), APSM_OK);
     for (size_t x = 0; x < D; x++)
         assert_true(fabs(p.mean[x] / p.scale[x / 3] - q.mean[x] / q.scale[x / 3]) < 1e-9);
     apsm_fidelity_prior_free(&p);
