@@ -1,0 +1,134 @@
+/* Writes a cohort of synthetic anatomies (anatomy.h) whose correspondence is known:
+ *
+ *   make_anatomy KIND OUT_DIR [OPTION VALUE...]
+ *
+ * OUT_DIR/shapes/KIND_NN.ply (or .nrrd) is what a modeller gets, OUT_DIR/truth/KIND_NN.ply the same
+ * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), turn
+ * (largest, degrees), size (standard deviation of log size), mirror (every so many-th shape is
+ * mirrored and called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), mess (level of
+ * mesh_mess.h), coarse, fine (the meshes' grids, relative to the truth's, are drawn from fine to
+ * coarse), x, y, z (write masks with this spacing). */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "anatomy.h"
+#include "apsm/context.h"
+#include "apsm/files.h"
+#include "mesh_mask.h"
+#include "mesh_mess.h"
+
+enum { COUNT, SEED, STRENGTH, TURN, SIZE, MIRROR, CUT, MESS, COARSE, FINE, X, Y, Z, OPTIONS };
+static const char *const names[OPTIONS] = { "count",  "seed", "strength", "turn",   "size",
+                                            "mirror", "cut",  "mess",     "coarse", "fine",
+                                            "x",      "y",    "z" };
+
+static bool parse(int n, char **words, double value[OPTIONS])
+{
+    if (n % 2) return false;
+    for (int k = 0; k < n; k += 2) {
+        int o = 0;
+        char *end;
+        while (o < OPTIONS && strcmp(words[k], names[o]) != 0) o++;
+        if (o == OPTIONS) return false;
+        value[o] = strtod(words[k + 1], &end);
+        if (*end) return false;
+    }
+    return true;
+}
+
+typedef struct job {
+    apsm_context *ctx;
+    anatomy_kind kind;
+    const char *folder;
+    double v[OPTIONS];
+    apsm_mesh template_mesh;
+} job;
+
+static apsm_status write_shape(const job *j, const char *name, const apsm_mesh *mesh)
+{
+    char path[1024];
+    const bool mask = j->v[X] > 0;
+    snprintf(path, sizeof path, "%s/shapes/%s.%s", j->folder, name, mask ? "nrrd" : "ply");
+    if (!mask) return apsm_vtk_write_mesh(j->ctx, path, mesh);
+    apsm_volume volume = mesh_mask(mesh, j->v + X);
+    const apsm_status status = apsm_itk_write_volume(j->ctx, path, &volume);
+    apsm_volume_free(&volume);
+    return status;
+}
+
+static apsm_status write_truth(const job *j, const char *name, const anatomy_map *map,
+                               apsm_mesh *mesh)
+{
+    char path[1024];
+    snprintf(path, sizeof path, "%s/truth/%s.ply", j->folder, name);
+    APSM_TRY(apsm_mesh_copy(&j->template_mesh, mesh));
+    anatomy_apply(map, mesh);
+    return apsm_vtk_write_mesh(j->ctx, path, mesh);
+}
+
+/* Heights and grids have a stream of their own: a cohort cut or coarse has the shapes it has whole.
+ */
+static apsm_status make_one(const job *j, size_t i)
+{
+    char name[64];
+    apsm_mesh mesh;
+    apsm_random rng = apsm_random_stream((uint64_t)j->v[SEED], APSM_STREAM_TEST, 1000 + i, 1);
+    const size_t every = (size_t)j->v[MIRROR];
+    const anatomy_spread spread = { .strength = j->v[STRENGTH],
+                                    .size = j->v[SIZE],
+                                    .turn = j->v[TURN],
+                                    .mirrored = every > 0 && i % every == every - 1 };
+    const anatomy_map map = anatomy_draw(j->kind, (uint64_t)j->v[SEED], i, &spread);
+    const anatomy_extent *e = &map.extent;
+    const double height = apsm_random_uniform(&rng) * 0.35, grid = apsm_random_uniform(&rng);
+    const double cut = j->v[CUT] > 0 ? e->lo[2] + height * (e->hi[2] - e->lo[2]) : -INFINITY;
+    snprintf(name, sizeof name, "%s_%02zu%s", anatomy_names[j->kind], i,
+             spread.mirrored ? "_L" : "");
+    APSM_TRY(write_truth(j, name, &map, &mesh));
+    if (j->v[CUT] > 0 || j->v[COARSE] != 1 || j->v[FINE] != 1) {
+        const double coarser = j->v[FINE] * pow(j->v[COARSE] / j->v[FINE], grid);
+        apsm_mesh_free(&mesh);
+        APSM_TRY(anatomy_template(j->ctx, j->kind, coarser, cut, &mesh));
+        anatomy_apply(&map, &mesh);
+    }
+    if (j->v[MESS] > 0) mess_up(&mesh, &rng, (int)j->v[MESS]);
+    const apsm_status status = write_shape(j, name, &mesh);
+    apsm_mesh_free(&mesh);
+    return status;
+}
+
+static apsm_status make_folder(const job *j, const char *name)
+{
+    char path[1024];
+    snprintf(path, sizeof path, "%s/%s", j->folder, name);
+    return apsm_make_folder(j->ctx, path);
+}
+
+static apsm_status make_cohort(job *j)
+{
+    APSM_TRY(make_folder(j, "shapes"));
+    APSM_TRY(make_folder(j, "truth"));
+    APSM_TRY(anatomy_template(j->ctx, j->kind, 1, -INFINITY, &j->template_mesh));
+    for (size_t i = 0; i < (size_t)j->v[COUNT]; i++) APSM_TRY(make_one(j, i));
+    return APSM_OK;
+}
+
+int main(int argc, char **argv)
+{
+    job j = { .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1 } };
+    while (argc > 2 && j.kind < ANATOMY_KINDS && strcmp(argv[1], anatomy_names[j.kind]) != 0)
+        j.kind++;
+    if (argc < 3 || j.kind == ANATOMY_KINDS || !parse(argc - 3, argv + 3, j.v)) {
+        fprintf(stderr, "usage: make_anatomy KIND OUT_DIR [OPTION VALUE...]\n");
+        return 2;
+    }
+    j.folder = argv[2];
+    j.ctx = apsm_context_new();
+    if (!j.ctx) return 1;
+    const apsm_status status = make_cohort(&j);
+    if (status != APSM_OK) fprintf(stderr, "make_anatomy: %s\n", apsm_error_text(j.ctx));
+    apsm_mesh_free(&j.template_mesh);
+    apsm_context_free(j.ctx);
+    return status != APSM_OK;
+}

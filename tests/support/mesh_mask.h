@@ -1,0 +1,110 @@
+/* mesh_mask.h -- the segmentation of a closed mesh: voxels whose centres are inside.  Along every
+ * row of voxels the crossings of the surface are sorted; the inside is between the first and the
+ * second, the third and the fourth. */
+#ifndef APSM_TEST_MESH_MASK_H
+#define APSM_TEST_MESH_MASK_H
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "apsm/mesh.h"
+#include "apsm/volume.h"
+
+enum { MASK_MARGIN = 3 };
+
+typedef struct mask_crossing {
+    size_t row;
+    double x;
+} mask_crossing;
+
+typedef struct mask_crossings {
+    mask_crossing *at;
+    size_t n, room;
+} mask_crossings;
+
+static inline int mask_by_row(const void *a, const void *b)
+{
+    const mask_crossing *p = a, *q = b;
+    if (p->row != q->row) return p->row < q->row ? -1 : 1;
+    return (p->x > q->x) - (p->x < q->x);
+}
+
+static inline void mask_add(mask_crossings *c, size_t row, double x)
+{
+    if (c->n == c->room) {
+        c->room = 2 * c->room + 1024;
+        c->at = realloc(c->at, c->room * sizeof *c->at);
+        if (!c->at) abort();
+    }
+    c->at[c->n++] = (mask_crossing){ row, x };
+}
+
+/* Rows (y, z) that the face crosses.  A centre on an edge would count twice or not at all; centres
+ * are off by an irrational share of a voxel, so that none is. */
+static inline void mask_face(const apsm_volume *v, const double *a, const double *b,
+                             const double *c, mask_crossings *out)
+{
+    const double *p[3] = { a, b, c };
+    size_t lo[3] = { 0 }, hi[3] = { 0 };
+    for (int k = 1; k < 3; k++) {
+        const double least = fmin(a[k], fmin(b[k], c[k])), most = fmax(a[k], fmax(b[k], c[k]));
+        lo[k] = (size_t)fmax(ceil((least - v->origin[k]) / v->spacing[k]), 0);
+        hi[k] = (size_t)fmax(floor((most - v->origin[k]) / v->spacing[k]) + 1, 0);
+    }
+    for (size_t z = lo[2]; z < hi[2] && z < v->n[2]; z++)
+        for (size_t y = lo[1]; y < hi[1] && y < v->n[1]; y++) {
+            const double q[2] = { v->origin[1] + v->spacing[1] * (double)y,
+                                  v->origin[2] + v->spacing[2] * (double)z };
+            double w[3], sum = 0, x = 0;
+            for (int k = 0; k < 3; k++) {
+                const double *r = p[(k + 1) % 3], *s = p[(k + 2) % 3];
+                w[k] = (r[1] - q[0]) * (s[2] - q[1]) - (s[1] - q[0]) * (r[2] - q[1]);
+                sum += w[k];
+            }
+            const bool in =
+                (w[0] > 0 && w[1] > 0 && w[2] > 0) || (w[0] < 0 && w[1] < 0 && w[2] < 0);
+            for (int k = 0; in && k < 3; k++) x += w[k] / sum * p[k][0];
+            if (in) mask_add(out, y + v->n[1] * z, x);
+        }
+}
+
+static inline void mask_fill(apsm_volume *v, const mask_crossings *c)
+{
+    for (size_t k = 0; k + 1 < c->n;) {
+        if (c->at[k].row != c->at[k + 1].row) {
+            k++;
+            continue;
+        }
+        for (size_t i = 0; i < v->n[0]; i++) {
+            const double x = v->origin[0] + v->spacing[0] * (double)i;
+            if (x > c->at[k].x && x < c->at[k + 1].x) v->label[i + v->n[0] * c->at[k].row] = 1;
+        }
+        k += 2;
+    }
+}
+
+static inline apsm_volume mesh_mask(const apsm_mesh *mesh, const double spacing[3])
+{
+    apsm_volume v = { .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
+    double lo[3], hi[3];
+    mask_crossings c = { 0 };
+    apsm_mesh_bounds(mesh, lo, hi);
+    for (int k = 0; k < 3; k++) {
+        v.spacing[k] = spacing[k];
+        v.origin[k] =
+            (floor(lo[k] / spacing[k]) - MASK_MARGIN + 0.4142135 * (k + 1) / 3) * spacing[k];
+        v.n[k] = (size_t)((hi[k] - v.origin[k]) / spacing[k]) + 1 + MASK_MARGIN;
+    }
+    v.label = calloc(v.n[0] * v.n[1] * v.n[2], sizeof *v.label);
+    if (!v.label) abort();
+    for (size_t f = 0; f < mesh->nf; f++) {
+        const uint32_t *F = mesh->F + 3 * f;
+        mask_face(&v, mesh->V + 3 * F[0], mesh->V + 3 * F[1], mesh->V + 3 * F[2], &c);
+    }
+    qsort(c.at, c.n, sizeof *c.at, mask_by_row);
+    mask_fill(&v, &c);
+    free(c.at);
+    return v;
+}
+
+#endif
