@@ -18,8 +18,10 @@ double apsm_step(size_t J, size_t terms, const double *weight, const double *con
 void apsm_snap(size_t J, const double *D, const double *N, double *P);
 
 /* P (J x 3) <- the closest points of the mesh; on (J, out; NULL: not wanted) says where they
- * are.  Returns the largest move. */
-double apsm_snap_closest(const apsm_bvh *bvh, size_t J, double *P, apsm_surface_point *on);
+ * are.  guess (J, in/out; NULL: none): what the last call found, or 0; it saves time and changes
+ * nothing else.  Returns the largest move. */
+double apsm_snap_closest(const apsm_bvh *bvh, size_t J, double *P, apsm_surface_point *on,
+                         uint32_t *guess);
 
 #ifdef __cplusplus
 }

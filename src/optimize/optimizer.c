@@ -25,6 +25,7 @@
 #include "apsm/rbf_shape.h"
 #include "apsm/sampling_loss.h"
 #include "apsm/snap.h"
+#include "geometry/bvh_guess.h"
 #include "optimize/geodesic_pass.h"
 #include "optimize/schedule.h"
 
@@ -59,7 +60,6 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state)
 typedef struct worker {
     double *B, *D, *f, *E, *g, *kbar, *dL_df; /* R x 3, then R each */
     double *gs, *gc, *ge;                     /* J x 3 each */
-    apsm_surface_point *S;                    /* J */
     double *rbf_store, *factor_store, *rbf_work, *sampling_work;
     double *eigen_work; /* K */
 } worker;
@@ -89,8 +89,10 @@ typedef struct optimizer {
     double *mean;          /* J x 3: of this batch, or the lagged one */
     double *Y, *L;         /* K x 3J, K x K */
     double *step;          /* K x 3J */
-    double *N;             /* K x 3J */
+    double *N;             /* I x 3J: normals where fresh */
+    bool *fresh;           /* I: N belongs to P */
     double *template_pull; /* K x 3J if template_gradient, else NULL */
+    uint32_t *guess;       /* I x J: where the surface was last; saves time, changes nothing else */
     double eigenshape;
     shape_record *record;    /* I */
     apsm_fidelity *fidelity; /* of the last stage; NULL before */
@@ -177,22 +179,20 @@ static bool worker_alloc(worker *w, size_t J, size_t R, size_t K)
     }
     w->gs = doubles(9 * J);
     if (w->gs) w->gc = w->gs + 3 * J, w->ge = w->gc + 3 * J;
-    w->S = malloc(J * sizeof *w->S);
     w->rbf_store = doubles(apsm_rbf_store_size(J));
     w->factor_store = doubles(apsm_polyharmonic_store_size(3 * J, false));
     const size_t fit_work = apsm_rbf_work_size(J), eval_work = apsm_rbf_eval_f32_work_size(J);
     w->rbf_work = doubles(fit_work > eval_work ? fit_work : eval_work);
     w->sampling_work = doubles(apsm_sampling_work_size(J, R));
     w->eigen_work = doubles(K);
-    return w->B && w->gs && w->S && w->rbf_store && w->factor_store && w->rbf_work &&
-           w->sampling_work && w->eigen_work;
+    return w->B && w->gs && w->rbf_store && w->factor_store && w->rbf_work && w->sampling_work &&
+           w->eigen_work;
 }
 
 static void worker_free(worker *w)
 {
     free(w->B);
     free(w->gs);
-    free(w->S);
     free(w->rbf_store);
     free(w->factor_store);
     free(w->rbf_work);
@@ -212,6 +212,9 @@ static void optimizer_free(optimizer *op)
     free(op->Y);
     free(op->template_pull);
     free(op->record);
+    free(op->guess);
+    free(op->N);
+    free(op->fresh);
     apsm_fidelity_free(op->fidelity);
 }
 
@@ -241,17 +244,19 @@ static apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
     op->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *op->N6);
     op->order = malloc(I * sizeof *op->order);
     op->mean = doubles(3 * J);
-    op->Y = doubles(K * J * 9 + K * K);
+    op->Y = doubles(K * J * 6 + K * K);
+    op->N = doubles(I * J * 3);
+    op->fresh = calloc(I, sizeof *op->fresh);
     op->record = calloc(I, sizeof *op->record);
+    op->guess = calloc(I * J, sizeof *op->guess);
     if (o->template_gradient) op->template_pull = doubles(K * J * 3);
     bool ok = op->worker && op->tP && op->N6 && op->order && op->mean && op->Y && op->record &&
-              (!o->template_gradient || op->template_pull);
+              op->guess && (!o->template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;
         op->h_j = op->tN + 3 * J;
         op->step = op->Y + K * J * 3;
-        op->N = op->step + K * J * 3;
-        op->L = op->N + K * J * 3;
+        op->L = op->step + K * J * 3;
         for (int k = 0; ok && k < op->workers; k++) ok = worker_alloc(&op->worker[k], J, op->R, K);
     }
     if (ok) return APSM_OK;
@@ -266,13 +271,25 @@ static double *particles(const optimizer *op, size_t i)
 
 /* ---- the pieces of an epoch, for one shape ---- */
 
-static void look_up_normals(const optimizer *op, size_t i, const double *P, worker *w, double *N)
+/* Normals of shape i's particles; a shape's are looked up when it has moved, while its tree is at
+ * hand. */
+static const double *normals(const optimizer *op, size_t i)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
-    if (op->o->snap == APSM_SNAP_FIELD)
+    const double *P = particles(op, i);
+    double *N = op->N + i * op->J * 3;
+    if (op->fresh[i]) return N;
+    op->fresh[i] = true;
+    if (op->o->snap == APSM_SNAP_FIELD) {
         apsm_field_sample(shape->field, op->J, P, NULL, N);
-    else
-        apsm_shape_look_up(shape, op->J, P, w->S, NULL, N);
+        return N;
+    }
+    for (size_t j = 0; j < op->J; j++) {
+        apsm_closest c;
+        bvh_closest_guess(shape->bvh, P + 3 * j, INFINITY, op->guess + i * op->J + j, &c);
+        apsm_surface_normal(&shape->mesh, shape->VN, &c.on, N + 3 * j);
+    }
+    return N;
 }
 
 static void draw_points(const optimizer *op, size_t i, worker *w)
@@ -379,9 +396,8 @@ static apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_in
     const size_t i = op.batch[k];
     worker *w = &op.worker[worker_index];
     const double *P = particles(&op, i);
-    double *N = op.N + k * op.J * 3;
+    const double *N = normals(&op, i);
     op.record[i] = (shape_record){ .correspondence = NAN, .error2 = NAN };
-    look_up_normals(&op, i, P, w, N);
     APSM_TRY(sampling_gradient(&op, i, P, N, w));
     if (op.w.gamma > 0) APSM_TRY(correspondence_gradient(&op, i, k, P, N, w));
     if (op.w.beta > 0) {
@@ -395,7 +411,8 @@ static apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_in
 static void snap_to_surface(const optimizer *op, size_t i, double *P, worker *w)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
-    if (op->o->snap == APSM_SNAP_CLOSEST) apsm_snap_closest(shape->bvh, op->J, P, NULL);
+    if (op->o->snap == APSM_SNAP_CLOSEST)
+        apsm_snap_closest(shape->bvh, op->J, P, NULL, op->guess + i * op->J);
     if (op->o->snap != APSM_SNAP_FIELD) return;
     for (long n = 0; n < op->o->snaps; n++) { /* ge holds D, gc the normals */
         apsm_field_sample(shape->field, op->J, P, w->ge, w->gc);
@@ -419,6 +436,8 @@ static apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, voi
                              op->cohort->shape[i].name, x / 3);
     }
     snap_to_surface(op, i, P, &op->worker[worker_index]);
+    op->fresh[i] = false;
+    normals(op, i);
     return APSM_OK;
 }
 
@@ -428,7 +447,7 @@ static apsm_status freeze_template(optimizer *op)
 {
     const size_t t = op->cohort->template_index;
     memcpy(op->tP, particles(op, t), op->J * 3 * sizeof *op->tP);
-    look_up_normals(op, t, op->tP, &op->worker[0], op->tN);
+    memcpy(op->tN, normals(op, t), op->J * 3 * sizeof *op->tN);
     APSM_TRY(apsm_neighbours6(op->J, op->tP, op->N6));
     const double h = apsm_spacing(op->J, op->tP, op->N6, op->h_j);
     if (!(op->state->h > 0)) op->state->h = h; /* fixed once a stage */
@@ -524,6 +543,7 @@ static void judge_pass(optimizer *op, const apsm_epoch_record *r)
 static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
 {
     geodesic_pass_result pass;
+    memset(op->fresh, 0, op->I * sizeof *op->fresh);
     APSM_TRY(geodesic_pass(op->ctx, op->cohort, op->o, op->J, op->state->h, op->state->P, &pass));
     r->mismatched = pass.mean;
     r->worst_mismatched = pass.worst;

@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+#include "geometry/bvh_guess.h"
+
 static double length(const double x[3])
 {
     return sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
@@ -29,12 +31,14 @@ void apsm_snap(size_t J, const double *D, const double *N, double *P)
         for (size_t a = 0; a < 3; a++) P[3 * j + a] -= D[j] * N[3 * j + a];
 }
 
-double apsm_snap_closest(const apsm_bvh *bvh, size_t J, double *P, apsm_surface_point *on)
+double apsm_snap_closest(const apsm_bvh *bvh, size_t J, double *P, apsm_surface_point *on,
+                         uint32_t *guess)
 {
     double largest = 0.0;
     for (size_t j = 0; j < J; j++) {
         apsm_closest closest;
-        apsm_bvh_closest(bvh, P + 3 * j, INFINITY, &closest);
+        uint32_t none = 0;
+        bvh_closest_guess(bvh, P + 3 * j, INFINITY, guess ? guess + j : &none, &closest);
         for (size_t a = 0; a < 3; a++) P[3 * j + a] = closest.x[a];
         largest = fmax(largest, sqrt(closest.distance2));
         if (on) on[j] = closest.on;

@@ -178,7 +178,7 @@ static void snaps_to_the_closest_point(void **state)
     assert_int_equal(apsm_bvh_build(&mesh, &bvh), APSM_OK);
     double P[6] = { 0.25, 0.125, 1.5, -0.5, 0.25, 0.25 }, X[3];
     apsm_surface_point on[2];
-    assert_true(apsm_snap_closest(bvh, 2, P, on) == 0.5);
+    assert_true(apsm_snap_closest(bvh, 2, P, on, NULL) == 0.5);
     const double want[6] = { 0.25, 0.125, 1, -1, 0.25, 0.25 };
     golden_close("P", 6, P, want, 1e-15);
     for (size_t j = 0; j < 2; j++) {
