@@ -298,7 +298,7 @@ static void return_half_way(const apsm_fidelity *f, size_t i, const double *P0, 
             returns |= named[f->N6[APSM_NEIGHBOURS * j + q]];
         if (!returns) continue;
         for (size_t c = 3 * j; c < 3 * j + 3; c++) P[c] = 0.5 * P[c] + 0.5 * P0[c];
-        apsm_snap_closest(f->cohort->shape[i].bvh, 1, P + 3 * j, NULL);
+        apsm_snap_closest(f->cohort->shape[i].bvh, 1, P + 3 * j, NULL, NULL);
     }
 }
 

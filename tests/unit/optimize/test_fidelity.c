@@ -363,7 +363,7 @@ static void test_faults_return(void **state)
     const size_t neighbour = f->N6[20 * APSM_NEIGHBOURS];
     for (size_t c = 0; c < 3; c++)
         shape[60 + c] = 0.2 * shape[60 + c] + 0.8 * shape[3 * neighbour + c];
-    apsm_snap_closest(s.cohort.shape[2].bvh, 1, shape + 60, NULL);
+    apsm_snap_closest(s.cohort.shape[2].bvh, 1, shape + 60, NULL, NULL);
     assert_true(mismatched(&s, P) > 0);
     apsm_fidelity_record r;
     assert_int_equal(apsm_fidelity_round(s.ctx, f, o.rounds - 1, s.P, P, &r), APSM_OK);

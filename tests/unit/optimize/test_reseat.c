@@ -63,7 +63,7 @@ static void make_scene(scene *s, bool balls)
     assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, I / 2, 0, 0, &s->cohort),
                      APSM_OK);
     for (size_t i = 0; i < I; i++) {
-        apsm_snap_closest(s->cohort.shape[i].bvh, J, s->P + i * J * 3, NULL);
+        apsm_snap_closest(s->cohort.shape[i].bvh, J, s->P + i * J * 3, NULL, NULL);
         apsm_mesh_free(&mesh[i]);
     }
 }
