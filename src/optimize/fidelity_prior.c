@@ -224,6 +224,7 @@ static void choose_scales(fitting *f, double *e)
     const size_t I = f->I, J = f->J;
     memset(scale, 0, J * sizeof *scale);
     for (size_t i = 0; i < I; i++) {
+        if (f->left_out && f->left_out[i]) continue;
         leave(f, i, e);
         for (size_t j = 0; j < J; j++) scale[j] += vec3_norm(e + 3 * j) / (double)I;
     }

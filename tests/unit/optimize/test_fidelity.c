@@ -247,6 +247,16 @@ static void test_prior_finds_modes(void **state)
         assert_true(fabs(p.mean[x] / p.scale[x / 3] - q.mean[x] / q.scale[x / 3]) < 1e-9);
     apsm_fidelity_prior_free(&p);
     apsm_fidelity_prior_free(&q);
+
+    /* nor does any model know a shape that is left out */
+    bool left_out[SHAPES] = { [3] = true };
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, left_out, &p), APSM_OK);
+    P[3 * D + 5] -= 500;
+    assert_int_equal(apsm_fidelity_prior_fit(ctx, SHAPES, J, P, 2, 2, left_out, &q), APSM_OK);
+    for (size_t j = 0; j < J; j++) assert_true(fabs(p.scale[j] / q.scale[j] - 1) < 1e-9);
+    for (size_t x = 0; x < SHAPES * D; x++) assert_true(fabs(p.mean[x] - q.mean[x]) < 1e-6);
+    apsm_fidelity_prior_free(&p);
+    apsm_fidelity_prior_free(&q);
     apsm_context_free(ctx);
 }
 
