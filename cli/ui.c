@@ -207,9 +207,16 @@ static void print_json(const cli_ui *ui)
 
 /* ---- Sinks ---- */
 
+/* Stages of less than a second are not worth a line. */
+static bool was_short(const cli_ui *ui)
+{
+    return ui->clock() - ui->began < 1;
+}
+
 /* The bar of a stage stays on the screen when the next one begins. */
 static void end_stage(cli_ui *ui)
 {
+    if (was_short(ui)) wipe_bar(ui);
     if (ui->drawn) fputc('\n', ui->err);
     ui->drawn = false;
     ui->stage = NULL;
@@ -218,7 +225,8 @@ static void end_stage(cli_ui *ui)
 static bool is_due(const cli_ui *ui, bool begins)
 {
     const double since = ui->clock() - ui->shown;
-    if (ui->last.done >= ui->last.total || ui->style == STYLE_JSON) return true;
+    if (ui->style == STYLE_JSON) return true;
+    if (ui->last.done >= ui->last.total) return ui->style != STYLE_PLAIN || !was_short(ui);
     if (ui->style == STYLE_PLAIN) return since >= line_seconds; /* short stages only at their end */
     return begins || since >= redraw_seconds;
 }

@@ -72,6 +72,17 @@ static void plain_lines_come_now_and_then(void **state)
     release(&s);
 }
 
+static void short_stages_leave_no_line(void **state)
+{
+    (void)state;
+    stage s;
+    begin(&s, CLI_PROGRESS_PLAIN, false);
+    for (size_t k = 0; k <= 100; k++, now += 0.0078125) report(&s, k, NAN, NAN);
+    end(&s);
+    assert_string_equal(s.err, "");
+    release(&s);
+}
+
 static void long_times_are_readable(void **state)
 {
     (void)state;
@@ -140,6 +151,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(plain_lines_come_now_and_then),
+        cmocka_unit_test(short_stages_leave_no_line),
         cmocka_unit_test(long_times_are_readable),
         cmocka_unit_test(every_json_line_is_an_object),
         cmocka_unit_test(quiet_keeps_warnings_errors_and_answers),
