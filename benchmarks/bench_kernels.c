@@ -153,13 +153,13 @@ static void fit32(scene *b)
 
 static void refit(scene *b)
 {
-    must(apsm_rbf_refit(&b->factor, b->P2, b->N, b->s, 1e-4, 50, &b->shape, &b->iterations,
+    must(apsm_rbf_refit(&b->factor, b->P2, b->N, b->s, false, 1e-4, 50, &b->shape, &b->iterations,
                         b->rbf_work));
 }
 
 static void refit32(scene *b)
 {
-    must(apsm_rbf_refit(&b->factor32, b->P2, b->N, b->s, 1e-4, 50, &b->shape, &b->iterations,
+    must(apsm_rbf_refit(&b->factor32, b->P2, b->N, b->s, true, 1e-4, 50, &b->shape, &b->iterations,
                         b->rbf_work));
 }
 

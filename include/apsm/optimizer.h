@@ -42,8 +42,9 @@ typedef struct apsm_optimizer_state {
     double *P;    /* I x J x 3, world frame */
     double *mean; /* J x 3: mean of the last epoch's end (minibatches) */
     size_t own_size;
-    double *own; /* own_size: what method psm keeps beside P (apsm/psm.h), or P when the
-                    fidelity stage began; else NULL */
+    double *own; /* own_size: what method psm keeps beside P (apsm/psm.h); in stage 2 with c > 0 P
+                    when the RBF factors were last made; P when the fidelity stage began; else
+                    NULL */
 } apsm_optimizer_state;
 
 apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,
@@ -72,7 +73,9 @@ typedef apsm_status (*apsm_epoch_fn)(void *user, const apsm_optimizer_state *sta
 
 /* Runs state to the end from wherever it is.  On APSM_ERR_INTERRUPTED state is that of the last
  * full epoch.  Results depend on cohort, options, state and the context's seed alone.
- * O(epochs * I * (R J + J^3 if c > 0) + I^2 J) time, O(I J + threads * J^2) memory. */
+ * O(epochs * I * (R J + J^2 if c > 0) + I J^3 + I^2 J) time, O(I J^2 + threads * J^2) memory, or
+ * O(I J + threads * J^2) and J^3 in every epoch where the factors of I shapes are more than 1 GB.
+ */
 apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch,
                           void *user) APSM_NODISCARD;

@@ -78,13 +78,14 @@ void apsm_polyharmonic_map(const apsm_polyharmonic *f, const double *X, size_t n
  * projected system, with the factor of earlier, nearby centres as preconditioner (and the single
  * precision factor serves as well).  Stops when the residual has fallen to `tolerance` of the
  * right-hand side; *iterations (out) is the count.  APSM_ERR_NONFINITE if max_iterations do not
- * suffice or the system is no longer definite: factor anew.  work:
+ * suffice or the system is no longer definite: factor anew.  single: the matrix in single
+ * precision, which is several times faster and good to tolerances of 1e-4 (phi = r only).  work:
  * apsm_polyharmonic_resolve_work_size(n).  O(n^2) an iteration. */
 size_t apsm_polyharmonic_resolve_work_size(size_t n);
 apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const double *X,
-                                      const double *values, double tolerance, size_t max_iterations,
-                                      double *w, double c[4], size_t *iterations,
-                                      double *work) APSM_NODISCARD;
+                                      const double *values, bool single, double tolerance,
+                                      size_t max_iterations, double *w, double c[4],
+                                      size_t *iterations, double *work) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -40,11 +40,11 @@ apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double 
                          double *work) APSM_NODISCARD;
 
 /* As above, after small moves, with the factor of an earlier fit as preconditioner: a third (J =
- * 128) to a quarter (J = 1024) of the time.  *iterations: conjugate gradient steps taken.  Errors
- * as apsm_polyharmonic_resolve: fit anew then. */
+ * 128) to a quarter (J = 1024) of the time; single, with floats alone, a tenth.  *iterations:
+ * conjugate gradient steps taken.  Errors as apsm_polyharmonic_resolve: fit anew then. */
 apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
-                           double s, double tolerance, size_t max_iterations, apsm_rbf_shape *shape,
-                           size_t *iterations, double *work) APSM_NODISCARD;
+                           double s, bool single, double tolerance, size_t max_iterations,
+                           apsm_rbf_shape *shape, size_t *iterations, double *work) APSM_NODISCARD;
 
 /* f (R) and grad f (R x 3; NULL: not wanted) at X (R x 3).  O(R J); no scratch.  At a centre
  * the kernel's share of the gradient is taken as 0. */

@@ -391,6 +391,7 @@ void field_arrays(apsm_field *field, array_list *list)
 {
     arrays_add(list, &field->bricks, field->brick_count * sizeof *field->bricks);
     arrays_add(list, &field->brick_key, field->brick_count * sizeof *field->brick_key);
+    arrays_add(list, &field->least, field->brick_count * sizeof *field->least);
     arrays_add(list, &field->table, ((size_t)1 << field->table_bits) * sizeof *field->table);
 }
 

@@ -107,6 +107,12 @@ void apsm_syrk(size_t n, size_t k, const double *A, double beta, double *C)
                 (int)n);
 }
 
+void apsm_symv_f32(size_t n, const float *A, const float *x, float *y)
+{
+    if (n == 0) return;
+    cblas_ssymv(CblasRowMajor, CblasLower, (int)n, 1.0f, A, (int)n, x, 1, 0.0f, y, 1);
+}
+
 void apsm_gemv(size_t m, size_t n, const double *A, const double *x, double *y)
 {
     if (m == 0) return;

@@ -265,6 +265,36 @@ static void project(apsm_polyharmonic *f, double *work)
     keep_blocks(f, work);
 }
 
+/* ---- the matrix in single precision ---- */
+
+/* A's lower triangle for phi = r. */
+APSM_KERNEL static void kernel_matrix_single(size_t n, const float *restrict x, float *restrict A)
+{
+    const float *X = x, *Y = x + n, *Z = x + 2 * n;
+    for (size_t i = 0; i < n; i++) {
+        const float xi = X[i], yi = Y[i], zi = Z[i];
+        float *row = A + i * n;
+#pragma omp simd
+        for (size_t j = 0; j <= i; j++) {
+            const float dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
+            row[j] = sqrtf(dx * dx + dy * dy + dz * dz);
+        }
+    }
+}
+
+/* As assemble, but A's lower triangle in floats. */
+static apsm_status assemble_single(apsm_polyharmonic *f, const double *X, double *work)
+{
+    const size_t n = f->n;
+    double *x = work + n * n, *Q = x + 3 * n;
+    float *x32 = (float *)Q;
+    scale_centres(f, X, x);
+    APSM_TRY(reflections(f, x, Q));
+    for (size_t k = 0; k < 3 * n; k++) x32[k] = (float)x[k];
+    kernel_matrix_single(n, x32, (float *)work);
+    return APSM_OK;
+}
+
 /* ---- factor ---- */
 
 /* Factors s A'22 with f's ridge; A' stays. */
@@ -502,8 +532,23 @@ static double dot(size_t n, const double *a, const double *b)
 typedef struct resolve_work {
     const apsm_polyharmonic *stale, *now;
     const double *A;
+    const float *A32;     /* its lower triangle, instead of A; or NULL */
     double *full, *solve; /* n; solve work */
 } resolve_work;
+
+/* y <- A x. */
+static void apply(const resolve_work *s, const double *x, double *y)
+{
+    const size_t n = s->now->n;
+    if (!s->A32) {
+        apsm_gemv(n, n, s->A, x, y);
+        return;
+    }
+    float *x32 = (float *)s->solve, *y32 = x32 + n;
+    for (size_t k = 0; k < n; k++) x32[k] = (float)x[k];
+    apsm_symv_f32(n, s->A32, x32, y32);
+    for (size_t k = 0; k < n; k++) y[k] = (double)y32[k];
+}
 
 /* z <- s A'22 p. */
 static void apply_projected(const resolve_work *s, const double *p, double *z)
@@ -512,7 +557,7 @@ static void apply_projected(const resolve_work *s, const double *p, double *z)
     double t[8];
     memcpy(s->full, p, n * sizeof *p);
     reflect(s->now, false, 1, s->full, t, t + 4);
-    apsm_gemv(n, n, s->A, s->full, z);
+    apply(s, s->full, z);
     reflect(s->now, true, 1, z, t, t + 4);
     for (size_t k = 0; k < n; k++) z[k] = k < 4 ? 0.0 : sign_of(s->now->phi) * z[k];
 }
@@ -561,25 +606,27 @@ static apsm_status conjugate_gradients(const resolve_work *s, double tolerance, 
 }
 
 apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const double *X,
-                                      const double *values, double tolerance, size_t max_iterations,
-                                      double *w, double c[4], size_t *iterations, double *work)
+                                      const double *values, bool single, double tolerance,
+                                      size_t max_iterations, double *w, double c[4],
+                                      size_t *iterations, double *work)
 {
+    if (single && stale->phi != APSM_PHI_R) return APSM_ERR_ARG;
     const size_t n = stale->n;
     double *A = work, *V = A + apsm_polyharmonic_factor_work_size(n), *full = V + 4 * n;
     double *u = full + n, *r = u + n, *z = r + n, *p = z + n, *q = p + n, *v = q + n;
     apsm_polyharmonic now = *stale;
     now.V = V;
-    const resolve_work s = { stale, &now, A, full, v + n };
+    const resolve_work s = { stale, &now, A, single ? (const float *)A : NULL, full, v + n };
     double t[8];
     for (size_t k = 0; k < 3 * n; k++)
         if (!isfinite(X[k])) return APSM_ERR_NONFINITE;
-    APSM_TRY(assemble(&now, X, work));
+    APSM_TRY(single ? assemble_single(&now, X, work) : assemble(&now, X, work));
     memcpy(v, values, n * sizeof *v);
     reflect(&now, true, 1, v, t, t + 4);
     for (size_t k = 0; k < n; k++) r[k] = k < 4 ? 0.0 : sign_of(now.phi) * v[k];
     APSM_TRY(conjugate_gradients(&s, tolerance, max_iterations, u, r, z, p, q, iterations));
     reflect(&now, false, 1, u, t, t + 4); /* u is w in the unit box now */
-    apsm_gemv(n, n, A, u, q);
+    apply(&s, u, q);
     reflect(&now, true, 1, q, t, t + 4);
     for (size_t i = 0; i < 4; i++) c[i] = v[i] - q[i]; /* (H^T (v - A w))_1 */
     polynomial(&now, 1, c);

@@ -69,6 +69,13 @@ typedef struct shape_record {
     double sampling, correspondence, error2, step;
 } shape_record;
 
+/* The factor of a shape's RBF system at state->own, for the epochs that follow. */
+typedef struct kept_factor {
+    apsm_polyharmonic f;
+    double *store; /* its arrays; NULL until they are needed */
+    bool ready;
+} kept_factor;
+
 typedef struct optimizer {
     apsm_context *ctx;
     const apsm_cohort *cohort;
@@ -95,6 +102,7 @@ typedef struct optimizer {
     uint32_t *guess;       /* I x J: where the surface was last; saves time, changes nothing else */
     double eigenshape;
     shape_record *record;    /* I */
+    kept_factor *kept;       /* I if factors serve for several epochs, else NULL */
     apsm_fidelity *fidelity; /* of the last stage; NULL before */
     int workers;
     worker *worker;
@@ -152,6 +160,14 @@ static bool is_single(const apsm_options *o)
     return o->precision == 0 && o->kernel == 0 && o->error_gradient == APSM_ERROR_CONSTANT;
 }
 
+/* Whether a factor serves for several epochs: not if I of them are more than anyone's memory.  No
+ * other limit decides, for it decides the result. */
+static bool keeps_factors(const optimizer *op)
+{
+    const double most = 0x1p30, each = 8.0 * (double)apsm_polyharmonic_store_size(3 * op->J, true);
+    return is_single(op->o) && op->w.c > 0 && (double)op->I * each <= most;
+}
+
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
 static double dipole_length(const optimizer *op, const apsm_shape *shape)
 {
@@ -200,6 +216,13 @@ static void worker_free(worker *w)
     free(w->eigen_work);
 }
 
+static void free_factors(optimizer *op)
+{
+    for (size_t i = 0; op->kept && i < op->I; i++) free(op->kept[i].store);
+    free(op->kept);
+    op->kept = NULL;
+}
+
 static void optimizer_free(optimizer *op)
 {
     if (op->worker)
@@ -211,6 +234,7 @@ static void optimizer_free(optimizer *op)
     free(op->mean);
     free(op->Y);
     free(op->template_pull);
+    free_factors(op);
     free(op->record);
     free(op->guess);
     free(op->N);
@@ -271,24 +295,29 @@ static double *particles(const optimizer *op, size_t i)
 
 /* ---- the pieces of an epoch, for one shape ---- */
 
+/* Unit normals N at P; guess as in apsm_snap_closest. */
+static void look_up_normals(const optimizer *op, size_t i, const double *P, uint32_t *guess,
+                            double *N)
+{
+    const apsm_shape *shape = &op->cohort->shape[i];
+    if (op->o->snap == APSM_SNAP_FIELD) {
+        apsm_field_sample(shape->field, op->J, P, NULL, N);
+        return;
+    }
+    for (size_t j = 0; j < op->J; j++) {
+        apsm_closest c;
+        bvh_closest_guess(shape->bvh, P + 3 * j, INFINITY, guess + j, &c);
+        apsm_surface_normal(&shape->mesh, shape->VN, &c.on, N + 3 * j);
+    }
+}
+
 /* Normals of shape i's particles; a shape's are looked up when it has moved, while its tree is at
  * hand. */
 static const double *normals(const optimizer *op, size_t i)
 {
-    const apsm_shape *shape = &op->cohort->shape[i];
-    const double *P = particles(op, i);
     double *N = op->N + i * op->J * 3;
-    if (op->fresh[i]) return N;
+    if (!op->fresh[i]) look_up_normals(op, i, particles(op, i), op->guess + i * op->J, N);
     op->fresh[i] = true;
-    if (op->o->snap == APSM_SNAP_FIELD) {
-        apsm_field_sample(shape->field, op->J, P, NULL, N);
-        return N;
-    }
-    for (size_t j = 0; j < op->J; j++) {
-        apsm_closest c;
-        bvh_closest_guess(shape->bvh, P + 3 * j, INFINITY, op->guess + i * op->J + j, &c);
-        apsm_surface_normal(&shape->mesh, shape->VN, &c.on, N + 3 * j);
-    }
     return N;
 }
 
@@ -300,22 +329,64 @@ static void draw_points(const optimizer *op, size_t i, worker *w)
     apsm_field_draw(shape->field, &rng, op->o->band * dipole_length(op, shape), op->R, w->B, w->D);
 }
 
+/* The fit (2) by a factor of its own. */
+static apsm_status fit_anew(const optimizer *op, size_t i, const double *P, const double *N,
+                            worker *w, double *store, apsm_rbf_shape *rbf,
+                            apsm_polyharmonic *factor)
+{
+    const double s = dipole_length(op, &op->cohort->shape[i]);
+    const apsm_status status =
+        apsm_rbf_fit(kernel_of(op->o), P, N, s, is_single(op->o), store, factor, rbf, w->rbf_work);
+    if (status == APSM_OK) return APSM_OK;
+    return apsm_fail(op->ctx, status,
+                     "%s: the particles do not determine a surface (coinciding, or all in a "
+                     "plane); use fewer particles or check the shape",
+                     op->cohort->shape[i].name);
+}
+
+/* The factor at state->own, made when it is first asked for: at once, or after a resume.  Where
+ * memory is limited it is made anew each time, in w.  Overwrites w->gs and rbf. */
+static apsm_status factor_at_own(const optimizer *op, size_t i, worker *w, apsm_rbf_shape *rbf,
+                                 apsm_polyharmonic *spare, const apsm_polyharmonic **factor)
+{
+    kept_factor *k = &op->kept[i];
+    const double *P = op->state->own + i * op->J * 3;
+    const bool keep = !op->cohort->shape[i].stored;
+    *factor = keep ? &k->f : spare;
+    if (k->ready) return APSM_OK;
+    if (keep && !k->store) k->store = doubles(apsm_polyharmonic_store_size(3 * op->J, true));
+    double *store = keep ? k->store : w->factor_store;
+    if (!store) return APSM_ERR_MEMORY;
+    look_up_normals(op, i, P, op->guess + i * op->J, w->gs);
+    APSM_TRY(fit_anew(op, i, P, w->gs, w, store, rbf, keep ? &k->f : spare));
+    k->ready = keep;
+    return APSM_OK;
+}
+
+/* The fit (2) with the factor of an earlier epoch; by its own where that does not do. */
+static apsm_status fit_again(const optimizer *op, size_t i, const double *P, const double *N,
+                             worker *w, apsm_rbf_shape *rbf, apsm_polyharmonic *spare)
+{
+    enum { MOST_ITERATIONS = 24 };
+    const double tolerance = 1e-3, s = dipole_length(op, &op->cohort->shape[i]);
+    const apsm_polyharmonic *factor;
+    size_t iterations;
+    APSM_TRY(factor_at_own(op, i, w, rbf, spare, &factor));
+    const apsm_status status = apsm_rbf_refit(factor, P, N, s, true, tolerance, MOST_ITERATIONS,
+                                              rbf, &iterations, w->rbf_work);
+    return status == APSM_OK ? status : fit_anew(op, i, P, N, w, w->factor_store, rbf, spare);
+}
+
 /* g (5) of the points from the RBF-shape's error (4) there, and, if asked for, the share of the
  * gradient that runs through the fit. */
 static apsm_status surface_error(const optimizer *op, size_t i, const double *P, const double *N,
                                  worker *w, apsm_rbf_shape *rbf, apsm_polyharmonic *factor,
                                  double *e_factor)
 {
-    const double s = dipole_length(op, &op->cohort->shape[i]);
     const bool single = is_single(op->o);
     apsm_rbf_bind(rbf, op->J, w->rbf_store);
-    const apsm_status status =
-        apsm_rbf_fit(kernel_of(op->o), P, N, s, single, w->factor_store, factor, rbf, w->rbf_work);
-    if (status != APSM_OK)
-        return apsm_fail(op->ctx, status,
-                         "%s: the particles do not determine a surface (coinciding, or all in a "
-                         "plane); use fewer particles or check the shape",
-                         op->cohort->shape[i].name);
+    APSM_TRY(op->kept ? fit_again(op, i, P, N, w, rbf, factor)
+                      : fit_anew(op, i, P, N, w, w->factor_store, rbf, factor));
     if (single)
         apsm_rbf_eval_f32(rbf, op->R, w->B, w->f, w->rbf_work);
     else
@@ -589,6 +660,28 @@ static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
     apsm_report_progress(op->ctx, &p);
 }
 
+/* Factors are made anew every RENEWAL epochs of a stage, at the positions then, which the state
+ * keeps: whoever resumes in between makes the same ones. */
+static apsm_status renew_factors(optimizer *op)
+{
+    enum { RENEWAL = 25 };
+    apsm_optimizer_state *s = op->state;
+    const size_t n = op->I * op->J * 3;
+    if (!keeps_factors(op)) return APSM_OK;
+    if (!op->kept) op->kept = calloc(op->I, sizeof *op->kept);
+    if (!op->kept) return APSM_ERR_MEMORY;
+    if (s->epoch % RENEWAL > 0 && s->own_size == n) return APSM_OK;
+    if (s->own_size != n) {
+        free(s->own);
+        s->own = doubles(n);
+        s->own_size = s->own ? n : 0;
+    }
+    if (!s->own) return APSM_ERR_MEMORY;
+    memcpy(s->own, s->P, n * sizeof *s->own);
+    for (size_t i = 0; i < op->I; i++) op->kept[i].ready = false;
+    return APSM_OK;
+}
+
 static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
@@ -601,6 +694,7 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     }
     r->epoch = s->epoch;
     op->w = weights_of_epoch(op->o, &op->schedule, s->stage, s->epoch, s->epochs_run);
+    APSM_TRY(renew_factors(op));
     shuffle(op);
     for (size_t first = 0; first < op->I; first += op->K) {
         const size_t rest = op->I - first;
@@ -618,6 +712,7 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
 static apsm_status begin_fidelity(optimizer *op)
 {
     apsm_optimizer_state *s = op->state;
+    free_factors(op);
     if (s->epoch == 0) {
         const size_t n = op->I * op->J * 3;
         double *own = doubles(n);

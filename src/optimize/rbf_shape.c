@@ -63,16 +63,16 @@ apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double 
 }
 
 apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
-                           double s, double tolerance, size_t max_iterations, apsm_rbf_shape *shape,
-                           size_t *iterations, double *work)
+                           double s, bool single, double tolerance, size_t max_iterations,
+                           apsm_rbf_shape *shape, size_t *iterations, double *work)
 {
     const size_t n = 3 * shape->J;
     double *values = work;
     shape->phi = stale->phi;
     shape->s = s;
     apsm_rbf_dipoles(shape->J, P, N, s, shape->Q, values);
-    return apsm_polyharmonic_resolve(stale, shape->Q, values, tolerance, max_iterations, shape->w,
-                                     shape->c, iterations, work + n);
+    return apsm_polyharmonic_resolve(stale, shape->Q, values, single, tolerance, max_iterations,
+                                     shape->w, shape->c, iterations, work + n);
 }
 
 /* ---- evaluate ---- */

@@ -242,19 +242,28 @@ static void resolves_after_moves(void **state)
     fit x = fit_new(APSM_PHI_R, N, X, false), z = fit_new(APSM_PHI_R, N, Z, false),
         s = fit_new(APSM_PHI_R, N, Z, true);
     apsm_polyharmonic_solve(&z.f, 1, v, NULL, w, c, z.work);
-    assert_int_equal(apsm_polyharmonic_resolve(&x.f, Z, v, 1e-13, 60, u, b, &iterations, x.work),
-                     APSM_OK);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&x.f, Z, v, false, 1e-13, 60, u, b, &iterations, x.work),
+        APSM_OK);
     golden_close_max("stale w", N, u, w, 1e-10);
     golden_close_max("stale c", 4, b, c, 1e-10);
     assert_true(iterations >= 2);
-    assert_int_equal(apsm_polyharmonic_resolve(&s.f, Z, v, 1e-13, 9, u, b, &iterations, s.work),
-                     APSM_OK);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&s.f, Z, v, false, 1e-13, 9, u, b, &iterations, s.work), APSM_OK);
     golden_close_max("single w", N, u, w, 1e-10);
-    assert_int_equal(apsm_polyharmonic_resolve(&z.f, Z, v, 1e-9, 1, u, b, &iterations, x.work),
-                     APSM_OK);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&s.f, Z, v, true, 1e-5, 9, u, b, &iterations, s.work), APSM_OK);
+    golden_close_max("w by floats", N, u, w, 1e-4);
+    golden_close_max("c by floats", 4, b, c, 1e-3);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&x.f, Z, v, true, 1e-5, 60, u, b, &iterations, x.work), APSM_OK);
+    golden_close_max("stale w by floats", N, u, w, 1e-4);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&z.f, Z, v, false, 1e-9, 1, u, b, &iterations, x.work), APSM_OK);
     assert_int_equal(iterations, 1); /* its own factor */
-    assert_int_equal(apsm_polyharmonic_resolve(&x.f, Z, v, 1e-13, 2, u, b, &iterations, x.work),
-                     APSM_ERR_NONFINITE);
+    assert_int_equal(
+        apsm_polyharmonic_resolve(&x.f, Z, v, false, 1e-13, 2, u, b, &iterations, x.work),
+        APSM_ERR_NONFINITE);
     fit_free(&x);
     fit_free(&z);
     fit_free(&s);

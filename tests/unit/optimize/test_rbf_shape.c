@@ -197,8 +197,9 @@ static void refit_equals_fit(void **state)
     fit x = fit_new(APSM_PHI_R, J, P, N, 1.0, false);
     for (size_t i = 0; i < 3 * J; i++) P[i] += move[i];
     fit y = fit_new(APSM_PHI_R, J, P, N, 1.0, false);
-    assert_int_equal(apsm_rbf_refit(&x.factor, P, N, 1.0, 1e-4, 30, &x.shape, &iterations, x.work),
-                     APSM_OK);
+    assert_int_equal(
+        apsm_rbf_refit(&x.factor, P, N, 1.0, false, 1e-4, 30, &x.shape, &iterations, x.work),
+        APSM_OK);
     golden_close_max("w", 3 * J, x.shape.w, y.shape.w, 1e-3);
     golden_close_max("c", 4, x.shape.c, y.shape.c, 1e-3);
     assert_true(iterations > 0 && iterations <= 15);
