@@ -48,9 +48,9 @@ extern "C" {
     ENUM(mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")                \
     REAL(field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")                 \
     /* initialize */                                                                               \
-    ENUM(initialize, "projection|fps",                                                             \
-         "project the template's particles, or sample every shape by farthest points and match "   \
-         "them (paper)")                                                                           \
+    ENUM(initialize, "registration|projection|fps",                                                \
+         "take the template's particles to every shape by non-rigid registration, project them "   \
+         "as they are, or sample every shape by farthest points and match them (paper)")           \
     /* sampling loss */                                                                            \
     ENUM(kernel, "biharmonic|triharmonic", "phi of the RBF-shape (1)")                             \
     ENUM(precision, "single|double",                                                               \
@@ -167,7 +167,7 @@ typedef struct apsm_options {
 enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
 enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
-enum { APSM_INIT_PROJECTION, APSM_INIT_FPS };
+enum { APSM_INIT_REGISTRATION, APSM_INIT_PROJECTION, APSM_INIT_FPS };
 /* sampling_scale, rotation, neighbour_norm, kernel: apsm/optimizer.h maps them to the kernels'
  * own names. */
 enum { APSM_ERROR_RELATIVE, APSM_ERROR_RAW };

@@ -21,9 +21,9 @@ apsm_projection_options apsm_projection_defaults(double h);
 /* Where J particles X (J x 3) with unit normals N (J x 3) of the aligned reference go on a
  * surface: S (J, out) and positions P (J x 3, out).  The closest point on a face that looks the
  * same way, so that a particle stays on its side of a thin sheet; the closest point at all where
- * none is near.  Particles that come to lie closer than min_separation are moved apart along the
- * surface, in order of index.  *close (NULL if not wanted): pairs still closer afterwards.
- * O(J log nf + J^2). */
+ * none is near.  Particles that look the same way and come to lie closer than min_separation
+ * are moved apart along the surface, in order of index.  *close (NULL if not wanted): pairs still
+ * closer afterwards.  O(J log nf + J^2). */
 void apsm_project_particles(const apsm_bvh *bvh, size_t J, const double *X, const double *N,
                             const apsm_projection_options *options, apsm_surface_point *S,
                             double *P, size_t *close);

@@ -24,13 +24,14 @@ static apsm_closest project(const apsm_bvh *bvh, const double x[3], const double
     return facing.distance2 < INFINITY ? facing : any;
 }
 
-static size_t nearest_other(size_t J, const double *P, size_t j, double *d2)
+/* Of those that look the same way: the sides of a sheet may be as close as they like. */
+static size_t nearest_other(size_t J, const double *P, const double *N, size_t j, double *d2)
 {
     size_t best = j;
     *d2 = INFINITY;
     for (size_t k = 0; k < J; k++) {
         const double e = vec3_distance2(P + 3 * j, P + 3 * k);
-        if (k != j && e < *d2) {
+        if (k != j && e < *d2 && vec3_dot(N + 3 * j, N + 3 * k) > 0.0) {
             *d2 = e;
             best = k;
         }
@@ -78,7 +79,7 @@ static size_t separate(const apsm_bvh *bvh, size_t J, const double *X, const dou
     size_t close = 0;
     for (size_t j = 0; j < J; j++) {
         double d2;
-        const size_t k = nearest_other(J, P, j, &d2);
+        const size_t k = nearest_other(J, P, N, j, &d2);
         if (k == j || d2 >= o->min_separation * o->min_separation) continue;
         close++;
         if (move) part(bvh, X, N, o, j > k ? j : k, j > k ? k : j, sqrt(d2), S, P);

@@ -9,7 +9,8 @@
  *
  * Fold: three template particles, each among the 6 nearest of the other two, span a triangle with
  * an orientation, (b - a) x (c - a) . n, n the mean of their normals.  Its sign must not change.
- * Triangles that are almost a line or stand on the surface say nothing and are passed over. */
+ * Triangles that are almost a line or stand on the surface say nothing and are passed over, and so
+ * are those with corners on both sides of a sheet: its sides may shift against each other. */
 #include "apsm/certificate.h"
 
 #include <math.h>
@@ -116,7 +117,10 @@ int apsm_triangle_orientation(const double *P, const double *N, const uint32_t t
     vec3_sub(b, a, e);
     vec3_sub(c, a, f);
     vec3_cross(e, f, cross);
-    for (int i = 0; i < 3; i++) vec3_add_scaled(n, 1.0, N + 3 * (size_t)t[i]);
+    for (int i = 0; i < 3; i++) {
+        if (vec3_dot(N + 3 * (size_t)t[i], N + 3 * (size_t)t[(i + 1) % 3]) < 0.0) return 0;
+        vec3_add_scaled(n, 1.0, N + 3 * (size_t)t[i]);
+    }
     const double longest2 = fmax(fmax(vec3_dot(e, e), vec3_dot(f, f)), vec3_distance2(b, c));
     const double area2 = vec3_normalise(cross); /* twice the area: longest side times height */
     const double spread = vec3_normalise(n) / 3.0;

@@ -4,13 +4,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/align.h"
 #include "apsm/assignment.h"
 #include "apsm/correspondence_loss.h"
 #include "apsm/farthest_point.h"
 #include "apsm/optimizer.h"
 #include "apsm/projection.h"
+#include "apsm/registration.h"
 
-enum { SPREAD_EPOCHS = 60 };
+enum { SPREAD_EPOCHS = 60, REGISTERED = 400 };
 
 /* The vertex farthest from the surface's centroid: the same whatever the order of the vertices,
  * but for ties. */
@@ -60,6 +62,8 @@ typedef struct carry {
     double h;
     const double *T, *TN; /* J x 3 */
     double *P;            /* I x J x 3, out */
+    uint64_t seed;
+    apsm_registration *registration; /* NULL if not asked for */
 } carry;
 
 static void positions(const apsm_shape *shape, size_t J, const apsm_surface_point *S, double *P)
@@ -67,10 +71,31 @@ static void positions(const apsm_shape *shape, size_t J, const apsm_surface_poin
     for (size_t j = 0; j < J; j++) apsm_surface_position(&shape->mesh, &S[j], P + 3 * j);
 }
 
-static void project(const carry *c, const apsm_shape *shape, apsm_surface_point *S, double *P)
+static void project(const carry *c, const apsm_shape *shape, const double *X, const double *N,
+                    apsm_surface_point *S, double *P)
 {
     const apsm_projection_options po = apsm_projection_defaults(c->h);
-    apsm_project_particles(shape->bvh, c->J, c->T, c->TN, &po, S, P, NULL);
+    apsm_project_particles(shape->bvh, c->J, X, N, &po, S, P, NULL);
+}
+
+/* Projects what registration has brought near. */
+static apsm_status register_shape(const carry *c, size_t i, apsm_surface_point *S, double *P)
+{
+    const apsm_shape *shape = &c->cohort->shape[i];
+    apsm_cloud cloud;
+    APSM_TRY(apsm_cloud_sample(&shape->mesh, REGISTERED, c->seed, i, &cloud));
+    const size_t n = 3 * c->J, size = apsm_registration_work_size(c->registration, cloud.n);
+    double *X = malloc((2 * n + size) * sizeof *X);
+    apsm_status status = X ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        memcpy(X, c->T, n * sizeof *X);
+        memcpy(X + n, c->TN, n * sizeof *X);
+        status = apsm_registration_move(c->registration, &cloud, c->J, X, X + n, X + 2 * n);
+    }
+    if (status == APSM_OK) project(c, shape, X, X + n, S, P);
+    free(X);
+    apsm_cloud_free(&cloud);
+    return status;
 }
 
 /* The paper's way: the shape's own samples get the names of the projected reference particles. */
@@ -82,7 +107,7 @@ static apsm_status match(apsm_context *ctx, const carry *c, const apsm_shape *sh
     void *work = malloc(apsm_match_samples_work_size(c->J));
     apsm_status status = samples && work ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
-        project(c, shape, S, P);
+        project(c, shape, c->T, c->TN, S, P);
         status = sample_shape(ctx, shape, c->J, samples);
     }
     if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &w);
@@ -108,8 +133,10 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     apsm_surface_point *S = malloc(c->J * sizeof *S);
     if (!S) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
-    if (c->options->initialize == APSM_INIT_PROJECTION)
-        project(c, shape, S, P);
+    if (c->registration)
+        status = register_shape(c, i, S, P);
+    else if (c->options->initialize == APSM_INIT_PROJECTION)
+        project(c, shape, c->T, c->TN, S, P);
     else
         status = match(ctx, c, shape, S, P);
     free(S);
@@ -139,15 +166,29 @@ static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
     return status;
 }
 
+static apsm_status prepare_registration(carry *c)
+{
+    const size_t t = c->cohort->template_index;
+    apsm_cloud cloud;
+    APSM_TRY(apsm_cloud_sample(&c->cohort->shape[t].mesh, REGISTERED, c->seed, t, &cloud));
+    const apsm_status status = apsm_registration_new(&cloud, &c->registration);
+    apsm_cloud_free(&cloud);
+    return status;
+}
+
 apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
                                  const apsm_options *options, size_t J, double *P)
 {
     double *T = malloc(6 * J * sizeof *T);
     if (!T) return APSM_ERR_MEMORY;
     carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
+    c.seed = apsm_context_seed(ctx);
     apsm_status status = seed_template(ctx, cohort, options, J, T, T + 3 * J, &c.h);
+    if (status == APSM_OK && options->initialize == APSM_INIT_REGISTRATION)
+        status = prepare_registration(&c);
     if (status == APSM_OK)
         status = apsm_parallel_for(ctx, cohort->I, carry_to_shape, &c, "initialize");
+    apsm_registration_free(c.registration);
     free(T);
     return status;
 }

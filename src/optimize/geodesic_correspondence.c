@@ -190,6 +190,16 @@ static size_t keep_farthest(pass *a, size_t n)
     return farthest >= 0.0;
 }
 
+static void face_normal(const apsm_mesh *mesh, uint32_t f, double n[3])
+{
+    const double *a = mesh->V + 3 * (size_t)mesh->F[3 * f];
+    double u[3], v[3];
+    vec3_sub(mesh->V + 3 * (size_t)mesh->F[3 * f + 1], a, u);
+    vec3_sub(mesh->V + 3 * (size_t)mesh->F[3 * f + 2], a, v);
+    vec3_cross(u, v, n);
+    vec3_normalise(n);
+}
+
 /* Where j gets to on its way to k.  false: k cannot be reached. */
 static apsm_status target(pass *a, uint32_t j, uint32_t k, apsm_surface_point *to, bool *reached)
 {
@@ -201,12 +211,23 @@ static apsm_status target(pass *a, uint32_t j, uint32_t k, apsm_surface_point *t
     return apsm_geodesic_walk(a->g, a->w, a->points + j, d - a->o->walk * fmax(d - keep, 0.0), to);
 }
 
+/* The mean of targets, x, goes to the surface's closest point on the side where they are (n: the
+ * sum of their normals): over a thin sheet the closest point at all may be on the other. */
+static void to_surface(const apsm_bvh *bvh, double n[3], double x[3], apsm_surface_point *to)
+{
+    apsm_closest c = { .distance2 = INFINITY };
+    if (vec3_normalise(n) > 0.0) apsm_bvh_closest_facing(bvh, x, n, 0.0, INFINITY, &c);
+    if (!(c.distance2 < INFINITY)) apsm_bvh_closest(bvh, x, INFINITY, &c);
+    *to = c.on;
+    memcpy(x, c.x, sizeof c.x);
+}
+
 /* The place that the n missing neighbours ask j to take. */
 static apsm_status destination(pass *a, uint32_t j, size_t n, apsm_surface_point *to, double x[3],
                                size_t *asked)
 {
     const apsm_mesh *mesh = apsm_geodesic_mesh(a->g);
-    double sum[3] = { 0 };
+    double sum[3] = { 0 }, normal[3] = { 0 }, m[3];
     *asked = 0;
     for (size_t i = 0; i < n; i++) {
         bool reached;
@@ -214,14 +235,13 @@ static apsm_status destination(pass *a, uint32_t j, size_t n, apsm_surface_point
         if (!reached) continue;
         apsm_surface_position(mesh, to, x);
         vec3_add_scaled(sum, 1.0, x);
+        face_normal(mesh, to->face, m);
+        vec3_add_scaled(normal, 1.0, m);
         ++*asked;
     }
     if (*asked < 2) return APSM_OK;
     for (int c = 0; c < 3; c++) x[c] = sum[c] / (double)*asked;
-    apsm_closest closest;
-    apsm_bvh_closest(a->bvh, x, INFINITY, &closest);
-    *to = closest.on;
-    memcpy(x, closest.x, sizeof closest.x);
+    to_surface(a->bvh, normal, x, to);
     return APSM_OK;
 }
 
@@ -234,21 +254,30 @@ static double largest_reference_distance2(const pass *a, uint32_t j, const doubl
     return most;
 }
 
-static double nearest_other2(const pass *a, uint32_t j, const double x[3])
+/* Among those that look as the face of x does: the sides of a sheet do not crowd each other. */
+static double nearest_other2(const pass *a, uint32_t j, const apsm_surface_point *at,
+                             const double x[3])
 {
-    double least = INFINITY;
-    for (size_t k = 0; k < a->J; k++)
-        if (k != j) least = fmin(least, vec3_distance2(x, a->P + 3 * k));
+    const apsm_mesh *mesh = apsm_geodesic_mesh(a->g);
+    double least = INFINITY, n[3], m[3];
+    face_normal(mesh, at->face, n);
+    for (size_t k = 0; k < a->J; k++) {
+        const double d2 = vec3_distance2(x, a->P + 3 * k);
+        if (k == j || !(d2 < least)) continue;
+        face_normal(mesh, a->points[k].face, m);
+        if (vec3_dot(n, m) >= 0.0) least = d2;
+    }
     return least;
 }
 
 /* The guard: the reference neighbours are not left farther behind, and nobody is crowded, unless
  * j was in a worse crowd before. */
-static bool acceptable(const pass *a, uint32_t j, const double x[3])
+static bool acceptable(const pass *a, uint32_t j, const apsm_surface_point *to, const double x[3])
 {
     const double *old = a->P + 3 * (size_t)j, limit = a->o->min_separation;
     if (largest_reference_distance2(a, j, x) > largest_reference_distance2(a, j, old)) return false;
-    return nearest_other2(a, j, x) >= fmin(limit * limit, nearest_other2(a, j, old));
+    return nearest_other2(a, j, to, x) >=
+           fmin(limit * limit, nearest_other2(a, j, a->points + j, old));
 }
 
 /* Marks the rows that a particle at x may belong to. */
@@ -309,7 +338,7 @@ static apsm_status treat(pass *a, uint32_t j, apsm_walk_report *report)
     if (n > 0 && a->o->farthest) n = keep_farthest(a, n);
     APSM_TRY(destination(a, j, n, &to, x, &asked));
     if (asked == 0) return APSM_OK;
-    if (a->o->guard && !acceptable(a, j, x)) {
+    if (a->o->guard && !acceptable(a, j, &to, x)) {
         report->refused++;
         return APSM_OK;
     }

@@ -491,6 +491,26 @@ static void snap_to_surface(const optimizer *op, size_t i, double *P, worker *w)
     }
 }
 
+/* A step of h/4 may reach through a thin shape: particles return to the side that they left (N:
+ * their normals there), unless the way is longer by `detour`. */
+static void snap_to_side(const apsm_shape *shape, size_t J, const double *N, double detour,
+                         double *P)
+{
+    for (size_t j = 0; j < J; j++) {
+        apsm_closest any, side;
+        apsm_bvh_closest(shape->bvh, P + 3 * j, INFINITY, &any);
+        const double reach = sqrt(any.distance2) + detour;
+        apsm_bvh_closest_facing(shape->bvh, P + 3 * j, N + 3 * j, 0, reach * reach, &side);
+        memcpy(P + 3 * j, side.distance2 < INFINITY ? side.x : any.x, sizeof any.x);
+    }
+}
+
+static bool is_thin(const optimizer *op, size_t i)
+{
+    const double thickness = 2 * op->cohort->shape[i].half_thickness;
+    return op->o->snap == APSM_SNAP_CLOSEST && thickness < op->state->h;
+}
+
 static apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user)
 {
     const optimizer *op = user;
@@ -506,7 +526,10 @@ static apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, voi
                              "%s: particle %zu left the finite numbers; lower alpha, beta or gamma",
                              op->cohort->shape[i].name, x / 3);
     }
-    snap_to_surface(op, i, P, &op->worker[worker_index]);
+    if (is_thin(op, i))
+        snap_to_side(&op->cohort->shape[i], op->J, op->N + i * op->J * 3, op->state->h, P);
+    else
+        snap_to_surface(op, i, P, &op->worker[worker_index]);
     op->fresh[i] = false;
     normals(op, i);
     return APSM_OK;

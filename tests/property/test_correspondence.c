@@ -47,6 +47,39 @@ static void a_thin_plate_keeps_its_sides(void **state)
     assert_true(truth_error(SYNTHETIC_PLATE, &o) < 0.08);
 }
 
+/* Particles of a shape whose true place on the template looks another way than the template's
+ * particle does. */
+static size_t wrong_side(const cohort_run *r, size_t i)
+{
+    const apsm_shape *t = &r->cohort.shape[r->cohort.template_index], *s = &r->cohort.shape[i];
+    const double *T = r->state.P + r->cohort.template_index * r->J * 3;
+    size_t n = 0;
+    for (size_t j = 0; j < r->J; j++) {
+        apsm_closest c;
+        apsm_surface_point own;
+        double is[3], should[3];
+        apsm_bvh_closest(s->bvh, r->state.P + (i * r->J + j) * 3, INFINITY, &c);
+        apsm_surface_normal(&t->mesh, t->VN, &c.on, is);
+        apsm_shape_look_up(t, 1, T + 3 * j, &own, NULL, should);
+        n += is[0] * should[0] + is[1] * should[1] + is[2] * should[2] < -0.5;
+    }
+    return n;
+}
+
+/* A blade with a sixth of the particles' spacing for thickness: they stay on their sides. */
+static void a_blade_keeps_its_sides(void **state)
+{
+    (void)state;
+    const apsm_options o = short_run();
+    cohort_run r = cohort_begin(SYNTHETIC_BLADE, 7, 5, 128, NULL, 2);
+    cohort_optimize(&r, &o);
+    size_t wrong = 0;
+    for (size_t i = 0; i < r.I; i++) wrong += wrong_side(&r, i);
+    printf("%zu of %zu particles on the wrong side\n", wrong, r.I * r.J);
+    cohort_end(&r);
+    assert_true(wrong <= 4);
+}
+
 /* Without the correspondence and eigenshape losses the particles drift apart. */
 static void the_losses_make_the_correspondence(void **state)
 {
@@ -63,6 +96,7 @@ int main(void)
         cmocka_unit_test(ellipsoids_correspond),
         cmocka_unit_test(a_sliding_bump_is_followed),
         cmocka_unit_test(a_thin_plate_keeps_its_sides),
+        cmocka_unit_test(a_blade_keeps_its_sides),
         cmocka_unit_test(the_losses_make_the_correspondence),
     };
     return cmocka_run_group_tests_name("correspondence", tests, NULL, NULL);

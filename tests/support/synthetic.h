@@ -13,7 +13,8 @@
 typedef enum synthetic_kind {
     SYNTHETIC_ELLIPSOID, /* half-axes vary independently */
     SYNTHETIC_BUMP,      /* a bump slides by +-35 degrees around an ellipsoid */
-    SYNTHETIC_PLATE      /* a plate 8 to 12 thick, bent more or less */
+    SYNTHETIC_PLATE,     /* a plate 8 to 12 thick, bent more or less */
+    SYNTHETIC_BLADE      /* the same, 2 thick */
 } synthetic_kind;
 
 /* Weyl sequence: spread-out parameters in [-1, 1], without a generator's state. */
@@ -45,11 +46,10 @@ static inline void synthetic_bump(double t, const double u[3], double x[3])
 }
 
 /* A rounded box by the 6-norm, then bent about the y axis. */
-static inline void synthetic_plate(size_t i, double t, const double u[3], double x[3])
+static inline void synthetic_plate(double half, double t, const double u[3], double x[3])
 {
     const double p = pow(fabs(u[0]), 6) + pow(fabs(u[1]), 6) + pow(fabs(u[2]), 6);
     const double r = 1.0 / pow(p, 1.0 / 6);
-    const double half = 5 + synthetic_weyl(i, 0.6180339887498949);
     const double a = 50 * r * u[0], b = 30 * r * u[1], c = half * r * u[2];
     const double bend = 0.008 + 0.005 * t, theta = bend * a; /* curvature 1 / radius */
     x[0] = (1 / bend + c) * sin(theta);
@@ -69,7 +69,10 @@ static inline void synthetic_map(synthetic_kind kind, size_t i, size_t n, const 
         synthetic_bump(t, u, x);
         break;
     case SYNTHETIC_PLATE:
-        synthetic_plate(i, t, u, x);
+        synthetic_plate(5 + synthetic_weyl(i, 0.6180339887498949), t, u, x);
+        break;
+    case SYNTHETIC_BLADE:
+        synthetic_plate(1, t, u, x);
         break;
     }
 }

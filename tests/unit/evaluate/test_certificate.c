@@ -277,6 +277,20 @@ static void lists_agree_with_counts(void **state)
         assert_true(strlen(apsm_review_text((apsm_review)i)) > 5);
 }
 
+/* Corners on both sides of a sheet: whatever way round, no verdict. */
+static void triangles_across_a_sheet_say_nothing(void **state)
+{
+    (void)state;
+    const apsm_certificate_options o = apsm_certificate_defaults();
+    const double P[9] = { 0, 0, 0, 1, 0, 0, 0, 1, 0.1 };
+    const double same[9] = { 0, 0, 1, 0, 0, 1, 0, 0, 1 }, both[9] = { 0, 0, 1, 0, 0, 1, 0, 0, -1 };
+    const uint32_t t[3] = { 0, 1, 2 }, back[3] = { 0, 2, 1 };
+    assert_int_equal(apsm_triangle_orientation(P, same, t, &o), 1);
+    assert_int_equal(apsm_triangle_orientation(P, same, back, &o), -1);
+    assert_int_equal(apsm_triangle_orientation(P, both, t, &o), 0);
+    assert_int_equal(apsm_triangle_orientation(P, both, back, &o), 0);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -285,6 +299,7 @@ int main(void)
         cmocka_unit_test(folds_are_found),
         cmocka_unit_test(stray_and_coincident_particles),
         cmocka_unit_test(lists_agree_with_counts),
+        cmocka_unit_test(triangles_across_a_sheet_say_nothing),
     };
     return cmocka_run_group_tests(tests, make_cohort, free_cohort);
 }

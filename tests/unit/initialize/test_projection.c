@@ -110,9 +110,33 @@ static void well_spread_particles_are_only_projected(void **state)
     apsm_mesh_free(&body);
 }
 
+/* Particles above each other on a sheet thinner than their least separation stay there; two on one
+ * side do not. */
+static void sides_of_a_sheet_do_not_push_each_other(void **state)
+{
+    (void)state;
+    apsm_mesh plate = shape_box((size_t[3]){ 10, 10, 1 }, (double[3]){ 10, 10, 0.4 });
+    apsm_bvh *bvh = tree(&plate);
+    const double X[9] = { 1.3, 2.1, 0.3, 1.3, 2.1, -0.3, 1.4, 2.1, -0.3 };
+    const double N[9] = { 0, 0, 1, 0, 0, -1, 0, 0, -1 };
+    double P[9];
+    apsm_surface_point S[3];
+    const apsm_projection_options o = apsm_projection_defaults(1.0);
+    size_t close;
+    apsm_project_particles(bvh, 2, X, N, &o, S, P, &close);
+    assert_int_equal(close, 0);
+    assert_true(fabs(P[0] - P[3]) < 1e-12 && fabs(P[1] - P[4]) < 1e-12);
+    apsm_project_particles(bvh, 3, X, N, &o, S, P, &close);
+    assert_int_equal(close, 0);
+    assert_true(distance2(P + 3, P + 6) >= 0.25 && fabs(P[0] - 1.3) < 1e-12);
+    apsm_bvh_free(bvh);
+    apsm_mesh_free(&plate);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(sides_of_a_sheet_do_not_push_each_other),
         cmocka_unit_test(stays_on_its_side_of_a_sheet),
         cmocka_unit_test(falls_back_to_the_closest_point),
         cmocka_unit_test(coincident_particles_part),

@@ -1,0 +1,344 @@
+/* Non-rigid registration by soft correspondence both ways, under a Gaussian process prior.  Numbers
+ * are those of docs/method.md.
+ *
+ * Lengths are divided by the reference's radius.  y_m, n_m: M points of the reference with normals;
+ * z_k, o_k: points of the shape.  The displacement u of the reference is a Gaussian process
+ *   cov u(y) u(y') = a^2 (1 + y.y') + sum_s a_s^2 exp(-|y - y'|^2 / 2 b_s^2)              (14)
+ * (affine maps, and smooth ones of three reaches), restricted to its largest modes by the points of
+ * a subset C (Nystroem):
+ *   u(y) = sum_k b_k phi_k(y),  phi = K(y, C) Q / sqrt(eigenvalue),  b_k ~ N(0, 1).
+ * In turns, with x_m = y_m + u(y_m), n_m turned along, and sigma falling:
+ *   S_mk = exp(-|x_m - z_k|^2 / 2 sigma^2 - kappa (1 - n_m.o_k))                          (15)
+ *   A_mk = M w_m w_k S_mk / 2 (1 / (e + sum_m w_m S_mk) + 1 / (e + sum_k w_k S_mk))       (16)
+ *   b    = argmin sum_mk A_mk |x_m - z_k|^2 / 2 sigma^2 + |b|^2 / 2                       (17)
+ *
+ * (15) and (17) are coherent point drift (Myronenko & Song 2010) with another prior, with normals,
+ * so that the sides of a sheet stay apart, and annealed instead of estimated; the two terms of (16)
+ * ask that every point of the shape is reached and that every point of the reference arrives: tips
+ * go to tips.  e lets points without a partner go. */
+#include "apsm/registration.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/linalg.h"
+#include "core/exp.h"
+#include "core/kernel.h"
+#include "geometry/vec3.h"
+
+enum { CENTRES = 128, SCALES = 3, ROUNDS = 50 };
+
+static const double reach[SCALES] = { 1.0, 0.5, 0.25 };     /* b_s */
+static const double size_of[SCALES] = { 0.12, 0.05, 0.02 }; /* a_s */
+static const double affine_size = 0.3;                      /* a */
+static const double outlier = 0.01;                         /* e, in weights of a point */
+static const double first_sigma = 0.2, last_sigma = 0.5;    /* the last in spacings of the points */
+static const double first_kappa = 2.0, last_kappa = 5.0;
+static const double least_eigenvalue = 1e-6; /* relative to the largest */
+
+struct apsm_registration {
+    size_t M, C, p;
+    double centre[3], radius, spacing;
+    double *y, *n, *w; /* M x 3, M x 3, M */
+    double *B;         /* C x p: from modes to weights of the kernel's centres, y[0..C) */
+    double *Phi;       /* 4M x p: phi_k, then its derivatives along the axes, at every y_m */
+};
+
+void apsm_registration_free(apsm_registration *r)
+{
+    if (!r) return;
+    free(r->y);
+    free(r->n);
+    free(r->w);
+    free(r->B);
+    free(r->Phi);
+    free(r);
+}
+
+/* ---- the prior (14) ---- */
+
+/* k[0]: covariance of y and c; k[1..3]: its derivatives by y. */
+static void covariance(const double y[3], const double c[3], double k[4])
+{
+    const double d2 = vec3_distance2(y, c), a2 = affine_size * affine_size;
+    double slope = 0;
+    k[0] = a2 * (1 + vec3_dot(y, c));
+    for (int s = 0; s < SCALES; s++) {
+        const double b2 = reach[s] * reach[s];
+        const double g = size_of[s] * size_of[s] * apsm_exp(-0.5 * d2 / b2);
+        k[0] += g;
+        slope -= g / b2;
+    }
+    for (int a = 0; a < 3; a++) k[1 + a] = a2 * c[a] + slope * (y[a] - c[a]);
+}
+
+/* K (4n x C): rows 4m to 4m + 3 belong to y_m. */
+static void covariances(const apsm_registration *r, size_t n, const double *y, double *K)
+{
+    for (size_t m = 0; m < n; m++)
+        for (size_t c = 0; c < r->C; c++) {
+            double k[4];
+            covariance(y + 3 * m, r->y + 3 * c, k);
+            for (size_t a = 0; a < 4; a++) K[(4 * m + a) * r->C + c] = k[a];
+        }
+}
+
+/* B from the eigenvectors of the centres' covariance. */
+static apsm_status find_modes(apsm_registration *r, double *K, double *eigen)
+{
+    const size_t C = r->C;
+    double *value = eigen, *Q = eigen + C;
+    for (size_t a = 0; a < C; a++) /* the values alone, without derivatives */
+        for (size_t b = 0; b < C; b++) {
+            double k[4];
+            covariance(r->y + 3 * a, r->y + 3 * b, k);
+            K[a * C + b] = k[0];
+        }
+    APSM_TRY(apsm_symmetric_eigen(C, K, value, Q));
+    r->p = 0;
+    while (r->p < C && value[r->p] > least_eigenvalue * value[0]) r->p++;
+    for (size_t c = 0; c < C; c++)
+        for (size_t k = 0; k < r->p; k++) r->B[c * r->p + k] = Q[k * C + c] / sqrt(value[k]);
+    return APSM_OK;
+}
+
+static apsm_status make_prior(apsm_registration *r)
+{
+    const size_t C = r->C, rows = 4 * r->M;
+    double *K = malloc((rows + 1) * C * sizeof *K), *eigen = malloc((C + 1) * C * sizeof *eigen);
+    r->B = malloc(C * C * sizeof *r->B);
+    apsm_status status = K && eigen && r->B ? find_modes(r, K, eigen) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        r->Phi = malloc(rows * r->p * sizeof *r->Phi);
+        status = r->Phi ? APSM_OK : APSM_ERR_MEMORY;
+    }
+    if (status == APSM_OK) {
+        covariances(r, r->M, r->y, K);
+        apsm_gemm(0, 0, rows, r->p, C, 1, K, C, r->B, r->p, 0, r->Phi, r->p);
+    }
+    free(K);
+    free(eigen);
+    return status;
+}
+
+/* ---- the reference ---- */
+
+/* To lengths in radii about the reference's centre. */
+static void normalise(const apsm_registration *r, size_t n, const double *x, double *y)
+{
+    for (size_t k = 0; k < 3 * n; k++) y[k] = (x[k] - r->centre[k % 3]) / r->radius;
+}
+
+/* Mean distance of the points from their nearest ones. */
+static double mean_spacing(size_t n, const double *y)
+{
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        double least = INFINITY;
+        for (size_t k = 0; k < n; k++)
+            if (k != i) least = fmin(least, vec3_distance2(y + 3 * i, y + 3 * k));
+        sum += sqrt(least);
+    }
+    return sum / (double)n;
+}
+
+apsm_status apsm_registration_new(const apsm_cloud *cloud, apsm_registration **registration)
+{
+    *registration = NULL;
+    if (!(cloud->radius > 0)) return APSM_ERR_GEOMETRY;
+    apsm_registration *r = calloc(1, sizeof *r);
+    if (!r) return APSM_ERR_MEMORY;
+    r->M = cloud->n;
+    r->C = cloud->n < CENTRES ? cloud->n : CENTRES;
+    r->radius = cloud->radius;
+    memcpy(r->centre, cloud->centre, sizeof r->centre);
+    r->y = malloc(3 * r->M * sizeof *r->y);
+    r->n = malloc(3 * r->M * sizeof *r->n);
+    r->w = malloc(r->M * sizeof *r->w);
+    apsm_status status = r->y && r->n && r->w ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        normalise(r, r->M, cloud->x, r->y);
+        memcpy(r->n, cloud->normal, 3 * r->M * sizeof *r->n);
+        memcpy(r->w, cloud->w, r->M * sizeof *r->w);
+        r->spacing = mean_spacing(r->M, r->y);
+        status = make_prior(r);
+    }
+    if (status != APSM_OK) {
+        apsm_registration_free(r);
+        return status;
+    }
+    *registration = r;
+    return APSM_OK;
+}
+
+/* ---- moving points ---- */
+
+/* x <- y + u and n <- the normal there, for u and its derivatives U (4 x 3). */
+static void move_point(const double *U, const double y[3], const double n[3], double x[3],
+                       double turned[3])
+{
+    double F[3][3], cross[3]; /* columns of the map's derivative: F[a] = d x / d y_a */
+    double sum[3] = { 0 };
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c < 3; c++) F[a][c] = (a == c ? 1 : 0) + U[3 * (a + 1) + c];
+    for (int a = 0; a < 3; a++) { /* areas change by the cofactors */
+        vec3_cross(F[(a + 1) % 3], F[(a + 2) % 3], cross);
+        vec3_add_scaled(sum, n[a], cross);
+    }
+    vec3_normalise(sum);
+    for (int c = 0; c < 3; c++) {
+        x[c] = y[c] + U[c];
+        turned[c] = sum[c];
+    }
+}
+
+/* Everything a registration works on; x, n: M x 3, where the reference's points are. */
+typedef struct job {
+    const apsm_registration *r;
+    const apsm_cloud *shape;
+    double sigma, kappa;
+    double *z;                 /* K x 3 */
+    double *x, *n, *u;         /* M x 3, M x 3, 4M x 3 */
+    double *xs, *ns;           /* 3 x M: the same by coordinate */
+    double *S;                 /* K x M */
+    double *reached, *arrived; /* K, M: the sums in (16) */
+    double *D, *target;        /* M, M x 3 */
+    double *A, *b, *weighted;  /* p x p, p x 3, M x p */
+} job;
+
+size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
+{
+    return 3 * n + 30 * r->M + n * r->M + n + 5 * r->M + r->p * r->p + 3 * r->p + r->M * r->p;
+}
+
+static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
+{
+    const size_t K = shape->n, M = r->M, p = r->p;
+    job j = { .r = r, .shape = shape };
+    double **const array[] = { &j.z,       &j.x,       &j.n, &j.u,      &j.xs, &j.ns, &j.S,
+                               &j.reached, &j.arrived, &j.D, &j.target, &j.A,  &j.b,  &j.weighted };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, 3 * M, K * M,
+                            K,     M,     M,     3 * M,  p * p, 3 * p, M * p };
+    for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
+        *array[k] = work;
+        work += size[k];
+    }
+    return j;
+}
+
+static void move_reference(job *j)
+{
+    const apsm_registration *r = j->r;
+    apsm_gemm(0, 0, 4 * r->M, 3, r->p, 1, r->Phi, r->p, j->b, 3, 0, j->u, 3);
+    for (size_t m = 0; m < r->M; m++) {
+        move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
+        for (size_t c = 0; c < 3; c++) {
+            j->xs[c * r->M + m] = j->x[3 * m + c];
+            j->ns[c * r->M + m] = j->n[3 * m + c];
+        }
+    }
+}
+
+/* ---- the two halves of a round ---- */
+
+/* S (M) <- w_m S_mk for one point z of the shape with normal o. */
+APSM_KERNEL static void soft_row(size_t M, const double *x, const double *n, const double *w,
+                                 const double z[3], const double o[3], double steep, double kappa,
+                                 double *S)
+{
+    for (size_t m = 0; m < M; m++) {
+        const double a = x[m] - z[0], b = x[M + m] - z[1], c = x[2 * M + m] - z[2];
+        const double cosine = n[m] * o[0] + n[M + m] * o[1] + n[2 * M + m] * o[2];
+        S[m] = w[m] * apsm_exp(-steep * (a * a + b * b + c * c) - kappa * (1.0 - cosine));
+    }
+}
+
+/* (15) and the sums in (16); S_mk w_m w_k in S. */
+static void match_softly(job *j)
+{
+    const apsm_registration *r = j->r;
+    const double steep = 0.5 / (j->sigma * j->sigma), e = outlier / (double)r->M;
+    for (size_t m = 0; m < r->M; m++) j->arrived[m] = e;
+    for (size_t k = 0; k < j->shape->n; k++) {
+        double *S = j->S + k * r->M, sum = e;
+        soft_row(r->M, j->xs, j->ns, r->w, j->z + 3 * k, j->shape->normal + 3 * k, steep, j->kappa,
+                 S);
+        for (size_t m = 0; m < r->M; m++) sum += S[m];
+        j->reached[k] = sum;
+        for (size_t m = 0; m < r->M; m++) S[m] *= j->shape->w[k];
+        for (size_t m = 0; m < r->M; m++) j->arrived[m] += S[m] / r->w[m];
+    }
+}
+
+/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m). */
+static void find_targets(job *j)
+{
+    const apsm_registration *r = j->r;
+    memset(j->D, 0, r->M * sizeof *j->D);
+    memset(j->target, 0, 3 * r->M * sizeof *j->target);
+    for (size_t k = 0; k < j->shape->n; k++)
+        for (size_t m = 0; m < r->M; m++) {
+            const double A =
+                0.5 * (double)r->M * j->S[k * r->M + m] * (1 / j->reached[k] + 1 / j->arrived[m]);
+            j->D[m] += A;
+            for (size_t c = 0; c < 3; c++)
+                j->target[3 * m + c] += A * (j->z[3 * k + c] - r->y[3 * m + c]);
+        }
+}
+
+/* (17): (sigma^2 I + Phi' D Phi) b = Phi' target. */
+static apsm_status fit(job *j)
+{
+    const apsm_registration *r = j->r;
+    const size_t p = r->p;
+    for (size_t m = 0; m < r->M; m++)
+        for (size_t k = 0; k < p; k++)
+            j->weighted[m * p + k] = sqrt(j->D[m]) * r->Phi[4 * m * p + k];
+    apsm_syrk(p, r->M, j->weighted, 0, j->A);
+    for (size_t k = 0; k < p; k++) j->A[k * p + k] += j->sigma * j->sigma;
+    apsm_gemm(1, 0, p, 3, r->M, 1, r->Phi, 4 * p, j->target, 3, 0, j->b, 3);
+    APSM_TRY(apsm_cholesky(p, j->A));
+    apsm_cholesky_solve(p, j->A, 3, j->b);
+    return APSM_OK;
+}
+
+/* J points of the reference follow the modes b. */
+static void move_points(const job *j, size_t J, double *X, double *N)
+{
+    const apsm_registration *r = j->r;
+    double *W = j->weighted; /* C x 3 */
+    apsm_gemm(0, 0, r->C, 3, r->p, 1, r->B, r->p, j->b, 3, 0, W, 3);
+    for (size_t i = 0; i < J; i++) {
+        double y[3], n[3], x[3], U[12] = { 0 };
+        normalise(r, 1, X + 3 * i, y);
+        memcpy(n, N + 3 * i, sizeof n);
+        for (size_t c = 0; c < r->C; c++) {
+            double k[4];
+            covariance(y, r->y + 3 * c, k);
+            for (size_t a = 0; a < 4; a++) vec3_add_scaled(U + 3 * a, k[a], W + 3 * c);
+        }
+        move_point(U, y, n, x, N + 3 * i);
+        for (size_t c = 0; c < 3; c++) X[3 * i + c] = r->centre[c] + r->radius * x[c];
+    }
+}
+
+apsm_status apsm_registration_move(const apsm_registration *r, const apsm_cloud *shape, size_t J,
+                                   double *X, double *N, double *work)
+{
+    job j = job_in(r, shape, work);
+    const double end = last_sigma * r->spacing;
+    normalise(r, shape->n, shape->x, j.z);
+    memset(j.b, 0, 3 * r->p * sizeof *j.b);
+    for (int round = 0; round < ROUNDS; round++) {
+        const double t = (double)round / (ROUNDS - 1);
+        j.sigma = first_sigma * pow(end / first_sigma, t);
+        j.kappa = first_kappa + t * (last_kappa - first_kappa);
+        move_reference(&j);
+        match_softly(&j);
+        find_targets(&j);
+        APSM_TRY(fit(&j));
+    }
+    move_points(&j, J, X, N);
+    return APSM_OK;
+}
