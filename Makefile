@@ -53,10 +53,10 @@ sanitize: deps ## all tests with address and undefined-behaviour sanitizers
 	@cmake --build $(BUILD)-sanitize -j$(JOBS)
 	@cd $(BUILD)-sanitize && ctest -j2 --output-on-failure
 
-bench: deps ## benchmarks, one line of JSON each
+bench: deps ## the short set of benchmarks, one line of JSON each
 	@cmake -S . -B $(BUILD) -DAPSM_BENCHMARKS=ON $(CMAKE_FLAGS)
 	@cmake --build $(BUILD) -j$(JOBS)
-	@set -e; for b in $(BUILD)/bench_*; do [ -x "$$b" ] && "$$b"; done
+	@benchmarks/short $(BUILD)
 
 install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
