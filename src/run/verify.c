@@ -101,7 +101,8 @@ static void judge_unknown(const verifying *v, const char *file, bool finished)
     if (outputs_left_over(file))
         remark(v, "%s: left over from a run that was ended; the next run removes it", file);
     else if (finished && strcmp(file, "report.html") == 0)
-        disagree(v, "%s: older than the model; `apsm report %s` makes it anew", file, v->folder);
+        remark(v, "%s: may be older than the model; `apsm report %s` makes it anew", file,
+               v->folder);
     else if (!outputs_is_ours(file))
         disagree(v, "%s: unexpected, not written by apsm", file);
     else if (finished)

@@ -140,7 +140,7 @@ verify 0 "unfinished: initialize has not ended"
 "$apsm" run -o x --resume --quiet || fail "run --resume"
 verify 0 "agree"
 "$apsm" evaluate x --definition paper --quiet || fail "evaluate"
-verify 1 "report.html: older than the model"
+verify 0 "report.html: may be older than the model"
 "$apsm" report x --quiet >/dev/null || fail "report"
 verify 0 "agree"
 
