@@ -168,9 +168,12 @@ static apsm_status follow_method(apsm_context *ctx, apsm_options *options, int b
     return APSM_OK;
 }
 
-/* A length in the input's unit, which a user may call mm. */
+/* A length in the input's unit, which a user may call mm.  Model folders of earlier days have the
+ * words of error_scale under this name. */
 static apsm_status set_error(apsm_context *ctx, apsm_options *options, const char *value)
 {
+    if (strcmp(value, "relative") == 0 || strcmp(value, "raw") == 0)
+        return set_one(ctx, options, "error_scale", value);
     char number[64];
     const size_t length = strlen(value);
     const bool mm = length > 2 && length < sizeof number && strcmp(value + length - 2, "mm") == 0;

@@ -64,6 +64,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     *w = (fidelity_work){ 0 };
     const bool states = state_alloc(J, matches, &w->a) && state_alloc(J, matches, &w->b);
     w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
+    w->YN = malloc(3 * f->warp.nv * sizeof *w->YN);
     w->tangent = malloc(6 * J * sizeof *w->tangent);
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
     w->H = malloc(4 * J * J * sizeof *w->H);
@@ -73,8 +74,8 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->entry = malloc(3 * J * sizeof *w->entry);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->entry && w->named && w->Y && w->tangent && w->rows && w->H && w->g && w->e &&
-        w->Le && w->tangent_mode) {
+    if (states && w->entry && w->named && w->Y && w->YN && w->tangent && w->rows && w->H && w->g &&
+        w->e && w->Le && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -91,6 +92,7 @@ void fidelity_work_free(fidelity_work *w)
     free(w->entry);
     free(w->named);
     free(w->Y);
+    free(w->YN);
     apsm_bvh_free(w->bvh);
     free(w->tangent);
     free(w->rows);
@@ -114,23 +116,37 @@ static void direct(const double y[3], const double q[3], const double normal[3],
     for (int c = 0; c < 3; c++) m->direction[c] = m->distance > 1e-9 ? d[c] / length : normal[c];
 }
 
-static void pull(const apsm_fidelity *f, const apsm_shape *shape, uint32_t v, const double *Y,
-                 fidelity_match *m)
+/* Closest point to x; on sheets of this half-thickness (INFINITY: none) one that looks the way of
+ * n, unless that is farther than the other side can account for: at rims normals say little. */
+static void closest(const apsm_bvh *bvh, const double x[3], const double n[3],
+                    double half_thickness, apsm_closest *c)
+{
+    apsm_bvh_closest(bvh, x, INFINITY, c);
+    if (!isfinite(half_thickness)) return;
+    apsm_closest facing;
+    const double most = sqrt(c->distance2) + 4 * half_thickness;
+    apsm_bvh_closest_facing(bvh, x, n, 0, most * most, &facing);
+    if (isfinite(facing.distance2)) *c = facing;
+}
+
+static void pull(const apsm_fidelity *f, const apsm_shape *shape, uint32_t v,
+                 const fidelity_work *w, double half_thickness, fidelity_match *m)
 {
     apsm_closest c;
     double n[3];
-    apsm_bvh_closest(shape->bvh, Y + 3 * (size_t)v, INFINITY, &c);
+    const double *Y = w->Y;
+    closest(shape->bvh, Y + 3 * (size_t)v, w->YN + 3 * (size_t)v, half_thickness, &c);
     apsm_surface_normal(&shape->mesh, shape->VN, &c.on, n);
     *m = (fidelity_match){ .vertex = v, .on = c.on };
     direct(Y + 3 * (size_t)v, c.x, n, f->h, m);
 }
 
 static void push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
-                 const apsm_bvh *warped, fidelity_match *m)
+                 const apsm_bvh *warped, double half_thickness, fidelity_match *m)
 {
     apsm_closest c;
     const double *x = shape->mesh.V + 3 * (size_t)u;
-    apsm_bvh_closest(warped, x, INFINITY, &c);
+    closest(warped, x, shape->VN + 3 * (size_t)u, half_thickness, &c);
     *m = (fidelity_match){ .vertex = u, .on = c.on };
     direct(c.x, x, shape->VN + 3 * (size_t)u, f->h, m);
 }
@@ -141,13 +157,15 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
     const apsm_shape *shape = &f->cohort->shape[i];
     apsm_warp_apply(&f->warp, s->P, w->Y);
     apsm_bvh_refit(w->bvh);
+    const double thin = shape->half_thickness < 0.5 * f->h ? shape->half_thickness : INFINITY;
+    if (isfinite(thin)) apsm_mesh_vertex_normals(&w->warped, w->YN);
     const size_t step_v = stride_of(f, w->warped.nv), step_u = stride_of(f, shape->mesh.nv);
     size_t n = 0;
     for (size_t v = (size_t)round % step_v; v < w->warped.nv; v += step_v)
-        pull(f, shape, (uint32_t)v, w->Y, &s->match[n++]);
+        pull(f, shape, (uint32_t)v, w, thin, &s->match[n++]);
     s->pulls = n;
     for (size_t u = (size_t)round % step_u; u < shape->mesh.nv; u += step_u)
-        push(f, shape, (uint32_t)u, w->bvh, &s->match[n++]);
+        push(f, shape, (uint32_t)u, w->bvh, thin, &s->match[n++]);
     s->n = n;
     double sum = 0;
     for (size_t k = 0; k < n; k++) sum += s->match[k].distance;

@@ -55,6 +55,7 @@ typedef struct fidelity_work {
     double *entry;        /* J x 3: particles at the round's start */
     bool *named;          /* J: by the certificate */
     double *Y;            /* nv x 3: warped template */
+    double *YN;           /* nv x 3: its normals, for thin shapes */
     apsm_mesh warped;     /* its triangles on Y */
     apsm_bvh *bvh;        /* of warped */
     double *tangent;      /* J x 2 x 3 */

@@ -207,6 +207,38 @@ static void test_gradient(void **state)
     free_scene(&s);
 }
 
+/* A plate that lies two thirds of its thickness off is matched side by side, not with the side that
+ * happens to be closer. */
+static void test_sides_of_sheets(void **state)
+{
+    (void)state;
+    scene s;
+    make_scene(&s, SYNTHETIC_PLATE, 0, 1);
+    const apsm_fidelity_options o = apsm_fidelity_defaults();
+    apsm_fidelity *f = new_stage(&s, &o);
+    fidelity_work w;
+    const size_t i = 3;
+    const apsm_shape *shape = &s.cohort.shape[i];
+    assert_int_equal(fidelity_work_alloc(f, 0, &w), APSM_OK);
+    assert_true(shape->half_thickness < 0.5 * f->h);
+    memcpy(w.a.P, s.P + i * J * 3, J * 3 * sizeof *w.a.P);
+    for (size_t j = 0; j < J; j++) w.a.P[3 * j + 2] += 1.3 * shape->half_thickness;
+    fidelity_measure(f, i, 0, &w.a, &w);
+    size_t wrong = 0;
+    for (size_t k = 0; k < w.a.pulls; k++) {
+        const fidelity_match *m = &w.a.match[k];
+        double n[3], cosine = 0;
+        apsm_surface_normal(&shape->mesh, shape->VN, &m->on, n);
+        for (size_t c = 0; c < 3; c++) cosine += n[c] * w.YN[3 * (size_t)m->vertex + c];
+        wrong += cosine < 0;
+    }
+    print_message("%zu of %zu on the wrong side\n", wrong, w.a.pulls);
+    assert_true(20 * wrong < w.a.pulls); /* rims */
+    fidelity_work_free(&w);
+    apsm_fidelity_free(f);
+    free_scene(&s);
+}
+
 /* ---- the prior ---- */
 
 /* Two directions and a little noise are found as two modes, orthonormal, with that noise. */
@@ -479,15 +511,11 @@ static void test_off(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_gradient),
-        cmocka_unit_test(test_prior_finds_modes),
-        cmocka_unit_test(test_distance_never_grows),
-        cmocka_unit_test(test_truth_error),
-        cmocka_unit_test(test_neighbours_stay),
-        cmocka_unit_test(test_faults_return),
-        cmocka_unit_test(test_threads_and_size),
-        cmocka_unit_test(test_resumes),
-        cmocka_unit_test(test_off),
+        cmocka_unit_test(test_gradient),          cmocka_unit_test(test_sides_of_sheets),
+        cmocka_unit_test(test_prior_finds_modes), cmocka_unit_test(test_distance_never_grows),
+        cmocka_unit_test(test_truth_error),       cmocka_unit_test(test_neighbours_stay),
+        cmocka_unit_test(test_faults_return),     cmocka_unit_test(test_threads_and_size),
+        cmocka_unit_test(test_resumes),           cmocka_unit_test(test_off),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
