@@ -72,7 +72,7 @@ function box(s, what, y,    n, i, v, q1, q3, lo, hi, fill) {
             if (v[i] > hi) hi = v[i]
         }
     }
-    fill = s ~ /^adaptive/ ? "#fff" : s ~ /^xu/ ? "#ccc" : "#888"
+    fill = s ~ /^(adaptive|fidelity)/ ? "#fff" : s ~ /^xu/ ? "#ccc" : "#888"
     line(place(lo), y, place(hi), y, "stroke=\"#000\"")
     printf "<rect x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"12\" fill=\"%s\" stroke=\"#000\"/>\n", \
         place(q1), y - 6, place(q3) - place(q1), fill
@@ -129,7 +129,7 @@ function mark(k, x, y) {
     if (k == 7) printf "<path d=\"M%.1f %.1fl4 -7h-8z\" fill=\"#fff\" stroke=\"#777\"/>\n", x, y + 4
 }
 function shown(s) {
-    return modes[s] && (figure == "adaptivity" ? s ~ /^adaptive/ : s ~ /^(adaptive-0.5$|xu|psm)/)
+    return modes[s] && (figure == "adaptivity" ? s ~ /^adaptive/ : s ~ /^(adaptive-0.5$|fidelity-0.5$|xu|psm-(128|256)-tuned)/)
 }
 # A round step that cuts `range` into three to seven.
 function round_step(range,    p) {
