@@ -5,6 +5,7 @@
 #include "apsm/adapters.h"
 #include "apsm/files.h"
 #include "apsm/input.h"
+#include "apsm/particles_file.h"
 #include "apsm/points_file.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
@@ -167,6 +168,19 @@ static void say_options(cli_ui *ui, const apsm_project *project)
     }
 }
 
+/* As many as the first shape has: particles = auto finds another number than the option says. */
+static void say_particles(apsm_context *ctx, const apsm_project *project, cli_ui *ui)
+{
+    size_t J = 0;
+    double *P = NULL;
+    const bool any = project->n > 0 && project->subjects[0].world_particles;
+    char *path = any ? apsm_project_path(project, project->subjects[0].world_particles) : NULL;
+    if (path && apsm_particles_read(ctx, path, &J, &P) == APSM_OK)
+        cli_say(ui, "particles a shape: %zu", J);
+    free(P);
+    free(path);
+}
+
 static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_project project = { 0 };
@@ -179,9 +193,8 @@ static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
     }
     cli_say(ui, "project: %zu shapes, %zu groomed (%zu mirrored), %zu with particles", project.n,
             groomed, mirrored, with_particles);
-    const char *particles = apsm_project_get(&project, "apsm", "particles");
     const char *template_name = apsm_project_get(&project, "apsm", "template_used");
-    if (particles) cli_say(ui, "particles a shape: %s", particles);
+    say_particles(ctx, &project, ui);
     if (template_name) cli_say(ui, "template: %s", template_name);
     say_options(ui, &project);
     apsm_project_free(&project);
