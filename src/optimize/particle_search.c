@@ -65,8 +65,10 @@ static apsm_status judge_shape(apsm_context *ctx, size_t k, int worker, void *us
     return APSM_OK;
 }
 
-static apsm_status judge_all(apsm_context *ctx, const search *s, const apsm_fidelity *f, trial *t)
+/* Of the stage that has just been run, by all vertices. */
+static apsm_status judge(apsm_context *ctx, const search *s, apsm_fidelity *f, trial *t)
 {
+    f->o.points = SIZE_MAX;
     const size_t threads = (size_t)apsm_context_threads(ctx);
     judge_task j = { .s = s, .f = f, .t = t };
     j.work = calloc(threads, sizeof *j.work);
@@ -84,21 +86,9 @@ static apsm_status judge_all(apsm_context *ctx, const search *s, const apsm_fide
     return status;
 }
 
-static apsm_status judge(apsm_context *ctx, const search *s, trial *t)
-{
-    apsm_fidelity *f = NULL;
-    apsm_fidelity_options o = apsm_fidelity_defaults();
-    o.points = SIZE_MAX; /* all vertices */
-    const double *T = t->end + s->cohort->template_index * t->J * 3;
-    APSM_TRY(apsm_fidelity_new(ctx, s->cohort, t->J, T, &o, &f));
-    const apsm_status status = judge_all(ctx, s, f, t);
-    apsm_fidelity_free(f);
-    return status;
-}
-
 /* ---- a trial ---- */
 
-static apsm_status run_rounds(apsm_context *ctx, const search *s, trial *t)
+static apsm_status run_and_judge(apsm_context *ctx, const search *s, trial *t)
 {
     apsm_fidelity *f = NULL;
     apsm_fidelity_options o = apsm_fidelity_of(s->o);
@@ -112,14 +102,14 @@ static apsm_status run_rounds(apsm_context *ctx, const search *s, trial *t)
         status = apsm_fidelity_round(ctx, f, k, t->begin, t->end, &r);
         if (status == APSM_OK && apsm_interrupted(ctx)) status = APSM_ERR_INTERRUPTED;
     }
+    if (status == APSM_OK) status = judge(ctx, s, f, t);
     apsm_fidelity_free(f);
     return status;
 }
 
 static apsm_status try_out(apsm_context *ctx, search *s, trial *t)
 {
-    APSM_TRY(run_rounds(ctx, s, t));
-    APSM_TRY(judge(ctx, s, t));
+    APSM_TRY(run_and_judge(ctx, s, t));
     s->trials++;
     apsm_log(ctx, APSM_LOG_INFO, "%zu particles: %.4g on %zu shapes left out", t->J, t->error,
              s->n_judged);

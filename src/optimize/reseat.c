@@ -91,21 +91,26 @@ static void measure_areas(seating *s)
     }
 }
 
-/* Cells of the first J particles of s->T: the closest on the vertex's own side of a thin sheet, the
- * closest at all if none is. */
+/* Of J particles P with normals N the one closest to x: on the side of a thin sheet that n says, or
+ * at all if none is there. */
+static uint32_t closest_particle(size_t J, const double *P, const double *N, const double x[3],
+                                 const double n[3])
+{
+    double best[2] = { INFINITY, INFINITY };
+    uint32_t which[2] = { 0, 0 };
+    for (size_t j = 0; j < J; j++) {
+        const double d2 = vec3_distance2(x, P + 3 * j);
+        const int side = vec3_dot(n, N + 3 * j) > 0;
+        if (d2 < best[side]) best[side] = d2, which[side] = (uint32_t)j;
+    }
+    return which[isfinite(best[1])];
+}
+
+/* Cells of the first J particles of s->T. */
 static void find_cells(seating *s, size_t J)
 {
-    for (size_t v = 0; v < s->nv; v++) {
-        const double *x = s->t->mesh.V + 3 * v, *n = s->t->VN + 3 * v;
-        double best[2] = { INFINITY, INFINITY };
-        uint32_t which[2] = { 0, 0 };
-        for (size_t j = 0; j < J; j++) {
-            const double d2 = vec3_distance2(x, s->T + 3 * j);
-            const int side = vec3_dot(n, s->N + 3 * j) > 0;
-            if (d2 < best[side]) best[side] = d2, which[side] = (uint32_t)j;
-        }
-        s->cell[v] = which[isfinite(best[1])];
-    }
+    for (size_t v = 0; v < s->nv; v++)
+        s->cell[v] = closest_particle(J, s->T, s->N, s->t->mesh.V + 3 * v, s->t->VN + 3 * v);
 }
 
 static void look_up_normal(seating *s, size_t j)
@@ -213,23 +218,9 @@ static void sweep(seating *s)
 
 /* ---- the other shapes follow ---- */
 
-/* The particle of P that is closest to new particle j on the template, on its side if one is. */
-static size_t closest_old(const seating *s, const double *N, size_t j)
-{
-    const double *P = s->P + s->cohort->template_index * s->J * 3;
-    double best[2] = { INFINITY, INFINITY };
-    size_t which[2] = { 0, 0 };
-    for (size_t k = 0; k < s->J; k++) {
-        const double d2 = vec3_distance2(P + 3 * k, s->T + 3 * j);
-        const int side = vec3_dot(N + 3 * k, s->N + 3 * j) > 0;
-        if (d2 < best[side]) best[side] = d2, which[side] = k;
-    }
-    return which[isfinite(best[1])];
-}
-
 typedef struct carriage {
     const seating *s;
-    const size_t *old; /* J2: closest_old */
+    const size_t *old; /* J2: the template's old particle that is closest to a new one */
 } carriage;
 
 static apsm_status carry_shape(apsm_context *ctx, size_t i, int worker, void *user)
@@ -265,7 +256,8 @@ static apsm_status carry_all(apsm_context *ctx, seating *s)
     apsm_status status = old && N && S ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         apsm_shape_look_up(s->t, s->J, P, S, NULL, N);
-        for (size_t j = 0; j < s->J2; j++) old[j] = closest_old(s, N, j);
+        for (size_t j = 0; j < s->J2; j++)
+            old[j] = closest_particle(s->J, P, N, s->T + 3 * j, s->N + 3 * j);
         status = apsm_warp_build(ctx, APSM_PHI_R, s->J2, s->T, s->J, P, &s->carry);
     }
     carriage c = { s, old };
