@@ -33,14 +33,26 @@ enum { WIDTH = 4, LEAF = 4, ROWS = 16, BINS = 16, DEEP = 40, STACK = 256 };
 #define PAD   0x1p-21f
 #define SLACK (1.0 + 0x1p-19)
 
-/* A child is a node (count 0) or a leaf of `count` triangles. */
 typedef struct node {
     _Alignas(64) float lo[3][WIDTH]; /* two cache lines in all */
     float hi[3][WIDTH];
-    uint32_t first[WIDTH]; /* its number */
-    uint8_t count[WIDTH];
-    uint8_t children; /* 1..4 of the above in use */
+    uint32_t ref[WIDTH]; /* of the children; 0: none */
+    uint8_t children;    /* 1..4 of the above in use */
 } node;
+
+/* A reference to a leaf of `count` triangles, or to a node (count 0; never the root). */
+static inline uint32_t make_ref(size_t number, uint32_t count)
+{
+    return (uint32_t)number << 3 | count;
+}
+static inline uint32_t ref_number(uint32_t ref)
+{
+    return ref >> 3;
+}
+static inline uint32_t ref_count(uint32_t ref)
+{
+    return ref & 7;
+}
 
 typedef struct triangle {
     double p[3][3];       /* corners */
@@ -281,8 +293,7 @@ static void build_wide(apsm_bvh *bvh, const builder *t, uint32_t b)
         set_bounds(out, k, k < out->children ? &tree[child[k]].bounds : &empty_box);
     for (int k = 0; k < out->children; k++) {
         const binary *c = &tree[child[k]];
-        out->count[k] = (uint8_t)c->count;
-        out->first[k] = (uint32_t)(c->count > 0 ? bvh->leaf_count : bvh->node_count);
+        out->ref[k] = make_ref(c->count > 0 ? bvh->leaf_count : bvh->node_count, c->count);
         if (c->count > 0)
             add_leaf(bvh, t->order + c->first, c->count);
         else
@@ -365,7 +376,7 @@ static apsm_status build_normals(apsm_bvh *bvh)
 apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **out)
 {
     *out = NULL;
-    if (mesh->nf == 0 || mesh->nf > UINT32_MAX / 6) return APSM_ERR_GEOMETRY;
+    if (mesh->nf == 0 || mesh->nf > UINT32_MAX / 8) return APSM_ERR_GEOMETRY;
     for (size_t i = 0; i < 3 * mesh->nv; i++)
         if (!isfinite(mesh->V[i])) return APSM_ERR_NONFINITE;
     apsm_bvh *bvh = calloc(1, sizeof *bvh);
@@ -401,14 +412,15 @@ void bvh_arrays(apsm_bvh *bvh, array_list *list)
 static box child_bounds(const apsm_bvh *bvh, const node *n, int child)
 {
     box b = empty_box;
-    if (n->count[child] > 0) {
-        for (uint32_t i = 0; i < n->count[child]; i++) {
-            const box face = face_box(bvh, bvh->face[LEAF * (size_t)n->first[child] + i]);
+    const uint32_t count = ref_count(n->ref[child]), number = ref_number(n->ref[child]);
+    if (count > 0) {
+        for (uint32_t i = 0; i < count; i++) {
+            const box face = face_box(bvh, bvh->face[LEAF * (size_t)number + i]);
             box_grow(&b, &face);
         }
         return b;
     }
-    const node *inner = &bvh->nodes[n->first[child]];
+    const node *inner = &bvh->nodes[number];
     for (int k = 0; k < inner->children; k++)
         for (int c = 0; c < 3; c++) {
             b.lo[c] = inner->lo[c][k] < b.lo[c] ? inner->lo[c][k] : b.lo[c];
@@ -559,23 +571,12 @@ LANE_INLINE double lane_distance2(const double *v, size_t step, vec x)
 }
 
 /* All triangles of a leaf against one point. */
-APSM_KERNEL static void leaf_distances(const leaf *restrict l, const double x[restrict 3],
-                                       double d2[restrict LEAF])
+LANE_INLINE void leaf_distances(const leaf *restrict l, const double x[restrict 3],
+                                double d2[restrict LEAF])
 {
     const vec at = { x[0], x[1], x[2] };
 #pragma omp simd
     for (int i = 0; i < LEAF; i++) d2[i] = lane_distance2(&l->row[0][i], LEAF, at);
-}
-
-/* One triangle of a leaf against all points of a packet. */
-APSM_KERNEL static void packet_distances(const leaf *restrict l, uint32_t which,
-                                         const double x[restrict 3][BVH_PACKET],
-                                         double d2[restrict BVH_PACKET])
-{
-    const double *v = &l->row[0][which];
-#pragma omp simd
-    for (int i = 0; i < BVH_PACKET; i++)
-        d2[i] = lane_distance2(v, LEAF, (vec){ x[0][i], x[1][i], x[2][i] });
 }
 
 /* ---- search --------------------------------------------------------------------------------- */
@@ -596,14 +597,14 @@ typedef struct probe {
     double to_bound; /* distance2 * to_bound -> bound */
 } probe;
 
-static void set_bound(probe *p, double distance2)
+LANE_INLINE void set_bound(probe *p, double distance2)
 {
     const double b = distance2 * p->to_bound + (double)FLT_MIN;
     p->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
 }
 
 /* How far two intervals are apart. */
-static inline float gap(float lo, float hi, float from, float to)
+LANE_INLINE float gap(float lo, float hi, float from, float to)
 {
     const float below = lo - to, above = from - hi;
     const float outside = below > above ? below : above;
@@ -611,8 +612,8 @@ static inline float gap(float lo, float hi, float from, float to)
 }
 
 /* Squared distances of the probe to a node's four boxes. */
-static inline void box_distances(const node *restrict n, const probe *restrict p,
-                                 float d2[restrict WIDTH])
+LANE_INLINE void box_distances(const node *restrict n, const probe *restrict p,
+                               float d2[restrict WIDTH])
 {
 #pragma omp simd
     for (int k = 0; k < WIDTH; k++) {
@@ -623,48 +624,60 @@ static inline void box_distances(const node *restrict n, const probe *restrict p
     }
 }
 
-/* What is still to visit: leaf number first of count triangles, or node number first. */
-typedef struct entry {
-    float key; /* squared distance, or the ray's way to the box */
-    uint32_t first, count;
-} entry;
+/* What is still to visit, as one number so that order needs no branches: above, the bits of the key
+ * (squared distance, or a ray's way to the box; floats from 0 on are ordered as their bits), below,
+ * the reference.  None is 0. */
+typedef uint64_t entry;
 
-/* Pushes the node's children with key <= bound, the nearest on top; equal keys in a fixed
- * order. */
-static int push_children(const node *n, const float key[WIDTH], float bound, entry *stack, int top)
+LANE_INLINE entry make_entry(float key, uint32_t ref)
 {
-    const int bottom = top;
-    for (int k = 0; k < n->children; k++) {
-        if (key[k] > bound) continue;
-        int i = top++;
-        for (; i > bottom && stack[i - 1].key < key[k]; i--) stack[i] = stack[i - 1];
-        stack[i] = (entry){ key[k], n->first[k], n->count[k] };
-    }
-    return top;
+    uint32_t bits;
+    memcpy(&bits, &key, sizeof bits);
+    return (entry)bits << 32 | ref;
 }
 
-/* Calls visit for the leaves that may be within p's bound, which visit lowers, near boxes first.
- * p is the first member of what visit works on. */
-static inline void search(const apsm_bvh *bvh, probe *p,
-                          void (*visit)(const apsm_bvh *, probe *, uint32_t number, uint32_t count))
+LANE_INLINE float entry_key(entry e)
 {
-    entry stack[STACK];
-    int top = 1;
-    stack[0] = (entry){ 0.0f, 0, 0 };
-    while (top > 0) {
-        const entry e = stack[--top];
-        if (e.key > p->bound) continue;
-        if (e.count > 0) {
-            visit(bvh, p, e.first, e.count);
-            continue;
-        }
-        float d2[WIDTH];
-        box_distances(&bvh->nodes[e.first], p, d2);
-        top = push_children(&bvh->nodes[e.first], d2, p->bound, stack, top);
-    }
+    const uint32_t bits = (uint32_t)(e >> 32);
+    float key;
+    memcpy(&key, &bits, sizeof key);
+    return key;
 }
 
-static float to_frame(const apsm_bvh *bvh, double x, int c)
+LANE_INLINE void larger_first(entry *a, entry *b)
+{
+    const entry most = *a > *b ? *a : *b, least = *a > *b ? *b : *a;
+    *a = most;
+    *b = least;
+}
+
+/* Pushes the node's children with key <= bound, the nearest on top; writes beyond the top. */
+LANE_INLINE int push_children(const node *n, const float key[WIDTH], float bound, entry *stack,
+                              int top)
+{
+    entry *e = stack + top;
+    int count = 0;
+    for (int k = 0; k < WIDTH; k++) {
+        const bool near = (key[k] <= bound) & (n->ref[k] != 0);
+        e[k] = near ? make_entry(key[k], n->ref[k]) : 0;
+        count += near;
+    }
+    larger_first(&e[0], &e[1]);
+    larger_first(&e[2], &e[3]);
+    larger_first(&e[0], &e[2]);
+    larger_first(&e[1], &e[3]);
+    larger_first(&e[1], &e[2]);
+    return top + count;
+}
+
+/* Smaller distance, or the same on a smaller face. */
+LANE_INLINE bool wins(const apsm_bvh *bvh, double d2, uint32_t slot, double best, bool found,
+                      uint32_t best_slot)
+{
+    return d2 < best || (d2 == best && found && bvh->face[slot] < bvh->face[best_slot]);
+}
+
+LANE_INLINE float to_frame(const apsm_bvh *bvh, double x, int c)
 {
     return (float)((x - bvh->centre[c]) * bvh->scale);
 }
@@ -690,19 +703,13 @@ static query make_query(const apsm_bvh *bvh, const double x[3], double max_dista
     return s;
 }
 
-/* Smaller distance, or the same on a smaller face. */
-static inline bool wins(const apsm_bvh *bvh, double d2, uint32_t slot, double best, bool found,
-                        uint32_t best_slot)
+LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
 {
-    return d2 < best || (d2 == best && found && bvh->face[slot] < bvh->face[best_slot]);
-}
-
-static void visit_leaf(const apsm_bvh *bvh, probe *p, uint32_t number, uint32_t count)
-{
-    query *s = (query *)p;
     double d2[LEAF];
     leaf_distances(&bvh->leaves[number], s->x, d2);
-    for (uint32_t i = 0; i < count; i++) {
+    const double a = d2[0] < d2[1] ? d2[0] : d2[1], b = d2[2] < d2[3] ? d2[2] : d2[3];
+    if ((a < b ? a : b) > s->best) return;
+    for (uint32_t i = 0; i < LEAF; i++) { /* lanes not in use repeat one that is */
         const uint32_t slot = LEAF * number + i;
         if (!wins(bvh, d2[i], slot, s->best, s->found, s->slot)) continue;
         const double *m = bvh->face_normal + 3 * (size_t)bvh->face[slot];
@@ -710,7 +717,30 @@ static void visit_leaf(const apsm_bvh *bvh, probe *p, uint32_t number, uint32_t 
         s->best = d2[i];
         s->slot = slot;
         s->found = true;
-        set_bound(p, d2[i]);
+        set_bound(&s->probe, d2[i]);
+    }
+}
+
+/* Looks at the leaves that may be within the bound, which falls on the way, near boxes first.
+ * begin: a leaf to look at before all, or APSM_NONE. */
+APSM_KERNEL static void search(const apsm_bvh *bvh, uint32_t begin, query *s)
+{
+    entry stack[STACK];
+    float d2[WIDTH];
+    if (begin != APSM_NONE) visit_leaf(bvh, s, begin);
+    box_distances(&bvh->nodes[0], &s->probe, d2);
+    int top = push_children(&bvh->nodes[0], d2, s->probe.bound, stack, 0);
+    while (top > 0) {
+        const entry e = stack[--top];
+        const uint32_t ref = (uint32_t)e;
+        if (entry_key(e) > s->probe.bound) continue;
+        if (ref_count(ref) > 0) {
+            visit_leaf(bvh, s, ref_number(ref));
+            continue;
+        }
+        const node *n = &bvh->nodes[ref_number(ref)];
+        box_distances(n, &s->probe, d2);
+        top = push_children(n, d2, s->probe.bound, stack, top);
     }
 }
 
@@ -722,14 +752,16 @@ static void finish(const apsm_bvh *bvh, const double x[3], uint32_t slot, bool f
     const triangle t = get_triangle(&bvh->leaves[slot / LEAF], slot % LEAF);
     out->on.face = bvh->face[slot];
     out->distance2 = closest_on_triangle(&t, x, out->on.weight);
-    apsm_surface_position(bvh->mesh, &out->on, out->x);
+    for (int c = 0; c < 3; c++) /* apsm_surface_position */
+        out->x[c] = out->on.weight[0] * t.p[0][c] + out->on.weight[1] * t.p[1][c] +
+                    out->on.weight[2] * t.p[2][c];
 }
 
 void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distance2,
                       apsm_closest *out)
 {
     query s = make_query(bvh, x, max_distance2);
-    search(bvh, &s.probe, visit_leaf);
+    search(bvh, APSM_NONE, &s);
     finish(bvh, x, s.slot, s.found, out);
 }
 
@@ -739,7 +771,7 @@ void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const doubl
     query s = make_query(bvh, x, max_distance2);
     s.n = n;
     s.min_cos = min_cos;
-    search(bvh, &s.probe, visit_leaf);
+    search(bvh, APSM_NONE, &s);
     finish(bvh, x, s.slot, s.found, out);
 }
 
@@ -747,38 +779,62 @@ void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distan
                        apsm_closest *out)
 {
     query s = make_query(bvh, x, max_distance2);
-    visit_leaf(bvh, &s.probe, *slot / LEAF, 1);
-    search(bvh, &s.probe, visit_leaf);
+    search(bvh, *slot / LEAF, &s);
     finish(bvh, x, s.slot, s.found, out);
     if (s.found) *slot = s.slot;
 }
 
 /* ---- eight points at once ------------------------------------------------------------------- */
 
+/* Faces and slots as doubles, which hold them exactly: one kind of lane for all.  face -1: none. */
 typedef struct packet {
     probe probe;
     double x[3][BVH_PACKET];
-    double best[BVH_PACKET];
-    uint32_t slot[BVH_PACKET];
-    bool found[BVH_PACKET];
+    double best[BVH_PACKET], face[BVH_PACKET], slot[BVH_PACKET];
 } packet;
 
-static void visit_packet(const apsm_bvh *bvh, probe *p, uint32_t number, uint32_t count)
+LANE_INLINE void visit_packet(const apsm_bvh *bvh, packet *restrict s, uint32_t ref)
 {
-    packet *s = (packet *)p;
-    for (uint32_t slot = LEAF * number; slot < LEAF * number + count; slot++) {
-        double d2[BVH_PACKET];
-        packet_distances(&bvh->leaves[number], slot % LEAF, (const double(*)[BVH_PACKET])s->x, d2);
+    const uint32_t first = LEAF * ref_number(ref);
+    const leaf *l = &bvh->leaves[ref_number(ref)];
+    for (uint32_t k = 0; k < ref_count(ref); k++) {
+        const double face = (double)bvh->face[first + k], slot = (double)(first + k);
+        const double *v = &l->row[0][k];
+#pragma omp simd
         for (int i = 0; i < BVH_PACKET; i++) {
-            if (!wins(bvh, d2[i], slot, s->best[i], s->found[i], s->slot[i])) continue;
-            s->best[i] = d2[i];
-            s->slot[i] = slot;
-            s->found[i] = true;
+            const double d2 = lane_distance2(v, LEAF, (vec){ s->x[0][i], s->x[1][i], s->x[2][i] });
+            const double level = d2 == s->best[i] ? s->face[i] : -1.0; /* ties: the smaller face */
+            const double rank = d2 < s->best[i] ? INFINITY : level;
+            s->best[i] = face < rank ? d2 : s->best[i];
+            s->slot[i] = face < rank ? slot : s->slot[i];
+            s->face[i] = face < rank ? face : s->face[i];
         }
     }
     double worst = 0.0;
     for (int i = 0; i < BVH_PACKET; i++) worst = s->best[i] > worst ? s->best[i] : worst;
-    set_bound(p, worst);
+    set_bound(&s->probe, worst);
+}
+
+/* As search, for all points of the packet. */
+APSM_KERNEL static void search_packet(const apsm_bvh *bvh, uint32_t begin, packet *s)
+{
+    entry stack[STACK];
+    float d2[WIDTH];
+    visit_packet(bvh, s, begin);
+    box_distances(&bvh->nodes[0], &s->probe, d2);
+    int top = push_children(&bvh->nodes[0], d2, s->probe.bound, stack, 0);
+    while (top > 0) {
+        const entry e = stack[--top];
+        const uint32_t ref = (uint32_t)e;
+        if (entry_key(e) > s->probe.bound) continue;
+        if (ref_count(ref) > 0) {
+            visit_packet(bvh, s, ref);
+            continue;
+        }
+        const node *n = &bvh->nodes[ref_number(ref)];
+        box_distances(n, &s->probe, d2);
+        top = push_children(n, d2, s->probe.bound, stack, top);
+    }
 }
 
 static packet make_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2)
@@ -794,21 +850,27 @@ static packet make_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], do
             s.probe.hi[c] = q > s.probe.hi[c] ? q : s.probe.hi[c];
         }
     }
-    for (int i = 0; i < BVH_PACKET; i++) s.best[i] = max_distance2;
+    for (int i = 0; i < BVH_PACKET; i++) {
+        s.best[i] = max_distance2;
+        s.face[i] = -1.0;
+    }
     set_bound(&s.probe, max_distance2);
     return s;
 }
 
-void bvh_closest_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2,
-                        uint32_t *slot, apsm_closest out[BVH_PACKET])
+void bvh_signed_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2,
+                       uint32_t *slot, double distance[BVH_PACKET])
 {
     packet s = make_packet(bvh, x, max_distance2);
-    visit_packet(bvh, &s.probe, *slot / LEAF, 1);
-    search(bvh, &s.probe, visit_packet);
+    search_packet(bvh, make_ref(*slot / LEAF, LEAF), &s);
     for (int i = 0; i < BVH_PACKET; i++) {
         const double p[3] = { x[0][i], x[1][i], x[2][i] };
-        finish(bvh, p, s.slot[i], s.found[i], &out[i]);
-        if (s.found[i]) *slot = s.slot[i];
+        apsm_closest here;
+        distance[i] = INFINITY;
+        if (s.face[i] < 0.0) continue;
+        *slot = (uint32_t)s.slot[i];
+        finish(bvh, p, *slot, true, &here);
+        distance[i] = sqrt(here.distance2) * bvh_sign(bvh, p, &here);
     }
 }
 
@@ -915,8 +977,9 @@ static void hit_triangle(ray *r, const triangle *t, uint32_t f)
     r->face = f;
 }
 
-/* Where the ray enters box k of the node, a little early; INFINITY if it misses.  Origin and
- * direction are in the tree's frame, both scaled alike, so t is the same as outside. */
+/* The ray's way from t_min to where it enters box k of the node, a little short; INFINITY if it
+ * misses.  Origin and direction are in the tree's frame, both scaled alike, so t is the same as
+ * outside. */
 static float box_entry(const node *n, int k, const ray *r)
 {
     double enter = r->t_min, leave = r->best;
@@ -931,7 +994,9 @@ static float box_entry(const node *n, int k, const ray *r)
         enter = near > enter ? near : enter;
         leave = far < leave ? far : leave;
     }
-    return enter <= leave ? (float)(enter - fabs(enter) * 0x1p-20) : INFINITY;
+    if (!(enter <= leave)) return INFINITY;
+    const double way = (enter - fabs(enter) * 0x1p-20 - r->t_min) * (1.0 - 0x1p-20);
+    return way > 0.0 ? (float)way : 0.0f;
 }
 
 double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], double t_min,
@@ -940,17 +1005,18 @@ double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], d
     ray r = make_ray(bvh, x, d, t_min, t_max);
     entry stack[STACK];
     int top = 1;
-    stack[0] = (entry){ -INFINITY, 0, 0 };
+    stack[0] = make_entry(0.0f, make_ref(0, 0));
     while (top > 0) {
         const entry e = stack[--top];
-        if ((double)e.key > r.best) continue;
-        for (uint32_t i = 0; i < e.count; i++) {
-            const triangle t = get_triangle(&bvh->leaves[e.first], i);
-            hit_triangle(&r, &t, bvh->face[LEAF * e.first + i]);
+        const uint32_t ref = (uint32_t)e;
+        if ((double)entry_key(e) > r.best - t_min) continue;
+        for (uint32_t i = 0; i < ref_count(ref); i++) {
+            const triangle t = get_triangle(&bvh->leaves[ref_number(ref)], i);
+            hit_triangle(&r, &t, bvh->face[LEAF * ref_number(ref) + i]);
         }
-        if (e.count > 0) continue;
-        const node *n = &bvh->nodes[e.first];
-        float key[WIDTH];
+        if (ref_count(ref) > 0) continue;
+        const node *n = &bvh->nodes[ref_number(ref)];
+        float key[WIDTH] = { 0 };
         for (int k = 0; k < n->children; k++) key[k] = box_entry(n, k, &r);
         top = push_children(n, key, FLT_MAX, stack, top);
     }

@@ -238,22 +238,19 @@ static void fill_nodes(const builder *b, const int64_t lo[3], uint32_t *slot)
 {
     const apsm_field *field = b->field;
     float *brick = field->bricks[field->brick_count - 1];
-    double x[3][BVH_PACKET];
-    apsm_closest closest[BVH_PACKET];
+    double x[3][BVH_PACKET], distance[BVH_PACKET];
     int64_t node[BVH_PACKET][3];
     for (int i = 0; i < BVH_PACKET; i++)
         for (int c = 0; c < 3; c++) {
             node[i][c] = lo[c] + (i >> c & 1);
             x[c][i] = field->origin[c] + field->voxel * (double)node[i][c];
         }
-    bvh_closest_packet(field->bvh, (const double(*)[BVH_PACKET])x, b->reach * b->reach, slot,
-                       closest);
+    bvh_signed_packet(field->bvh, (const double(*)[BVH_PACKET])x, b->reach * b->reach, slot,
+                      distance);
     for (int i = 0; i < BVH_PACKET; i++) {
-        if (closest[i].distance2 == INFINITY) continue;
-        const double p[3] = { x[0][i], x[1][i], x[2][i] };
-        const double d = sqrt(closest[i].distance2) * bvh_sign(field->bvh, p, &closest[i]);
+        if (distance[i] == INFINITY) continue;
         brick[node[i][0] % BRICK + BRICK * (node[i][1] % BRICK + BRICK * (node[i][2] % BRICK))] =
-            (float)(d / field->voxel);
+            (float)(distance[i] / field->voxel);
     }
 }
 
