@@ -69,7 +69,7 @@ static void optimize(const setting *s)
     }
     const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[s->I / 2]), s->J);
     bench_must(apsm_cohort_build(ctx, s->I, names, mesh, transforms, s->I / 2, o.field_voxel * h,
-                                 (1.5 * o.band * o.dipole + 2 * o.field_voxel) * h, &cohort));
+                                 1.1 * o.band * o.dipole * h, &cohort));
     bench_must(apsm_optimizer_state_alloc(s->I, s->J, &state));
     bench_must(apsm_first_particles(ctx, &cohort, &o, s->J, state.P));
     t.last = look();

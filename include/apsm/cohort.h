@@ -36,9 +36,12 @@ typedef struct apsm_cohort {
  * same distance: sqrt(2 area / (sqrt(3) J)).  Close to h, known before there are particles. */
 double apsm_expected_spacing(double area, size_t J);
 
+/* The dipoles' distance on a shape: what is wanted, but at most half the half-thickness. */
+double apsm_dipole_length(const apsm_shape *shape, double wanted);
+
 /* Moves the meshes (I, borrowed, in their own frames) to the world frame by transforms (I x 16)
  * and prepares each, in parallel.  voxel and band of the distance fields are in the world's
- * unit; voxel 0: no fields, for what only looks at finished particles.  names (I) are borrowed.
+ * unit (the band at most apsm_dipole_length: nobody draws farther away); voxel 0: no fields, for what only looks at finished particles.  names (I) are borrowed.
  * O(surface) memory a shape. */
 apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
                               const apsm_mesh *meshes, const double *transforms,

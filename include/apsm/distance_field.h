@@ -1,14 +1,14 @@
 /* distance_field.h -- signed distance D to a surface in a narrow band, sparse, float32.
  *
  * Samples of the exact distance (negative inside) at the nodes of a regular grid, kept only in
- * bricks of 8 x 8 x 8 nodes that meet the band |D| <= band (and 2.5 voxels more, for the
- * differences at its rim): memory O(surface area / voxel^2 * band / voxel), not O(volume).
+ * bricks of 8 x 8 x 8 nodes that meet the band |D| <= band (and 1.75 voxels more, for the
+ * cells at its rim): memory O(surface area / voxel^2 * band / voxel), not O(volume).
  * Between nodes D is trilinear; N = grad D is by central differences at the nodes, each component
  * interpolated trilinearly, then normalised (METHOD.md 5).
  *
  * Accuracy: values are rounded to float32 in units of the voxel, so D differs from the same
- * interpolation in float64 by at most 2^-24 (band + 2.5 voxel), N by about
- * 2^-22 (band / voxel + 2.5).  From the exact distance D differs by up to 3/8 voxel^2 times the
+ * interpolation in float64 by at most 2^-24 (band + 1.75 voxel), N by about
+ * 2^-22 (band / voxel + 1.75).  From the exact distance D differs by up to 3/8 voxel^2 times the
  * curvature, and by up to a voxel at edges and where the sheet is thinner than the voxel.
  * The grid hangs on the lower corner of the mesh's box: the field depends on mesh, voxel and band
  * only; a shift of the mesh changes no more than rounding, a factor 2^k exactly the scale. */
@@ -35,13 +35,14 @@ size_t apsm_field_bytes(const apsm_field *field); /* memory held */
 double apsm_field_voxel(const apsm_field *field);
 double apsm_field_band(const apsm_field *field);
 
-/* D (n) and unit N (n x 3) at X (n x 3); either may be NULL.  Outside the stored band both are
- * exact, from the tree (slower, never wrong). */
+/* D (n) and unit N (n x 3) at X (n x 3); either may be NULL.  Where the nodes that they need are not
+ * stored (D outside the band, N within 0.7 voxels of its rim too) they are exact, from the tree
+ * (slower, never wrong). */
 void apsm_field_sample(const apsm_field *field, size_t n, const double *X, double *D, double *N);
 
-/* n points B (n x 3) drawn uniformly from the volume {|D| <= band}, 0 < band <= the field's, and
- * their D (n; NULL if not wanted; as sampled, or exact where a sheet is too thin for the voxels to
- * show it): rejection in the mesh's box, with a
+/* n points B (n x 3) drawn uniformly from the volume {|D| <= band}, band > 0, and their D
+ * (n; NULL if not wanted; as sampled, or exact where a sheet is too thin for the voxels to show it;
+ * a band wider than the field's own takes a hundred times as long): rejection in the mesh's box, with a
  * stream for each point.  About 10 ns times box over band volume, and 0.1 us, a point. */
 void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
                      double *D);

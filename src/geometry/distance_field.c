@@ -5,12 +5,13 @@
  *
  * Build: an octree over the nodes, from one cell around everything down to blocks of 4^3, in
  * which every node within
- *   reach = band + 2.5 voxel
+ *   reach = band + 1.75 voxel
  * gets its exact distance.  The centre's distance d prunes (D changes by at most the way): a cell
  * is left out if d > reach + half its diagonal.  Each query starts from the triangle that was
  * closest to the last, so that the tree has little more to do than to confirm it.
- * reach: a point within the band needs the nodes that differ by up to (2,1,1) from it: less than
- * sqrt(6) voxels.  Nodes out of reach are NaN, which poisons whatever is computed from them.
+ * reach: D needs the corners of a point's cell, up to sqrt(3) voxels away; a cell with a corner out
+ * of reach lies beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they
+ * are not kept.  Nodes out of reach are NaN, which poisons whatever is computed from them.
  *
  * Draw: for each cube of 2^3 cells `least` bounds |D| in it from below, in steps of a quarter
  * voxel: most trials outside the band end at one look there.
@@ -348,7 +349,7 @@ static apsm_status make_least(apsm_field *field)
 
 static apsm_status build(apsm_context *ctx, apsm_field *field)
 {
-    const builder b = { ctx, field, field->band + 2.5 * field->voxel };
+    const builder b = { ctx, field, field->band + 1.75 * field->voxel };
     APSM_TRY(place_grid(ctx, field, b.reach));
     int64_t size = BRICK;
     for (int c = 0; c < 3; c++)
@@ -541,11 +542,15 @@ typedef struct trials {
     double from[3], size[3]; /* the mesh's box, widened by the band; from the grid's origin */
     double band;             /* of points */
     double least;            /* cubes of more hold none */
+    bool beyond;             /* the field's own band is narrower: what it does not know may do */
 } trials;
 
 static trials make_trials(const apsm_field *field, double band)
 {
-    trials a = { field, .band = band, .least = STEPS * (1.0 + 1e-6) * band / field->voxel };
+    trials a = { field,
+                 .band = band,
+                 .least = STEPS * (1.0 + 1e-6) * band / field->voxel,
+                 .beyond = band > field->band };
     for (int c = 0; c < 3; c++) {
         a.from[c] = (field->lo[c] - band - field->origin[c]) / field->voxel;
         a.size[c] = (field->size[c] + 2.0 * band) / field->voxel;
@@ -586,6 +591,7 @@ static inline void next_place(const trials *a, candidate *c)
 {
     for (;;) {
         c->b = try_place(a, &c->rng, c->cell, c->t);
+        if (a->beyond) break;
         if (c->b == 0) continue;
         if (c->trial >= PATIENCE) return;
         if (may_hold(a, c->b, c->cell)) break;
@@ -607,7 +613,8 @@ static inline bool in_band(const trials *a, candidate *c, double x[3], double *d
     const bool patient = c->trial < PATIENCE;
     for (int k = 0; k < 3; k++)
         x[k] = field->origin[k] + field->voxel * ((double)c->cell[k] + c->t[k]);
-    *d = patient ? stored_distance(field, x) : apsm_bvh_signed_distance(field->bvh, x, NULL);
+    *d = patient ? stored_distance(field, x) : NAN;
+    if (!patient || (a->beyond && isnan(*d))) *d = apsm_bvh_signed_distance(field->bvh, x, NULL);
     c->trial += patient;
     return fabs(*d) <= a->band;
 }

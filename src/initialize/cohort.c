@@ -12,6 +12,11 @@ double apsm_expected_spacing(double area, size_t J)
     return sqrt(2.0 * area / (sqrt(3.0) * (double)J));
 }
 
+double apsm_dipole_length(const apsm_shape *shape, double wanted)
+{
+    return fmin(wanted, 0.5 * shape->half_thickness);
+}
+
 typedef struct build {
     apsm_store *store; /* NULL: shapes stay in memory */
     const char *const *names;
@@ -88,7 +93,8 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
-    if (b->voxel > 0) APSM_TRY(apsm_field_build(ctx, s->bvh, b->voxel, b->band, &s->field));
+    const double band = apsm_dipole_length(s, b->band);
+    if (b->voxel > 0) APSM_TRY(apsm_field_build(ctx, s->bvh, b->voxel, band, &s->field));
     return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
 }
 

@@ -171,7 +171,7 @@ static bool keeps_factors(const optimizer *op)
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
 static double dipole_length(const optimizer *op, const apsm_shape *shape)
 {
-    return fmin(op->o->dipole * op->state->h, 0.5 * shape->half_thickness);
+    return apsm_dipole_length(shape, op->o->dipole * op->state->h);
 }
 
 /* ---- memory ---- */

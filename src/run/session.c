@@ -435,7 +435,7 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     const double h =
         apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
     const double voxel = with_fields ? o->field_voxel * h : 0;
-    const double band = 1.5 * o->band * o->dipole * h + 2 * voxel; /* h is known to within 50 % */
+    const double band = 1.1 * o->band * o->dipole * h; /* h is seldom expected too small by more */
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
     return apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
