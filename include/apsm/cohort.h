@@ -41,8 +41,8 @@ double apsm_dipole_length(const apsm_shape *shape, double wanted);
 
 /* Moves the meshes (I, borrowed, in their own frames) to the world frame by transforms (I x 16)
  * and prepares each, in parallel.  voxel and band of the distance fields are in the world's
- * unit (the band at most apsm_dipole_length: nobody draws farther away); voxel 0: no fields, for what only looks at finished particles.  names (I) are borrowed.
- * O(surface) memory a shape. */
+ * unit (the band at most apsm_dipole_length: nobody draws farther away); voxel 0: no fields, for
+ * what only looks at finished particles.  names (I) are borrowed. O(surface) memory a shape. */
 apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band,

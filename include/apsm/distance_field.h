@@ -35,15 +35,15 @@ size_t apsm_field_bytes(const apsm_field *field); /* memory held */
 double apsm_field_voxel(const apsm_field *field);
 double apsm_field_band(const apsm_field *field);
 
-/* D (n) and unit N (n x 3) at X (n x 3); either may be NULL.  Where the nodes that they need are not
- * stored (D outside the band, N within 0.7 voxels of its rim too) they are exact, from the tree
+/* D (n) and unit N (n x 3) at X (n x 3); either may be NULL.  Where the nodes that they need are
+ * not stored (D outside the band, N within 0.7 voxels of its rim too) they are exact, from the tree
  * (slower, never wrong). */
 void apsm_field_sample(const apsm_field *field, size_t n, const double *X, double *D, double *N);
 
 /* n points B (n x 3) drawn uniformly from the volume {|D| <= band}, band > 0, and their D
  * (n; NULL if not wanted; as sampled, or exact where a sheet is too thin for the voxels to show it;
- * a band wider than the field's own takes a hundred times as long): rejection in the mesh's box, with a
- * stream for each point.  About 10 ns times box over band volume, and 0.1 us, a point. */
+ * a band wider than the field's own takes a hundred times as long): rejection in the mesh's box,
+ * with a stream for each point.  About 10 ns times box over band volume, and 0.1 us, a point. */
 void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
                      double *D);
 

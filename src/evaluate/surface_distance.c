@@ -161,8 +161,8 @@ static apsm_status compare(const apsm_mesh *shape, const apsm_bvh *shape_bvh,
 {
     apsm_bvh *own = NULL, *other = NULL;
     apsm_status status = APSM_OK;
-    if (!shape_bvh) status = apsm_bvh_build(shape, &own);
-    if (status == APSM_OK) status = apsm_bvh_build(reconstruction, &other);
+    if (!shape_bvh) status = apsm_bvh_build_unsigned(shape, &own);
+    if (status == APSM_OK) status = apsm_bvh_build_unsigned(reconstruction, &other);
     if (status == APSM_OK) {
         apsm_point_distances(shape_bvh ? shape_bvh : own, reconstruction->nv, reconstruction->V,
                              c->both, c->face);

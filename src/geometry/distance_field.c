@@ -547,9 +547,7 @@ typedef struct trials {
 
 static trials make_trials(const apsm_field *field, double band)
 {
-    trials a = { field,
-                 .band = band,
-                 .least = STEPS * (1.0 + 1e-6) * band / field->voxel,
+    trials a = { field, .band = band, .least = STEPS * (1.0 + 1e-6) * band / field->voxel,
                  .beyond = band > field->band };
     for (int c = 0; c < 3; c++) {
         a.from[c] = (field->lo[c] - band - field->origin[c]) / field->voxel;

@@ -74,7 +74,7 @@ static apsm_status tree_task(apsm_context *ctx, size_t k, int worker, void *user
     aligner *a = user;
     const size_t i = a->list[k];
     (void)worker;
-    const apsm_status status = apsm_bvh_build(a->mesh[i], &a->bvh[i]);
+    const apsm_status status = apsm_bvh_build_unsigned(a->mesh[i], &a->bvh[i]);
     return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
 }
 
@@ -92,7 +92,7 @@ static apsm_status open_surface(apsm_context *ctx, const aligner *a, size_t i, a
 {
     *own = NULL;
     if (!a->bvh[i]) {
-        const apsm_status status = apsm_bvh_build(a->mesh[i], own);
+        const apsm_status status = apsm_bvh_build_unsigned(a->mesh[i], own);
         if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
     }
     *surface = (apsm_surface){ .bvh = *own ? *own : a->bvh[i], .cloud = &a->cloud[i] };

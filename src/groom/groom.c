@@ -76,7 +76,7 @@ static apsm_status remesh_repaired(apsm_context *ctx, const char *name, apsm_mes
 {
     apsm_bvh *tree;
     apsm_mesh fine = *mesh;
-    APSM_TRY(apsm_bvh_build(&fine, &tree));
+    APSM_TRY(apsm_bvh_build_unsigned(&fine, &tree));
     apsm_status status = apsm_remesh(ctx, &fine, tree, opt, mesh, report);
     apsm_bvh_free(tree);
     if (status != APSM_OK) {

@@ -380,7 +380,7 @@ static apsm_status recover(job *j)
     bool *fixed = calloc(j->s.nv, sizeof *fixed);
     uint32_t *name = malloc(j->s.nv * sizeof *name); /* of the result's vertices in s */
     apsm_status status = list && fixed && name ? surgery_result(&j->s, &now) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = apsm_bvh_build(&now, &tree);
+    if (status == APSM_OK) status = apsm_bvh_build_unsigned(&now, &tree);
     if (status == APSM_OK) {
         size_t n = 0;
         for (uint32_t v = 0; v < j->s.nv; v++)

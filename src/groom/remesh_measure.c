@@ -34,7 +34,7 @@ static void forward(const apsm_bvh *original, const apsm_mesh *after, apsm_remes
 static apsm_status backward(const apsm_bvh *original, const apsm_mesh *after, apsm_remesh_report *r)
 {
     apsm_bvh *tree;
-    APSM_TRY(apsm_bvh_build(after, &tree));
+    APSM_TRY(apsm_bvh_build_unsigned(after, &tree));
     const apsm_mesh *from = apsm_bvh_mesh(original);
     double sum = 0.0, most = 0.0;
     measure_points(tree, from->nv, from->V, &sum, &most);

@@ -80,7 +80,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
         w->warped.V = w->Y;
-        return apsm_bvh_build(&w->warped, &w->bvh);
+        return apsm_bvh_build_unsigned(&w->warped, &w->bvh);
     }
     return APSM_ERR_MEMORY;
 }

@@ -50,7 +50,7 @@ static apsm_status make_template(apsm_context *ctx, making *w)
     apsm_bvh *bvh = NULL;
     APSM_TRY(model_folder_mesh(ctx, w->m, t, &w->template_mesh));
     const apsm_mesh *full = &w->template_mesh;
-    APSM_TRY(apsm_bvh_build(full, &bvh));
+    APSM_TRY(apsm_bvh_build_unsigned(full, &bvh));
     const apsm_status status = reduce(ctx, full, bvh, w->faces, &w->d->template_mesh);
     apsm_bvh_free(bvh);
     APSM_TRY(status);
@@ -82,7 +82,7 @@ static apsm_status measure(const making *w, const apsm_bvh *bvh, const apsm_mesh
                            display_shape *s)
 {
     apsm_bvh *warped_bvh = NULL;
-    APSM_TRY(apsm_bvh_build(warped, &warped_bvh));
+    APSM_TRY(apsm_bvh_build_unsigned(warped, &warped_bvh));
     apsm_point_distances(warped_bvh, s->mesh.nv, s->mesh.V, s->distance, NULL);
     apsm_point_distances(bvh, w->d->template_mesh.nv, s->warped, s->warped_distance, NULL);
     apsm_bvh_free(warped_bvh);
@@ -94,7 +94,7 @@ static apsm_status make_from(apsm_context *ctx, const making *w, const double *p
 {
     apsm_bvh *bvh = NULL;
     const size_t nv = w->d->template_mesh.nv;
-    APSM_TRY(apsm_bvh_build(mesh, &bvh));
+    APSM_TRY(apsm_bvh_build_unsigned(mesh, &bvh));
     apsm_status status = reduce(ctx, mesh, bvh, w->faces, &s->mesh);
     if (status == APSM_OK) {
         s->distance = malloc((s->mesh.nv + 1) * sizeof *s->distance);
