@@ -23,6 +23,9 @@
 extern "C" {
 #endif
 
+/* A shape cut off at more places than this counts as whole. */
+#define APSM_MOST_CUTS 2
+
 /* Points that stand for a surface.  They are drawn on the faces, so a moved mesh gets the moved
  * points.  Owns x, normal and w; zero-initialise with {0}. */
 typedef struct apsm_cloud {
@@ -34,6 +37,8 @@ typedef struct apsm_cloud {
     double radius;    /* root mean square distance from the centre, > 0 */
     double axes[9];   /* rows: principal axes by decreasing variance, right-handed, turned to the
                          heavier tail */
+    size_t cuts;      /* planes in which the surface was cut off, by the edge of an image, say */
+    double cut[APSM_MOST_CUTS][4]; /* n, d: the shape lies where n.x <= d */
 } apsm_cloud;
 
 /* n >= 4 points of the mesh from the stream (seed, index).  APSM_ERR_GEOMETRY if its area is
@@ -86,6 +91,9 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
 #define APSM_MIRROR_RATIO 0.8
 /* A pose whose runner-up is within this factor of it is called ambiguous. */
 #define APSM_AMBIGUOUS_RATIO 1.1
+/* Where the shapes come in one orientation, a pose near that is taken if it fits within this factor
+ * of the best. */
+#define APSM_GIVEN_RATIO 1.5
 /* Let the template be the medoid. */
 #define APSM_TEMPLATE_AUTO SIZE_MAX
 

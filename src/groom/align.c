@@ -3,6 +3,8 @@
  *   1. every shape is sampled;
  *   2. pose search of every shape, as it is and mirrored, against a provisional template:
  *      P_i maps shape i to the provisional template;
+ *      If most poses hardly turn, the shapes come in one orientation, as images do, and where
+ *      other poses fit about as well, those that hardly turn are taken;
  *   3. the medoid, by registrations of pairs (i, j) that start from P_j^-1 P_i;
  *   4. every shape is registered to the medoid t, from P_t^-1 P_i.
  *
@@ -36,6 +38,10 @@ typedef struct aligner {
     size_t *list;      /* n: scratch */
     double *work;      /* threads x work_size */
     size_t work_size;
+    double common[9]; /* rotation from the orientation in which most shapes come to base */
+    bool oriented;    /* nearly all do */
+    double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
+    bool *fits;       /* n: whether that one fits about as well as the best */
     const apsm_medoid_plan *plan;
     double *R;        /* plan's candidates x shapes */
     apsm_cloud dense; /* of the template */
@@ -65,7 +71,9 @@ static apsm_status sample_task(apsm_context *ctx, size_t i, int worker, void *us
         apsm_cloud_sample(a->mesh[i], a->opt->points, apsm_context_seed(ctx), i, &a->cloud[i]);
     if (status == APSM_ERR_GEOMETRY)
         return fail(ctx, a, i, status, "surface without area, or not finite; check the mesh");
-    return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
+    if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
+    apsm_cloud_find_cuts(a->mesh[i], &a->cloud[i]);
+    return APSM_OK;
 }
 
 /* Trees of the shapes in list are built and held. */
@@ -137,15 +145,24 @@ static double ratio(double a, double b)
     return b > 0.0 ? a / b : INFINITY;
 }
 
+/* Of the search: size does not count, unless it means little. */
+static apsm_icp_options search_options(const aligner *a, const apsm_surface *moving,
+                                       const apsm_surface *fixed)
+{
+    apsm_icp_options icp = icp_options(a);
+    icp.scale |= !(a->opt->trim > 0.0 || moving->cloud->cuts + fixed->cloud->cuts > 0);
+    roughly(&icp);
+    return icp;
+}
+
 static void search(const aligner *a, const apsm_surface *moving, size_t i, double *work)
 {
     const apsm_surface fixed = { a->bvh[a->base], &a->cloud[a->base] };
-    apsm_icp_options icp = icp_options(a);
+    const apsm_icp_options icp = search_options(a, moving, &fixed);
     apsm_pose pose, mirror;
-    icp.scale |= !(a->opt->trim > 0.0);
-    roughly(&icp);
     apsm_pose_search(moving, &fixed, false, &icp, &pose, work);
     memcpy(a->P + 16 * i, pose.M, sizeof pose.M);
+    a->out->residual[i] = pose.residual; /* for the time being */
     a->out->runner_up_ratio[i] = fmax(1.0, ratio(pose.runner_up, pose.residual));
     if (a->opt->mirror != APSM_MIRROR_OFF) {
         apsm_pose_search(moving, &fixed, true, &icp, &mirror, work);
@@ -169,6 +186,70 @@ static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *us
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
     search(a, &moving, i, scratch(a, worker));
     apsm_bvh_free(own);
+    return APSM_OK;
+}
+
+/* ---- the orientation in which shapes come ---- */
+
+/* Turns by less than 60 degrees from the orientation in which most shapes come. */
+static bool hardly_turns(const aligner *a, const double M[16])
+{
+    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    double trace = 0.0;
+    for (size_t k = 0; k < 9; k++) trace += a->common[k] * M[4 * (k / 3) + k % 3];
+    return trace > 2.0 * scale;
+}
+
+/* The provisional template's own orientation first, then the mean of those that are near. */
+static void find_common_orientation(aligner *a)
+{
+    for (size_t k = 0; k < 9; k++) a->common[k] = k % 4 == 0 ? 1.0 : 0.0;
+    for (int round = 0; round < 2; round++) {
+        double sum[9] = { 0 };
+        for (size_t i = 0; i < a->n; i++) {
+            const double *M = a->P + 16 * i;
+            const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+            for (size_t k = 0; k < 9 && hardly_turns(a, M); k++)
+                sum[k] += M[4 * (k / 3) + k % 3] / scale;
+        }
+        apsm_nearest_rotation(sum, a->common);
+    }
+}
+
+static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    const apsm_surface fixed = { a->bvh[a->base], &a->cloud[a->base] };
+    apsm_surface moving;
+    apsm_bvh *own;
+    apsm_pose pose;
+    a->fits[i] = hardly_turns(a, a->P + 16 * i);
+    if (i == a->base || a->fits[i]) return APSM_OK;
+    APSM_TRY(open_surface(ctx, a, i, &own, &moving));
+    const apsm_icp_options icp = search_options(a, &moving, &fixed);
+    apsm_pose_from(&moving, &fixed, a->common, &icp, &pose, scratch(a, worker));
+    apsm_bvh_free(own);
+    a->fits[i] = hardly_turns(a, pose.M) && pose.residual <= APSM_GIVEN_RATIO * a->out->residual[i];
+    memcpy(a->given + 16 * i, pose.M, sizeof pose.M);
+    if (a->opt->mode != APSM_ALIGN_SIMILARITY)
+        remove_scale(moving.cloud->centre, a->given + 16 * i);
+    return APSM_OK;
+}
+
+/* One pose must hardly turn, and with the others that may four fifths must: by chance one in
+ * seventeen does. */
+static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
+{
+    size_t best = 0, fit = 0;
+    find_common_orientation(a);
+    for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, a->P + 16 * i);
+    if (best == 0) return APSM_OK;
+    APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
+    for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
+    a->oriented = 5 * fit >= 4 * (a->n - 1);
+    for (size_t i = 0; a->oriented && i < a->n; i++)
+        if (a->fits[i] && !hardly_turns(a, a->P + 16 * i))
+            memcpy(a->P + 16 * i, a->given + 16 * i, 16 * sizeof *a->P);
     return APSM_OK;
 }
 
@@ -298,9 +379,22 @@ static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *
     return APSM_OK;
 }
 
+static void report_cuts(apsm_context *ctx, const aligner *a)
+{
+    size_t cut = 0, first = 0;
+    for (size_t i = 0; i < a->n; i++)
+        if (a->cloud[i].cuts > 0 && cut++ == 0) first = i;
+    if (cut > 0 && a->opt->mode != APSM_ALIGN_NONE && a->names)
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "%zu of %zu shapes end in a plane, as if cut off by the edge of an image (%s%s); "
+                 "they are aligned by what they share",
+                 cut, a->n, a->names[first], cut > 1 ? ", ..." : "");
+}
+
 static void report(apsm_context *ctx, const aligner *a)
 {
     const apsm_alignment *out = a->out;
+    report_cuts(ctx, a);
     for (size_t i = 0; i < a->n; i++) {
         char name[32];
         snprintf(name, sizeof name, "shape %zu", i);
@@ -312,7 +406,8 @@ static void report(apsm_context *ctx, const aligner *a)
         else if (out->mirrored[i])
             apsm_log(ctx, APSM_LOG_WARNING,
                      "%s: looks mirrored; give its side, or set mirror_check=fix", who);
-        if (out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand)
+        if (out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand &&
+            !(a->oriented && hardly_turns(a, a->P + 16 * i)))
             apsm_log(
                 ctx, APSM_LOG_WARNING,
                 "%s: ambiguous pose: another one fits within %.0f %%; check the result, or align "
@@ -355,6 +450,8 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->area = malloc(n * sizeof *a->area);
     a->P = malloc(16 * n * sizeof *a->P);
     a->mirror = malloc(16 * n * sizeof *a->mirror);
+    a->given = malloc(16 * n * sizeof *a->given);
+    a->fits = malloc(n * sizeof *a->fits);
     a->list = malloc(n * sizeof *a->list);
     a->work = malloc((size_t)apsm_context_threads(ctx) * a->work_size * sizeof *a->work);
     a->out->n = n;
@@ -363,9 +460,9 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
     a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
-    const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->list && a->work &&
-                        a->out->M && a->out->residual && a->out->runner_up_ratio &&
-                        a->out->mirror_ratio && a->out->mirrored;
+    const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->given && a->fits &&
+                        a->list && a->work && a->out->M && a->out->residual &&
+                        a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
         a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
@@ -387,6 +484,8 @@ static void release(aligner *a)
     free(a->area);
     free(a->P);
     free(a->mirror);
+    free(a->given);
+    free(a->fits);
     free(a->list);
     free(a->work);
 }
@@ -401,6 +500,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
     if (a->opt->mode != APSM_ALIGN_NONE)
         APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
+    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
     judge_mirrored(a);
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;

@@ -15,6 +15,10 @@
  * the step is the exact rigid or similarity fit.  Lengths are taken in units of the fixed cloud's
  * radius, so that the equations have no dimension.
  *
+ * Where a shape has been cut off (cuts.c), neither the cut face nor what the other shape has beyond
+ * its plane is matched, and E is divided by the cube of the share that is (Chetverikov's measure),
+ * lest shapes part to agree.
+ *
  * The coarse variant knows the surfaces by their clouds alone: closest cloud points instead of
  * closest points, all n^2 distances at once, which is far cheaper for a hundred points. */
 #include "groom/icp.h"
@@ -28,7 +32,9 @@
 #include "geometry/vec3.h"
 
 static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
-static const double largest_turn = 0.7; /* rad: linearisation is no use beyond */
+static const double in_plane = 0.02;     /* radii: so near to a cut plane is in it */
+static const double least_shared = 0.25; /* of the points */
+static const double largest_turn = 0.7;  /* rad: linearisation is no use beyond */
 
 /* The pairs of one pose; m = n + n_fixed pairs, those of moving points first. */
 typedef struct pairs {
@@ -214,8 +220,49 @@ static double select_smallest(size_t n, double *v, size_t k)
     return v[k];
 }
 
+/* Whether a point of one shape can have a partner on the other: it does not lie in a plane that its
+ * own shape was cut in, nor, at `there` in the other's frame, beyond one of the other's. */
+static bool is_shared(const apsm_cloud *own, const double x[3], const apsm_cloud *other,
+                      const double there[3])
+{
+    for (size_t c = 0; c < own->cuts; c++)
+        if (vec3_dot(own->cut[c], x) > own->cut[c][3] - in_plane * own->radius) return false;
+    for (size_t c = 0; c < other->cuts; c++)
+        if (vec3_dot(other->cut[c], there) > other->cut[c][3]) return false;
+    return true;
+}
+
+/* The share of a direction's pairs that are shared, or 1 and all of them if they are few: then that
+ * is no pose. */
+static double shared_of(size_t n, double *shared)
+{
+    size_t few = 0;
+    for (size_t k = 0; k < n; k++) few += shared[k] > 0.0;
+    if ((double)few >= least_shared * (double)n) return (double)few / (double)n;
+    for (size_t k = 0; k < n; k++) shared[k] = 1.0;
+    return 1.0;
+}
+
+/* w <- 1 for pairs of what both shapes have, 0 for others; returns their share. */
+static double mark_shared(const icp_job *job, const double M[16], pairs *q)
+{
+    const apsm_cloud *moving = job->moving->cloud, *fixed = job->fixed->cloud;
+    double back[16];
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) q->w[k] = 1.0;
+    if (moving->cuts + fixed->cuts == 0) return 1.0;
+    apsm_similarity_invert(M, back);
+    for (size_t k = 0; k < job->n; k++)
+        q->w[k] = is_shared(moving, moving->x + 3 * k, fixed, q->p + 3 * k);
+    for (size_t l = 0; l < job->n_fixed; l++) {
+        double x[3];
+        map(back, fixed->x + 3 * l, x);
+        q->w[job->n + l] = is_shared(fixed, fixed->x + 3 * l, moving, x);
+    }
+    return 0.5 * (shared_of(job->n, q->w) + shared_of(job->n_fixed, q->w + job->n));
+}
+
 /* Weights of the pairs of one direction: those of the cloud (1 for the beginning of a cloud),
- * 0 for the farthest ones, 1/2 in all. */
+ * 0 for the farthest ones and where w was 0, 1/2 in all. */
 static void weigh(const icp_job *job, const apsm_cloud *cloud, size_t n, const double *d2,
                   double *w)
 {
@@ -226,7 +273,7 @@ static void weigh(const icp_job *job, const apsm_cloud *cloud, size_t n, const d
         farthest = select_smallest(n, job->work, keep - 1);
     }
     for (size_t k = 0; k < n; k++) {
-        w[k] = d2[k] <= farthest ? (n < cloud->n ? 1.0 : cloud->w[k]) : 0.0;
+        w[k] *= d2[k] <= farthest ? (n < cloud->n ? 1.0 : cloud->w[k]) : 0.0;
         sum += w[k];
     }
     for (size_t k = 0; k < n; k++) w[k] *= 0.5 / sum;
@@ -240,6 +287,7 @@ static void match(const icp_job *job, const double M[16], const pairs *before, p
         match_moving(job, M, before, q);
         match_fixed(job, M, before, q);
     }
+    const double share = mark_shared(job, M, q);
     weigh(job, job->moving->cloud, job->n, q->d2, q->w);
     weigh(job, job->fixed->cloud, job->n_fixed, q->d2 + job->n, q->w + job->n);
     q->E = q->residual = 0.0;
@@ -247,6 +295,9 @@ static void match(const icp_job *job, const double M[16], const pairs *before, p
         q->E += q->w[k] * q->d2[k];
         q->residual += q->w[k] * sqrt(q->d2[k]);
     }
+    if (!(share < 1.0)) return;
+    q->E /= share * share * share;
+    q->residual /= share * sqrt(share);
 }
 
 /* Adds the pair's share to H (7 x 7, lower triangle) and g.  The columns of the Jacobian of

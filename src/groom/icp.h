@@ -4,6 +4,9 @@
 
 #include "apsm/align.h"
 
+/* Finds where the mesh has been cut off flat: cuts and cut of its cloud.  O(n^2 + nf). */
+void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud);
+
 /* Inverse of a similarity, proper or not. */
 void apsm_similarity_invert(const double M[16], double inverse[16]);
 
@@ -16,6 +19,10 @@ size_t apsm_cloud_vertices(const apsm_mesh *mesh);
  * one of them to the next face; sums over the vertices hardly change. */
 apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
                                    apsm_cloud *cloud) APSM_NODISCARD;
+
+/* The pose that is reached from the rotation R, centres (or whole ends) brought together. */
+void apsm_pose_from(const apsm_surface *moving, const apsm_surface *fixed, const double R[9],
+                    const apsm_icp_options *opt, apsm_pose *pose, double *work);
 
 /* As apsm_icp, but from a pose near the end, to where steps are smaller than the tolerance, which
  * may be far below what apsm_icp can tell by the sum of squares. */

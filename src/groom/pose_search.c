@@ -5,8 +5,9 @@
  * four half turns about the axes (the sign ambiguity of principal axes) and G the identity or one
  * of a grid of rotations, the super-Fibonacci spiral of Alexa (CVPR 2022).  Because starts are
  * relative to the shapes' own frames, the poses in which the shapes come do not matter, except by
- * rounding; because the grid covers all rotations, shapes without clear axes are served, too.  A
- * mirrored search reflects the moving shape in its principal frame. */
+ * rounding; shapes that were cut off are put end to end instead.  Because the grid covers all
+ * rotations, shapes without clear axes are served, too.  A mirrored search reflects the moving
+ * shape in its principal frame. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -88,6 +89,37 @@ static void start_pose(const apsm_cloud *moving, const apsm_cloud *fixed, size_t
     }
 }
 
+/* Least a.M x over the cloud; M NULL: the identity. */
+static double lowest(const apsm_cloud *cloud, const double M[16], const double a[3])
+{
+    double least = INFINITY;
+    for (size_t k = 0; k < cloud->n; k++) {
+        double x[3] = { cloud->x[3 * k], cloud->x[3 * k + 1], cloud->x[3 * k + 2] };
+        if (M) apsm_affine_apply(M, 1, x, x);
+        least = fmin(least, vec3_dot(a, x));
+    }
+    return least;
+}
+
+/* Shifts M along a so that the ends opposite to a cut with normal a meet. */
+static void match_ends(const apsm_cloud *moving, const apsm_cloud *fixed, const double a[3],
+                       double M[16])
+{
+    const double shift = lowest(fixed, NULL, a) - lowest(moving, M, a);
+    for (size_t r = 0; r < 3; r++) M[4 * r + 3] += shift * a[r];
+}
+
+/* The centre of a shape that was cut off is somewhere else: its whole end is not. */
+static void match_whole_ends(const apsm_cloud *moving, const apsm_cloud *fixed, double M[16])
+{
+    for (size_t c = 0; c < moving->cuts; c++) {
+        double a[3];
+        apsm_affine_apply_normals(M, 1, moving->cut[c], a);
+        match_ends(moving, fixed, a, M);
+    }
+    for (size_t c = 0; c < fixed->cuts; c++) match_ends(moving, fixed, fixed->cut[c], M);
+}
+
 /* Root mean square distance between A x and B x over the beginning of the cloud. */
 static double pose_distance(const apsm_cloud *cloud, const double A[16], const double B[16])
 {
@@ -148,8 +180,10 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
     const double near = same_pose * fixed->cloud->radius;
     apsm_icp_options quick = *opt;
     quick.tolerance = fmax(opt->tolerance, rough);
-    for (size_t k = 0; k < n; k++)
+    for (size_t k = 0; k < n; k++) {
         start_pose(moving->cloud, fixed->cloud, k, mirrored, opt->scale, c[k].M);
+        match_whole_ends(moving->cloud, fixed->cloud, c[k].M);
+    }
     for (size_t r = 0; r < ROUNDS; r++) {
         quick.points = rounds[r].points;
         quick.max_iterations = rounds[r].iterations;
@@ -164,4 +198,19 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
     run_round(moving, fixed, opt, false, 1, c, work);
     memcpy(pose->M, c[0].M, sizeof pose->M);
     pose->residual = c[0].residual;
+}
+
+void apsm_pose_from(const apsm_surface *moving, const apsm_surface *fixed, const double R[9],
+                    const apsm_icp_options *opt, apsm_pose *pose, double *work)
+{
+    const double size = opt->scale ? fixed->cloud->radius / moving->cloud->radius : 1.0;
+    apsm_affine_identity(pose->M);
+    for (size_t a = 0; a < 3; a++) {
+        for (size_t b = 0; b < 3; b++) pose->M[4 * a + b] = size * R[3 * a + b];
+        pose->M[4 * a + 3] =
+            fixed->cloud->centre[a] - vec3_dot(pose->M + 4 * a, moving->cloud->centre);
+    }
+    match_whole_ends(moving->cloud, fixed->cloud, pose->M);
+    apsm_icp(moving, fixed, opt, pose->M, &pose->residual, work);
+    pose->runner_up = INFINITY;
 }

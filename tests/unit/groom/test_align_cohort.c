@@ -278,6 +278,88 @@ static void aligned_input_stays(void **state)
     close_cohort(&c);
 }
 
+/* What lies beyond x > at is pressed into that plane: a flat end, as at the edge of an image. */
+static void cut_off(apsm_mesh *mesh, double at)
+{
+    for (size_t v = 0; v < mesh->nv; v++) mesh->V[3 * v] = fmin(mesh->V[3 * v], at);
+}
+
+static void cut_shapes_are_aligned_by_what_they_share(void **state)
+{
+    (void)state;
+    cohort c = { .n = 7 };
+    counts n = { 0 };
+    const char *names[7] = { "a", "b", "c", "d", "e", "f", "g" };
+    const apsm_align_options opt = apsm_align_defaults();
+    for (size_t i = 0; i < c.n; i++) {
+        c.local[i] = align_shape(4, 60, 20, 14, 0.2, 0.5); /* x from -48 to 72 */
+        if (i != 2) cut_off(&c.local[i], 15 + 6 * (double)i);
+        align_random_pose(i, 200.0, c.pose[i]);
+        apsm_mesh_transform(&c.local[i], c.pose[i]);
+        c.mesh[i] = &c.local[i];
+    }
+    apsm_alignment a;
+    apsm_context *ctx = apsm_context_new();
+    if (!ctx) abort();
+    apsm_context_set_log(ctx, count_lines, &n);
+    assert_int_equal(apsm_align_cohort(ctx, c.n, c.mesh, names, &opt, &a), APSM_OK);
+    check_aligned(&c, &a, 0.5);
+    assert_int_equal(n.warnings, 0);
+    assert_int_equal(n.infos, 1);
+    apsm_context_free(ctx);
+    apsm_alignment_free(&a);
+    close_cohort(&c);
+}
+
+/* An ellipsoid but for 4 % of chance: each of its four poses fits about as well as the others. */
+static apsm_mesh nearly_symmetric(size_t i)
+{
+    apsm_random rng = apsm_random_stream(5, APSM_STREAM_TEST, i, 0);
+    apsm_mesh mesh = shape_icosphere(3);
+    double k[4];
+    for (size_t c = 0; c < 4; c++) k[c] = 0.04 * apsm_random_normal(&rng);
+    for (size_t v = 0; v < mesh.nv; v++) {
+        double *x = mesh.V + 3 * v;
+        const double r =
+            1 + k[0] * x[0] + k[1] * x[1] + k[2] * x[2] + 3 * k[3] * x[0] * x[1] * x[2];
+        shape_set3(x, 27 * r * x[0], 20 * r * x[1], 14 * r * x[2]);
+    }
+    return mesh;
+}
+
+/* Turns by up to 25 degrees; the same for all shapes and in any direction if far. */
+static void orient(size_t i, bool far, double M[16])
+{
+    double A[9], R[9];
+    align_random_pose(far ? i : 0, 50.0, M);
+    apsm_random rng = apsm_random_stream(6, APSM_STREAM_TEST, i, 0);
+    for (size_t k = 0; k < 9; k++) A[k] = M[4 * (k / 3) + k % 3] + 0.1 * apsm_random_normal(&rng);
+    apsm_nearest_rotation(A, R);
+    for (size_t k = 0; k < 9; k++) M[4 * (k / 3) + k % 3] = R[k];
+}
+
+static void orientation_of_the_inputs_decides_between_equal_poses(void **state)
+{
+    (void)state;
+    apsm_align_options opt = apsm_align_defaults();
+    opt.mirror = APSM_MIRROR_OFF;
+    for (int far = 0; far < 2; far++) {
+        cohort c = { .n = 12 };
+        counts n = { 0 };
+        for (size_t i = 0; i < c.n; i++) {
+            c.local[i] = nearly_symmetric(i);
+            orient(i, far, c.pose[i]);
+            apsm_mesh_transform(&c.local[i], c.pose[i]);
+            c.mesh[i] = &c.local[i];
+        }
+        apsm_alignment a = run(&c, &opt, 2, &n);
+        if (!far) check_aligned(&c, &a, 8.0);  /* other poses are off by up to 54 */
+        assert_int_equal(n.warnings > 0, far); /* then nobody can know */
+        apsm_alignment_free(&a);
+        close_cohort(&c);
+    }
+}
+
 static void one_shape_is_a_cohort(void **state)
 {
     (void)state;
@@ -333,6 +415,8 @@ int main(void)
         cmocka_unit_test(majority_decides_who_is_mirrored),
         cmocka_unit_test(sizes_are_removed_on_request),
         cmocka_unit_test(aligned_input_stays),
+        cmocka_unit_test(cut_shapes_are_aligned_by_what_they_share),
+        cmocka_unit_test(orientation_of_the_inputs_decides_between_equal_poses),
         cmocka_unit_test(one_shape_is_a_cohort),
         cmocka_unit_test(mistakes_are_named),
     };

@@ -1,0 +1,118 @@
+/* Where a shape has been cut off: by the edge of an image, or by a saw.  Then a part of its surface
+ * lies in a plane that the whole shape touches from one side, and straight below that plane the
+ * shape is about as wide as the part is large.  Natural ends are round: of what lies above a
+ * section, they leave only a small share to the plane.
+ *
+ *   flat(n)  = area of the faces in the plane,                normals within 8 degrees of n
+ *   width(n) = sum of area n.n_f over the faces above the section at depth 0.1 radius
+ *            = area of that section (divergence theorem)
+ *   behind     = the same at depth 0.3 radius: a plate has none
+ *   cut:       flat >= width / 2 and behind >= flat / 2
+ *
+ * A ball's end of radius rho has 0.06 rho^2 for flat and about 0.6 rho radius for width. */
+#include <math.h>
+
+#include "apsm/align.h"
+#include "geometry/vec3.h"
+#include "groom/icp.h"
+
+enum { CANDIDATES = 1500 };
+
+static const double depth = 0.1, deeper = 0.3, thick = 0.02; /* in radii */
+static const double least_share = 0.5;
+static const double rough_share = 0.25;    /* for the few points of the cloud */
+static const double cosine_flat = 0.9903;  /* 8 degrees */
+static const double cosine_other = 0.8660; /* a second cut looks another way by 30 degrees */
+/* More than this share of the surface in planes: the shape is like that, a box, and not cut. */
+static const double most_flat = 0.2;
+
+/* flat and width so far. */
+typedef struct flatness {
+    double flat, width, behind;
+    double n[3], x[3]; /* sums over the flat part: area times normal, area times place */
+} flatness;
+
+/* Adds a piece of surface at x, with normal m, at height z over the plane with normal n. */
+static void add_piece(const double n[3], const double x[3], const double m[3], double z,
+                      double area, double radius, flatness *f)
+{
+    const double cosine = vec3_dot(n, m);
+    if (z >= -deeper * radius) f->behind += area * cosine;
+    if (z >= -depth * radius) f->width += area * cosine;
+    if (!(fabs(z) <= thick * radius && cosine >= cosine_flat)) return;
+    f->flat += area;
+    vec3_add_scaled(f->x, area, x);
+    vec3_add_scaled(f->n, area, m);
+}
+
+/* By the points of the cloud; false if some lie beyond the plane. */
+static bool may_be_cut(const apsm_cloud *cloud, const double plane[4])
+{
+    flatness f = { 0 };
+    for (size_t i = 0; i < cloud->n; i++) {
+        const double *x = cloud->x + 3 * i, z = vec3_dot(plane, x) - plane[3];
+        if (z > thick * cloud->radius) return false;
+        add_piece(plane, x, cloud->normal + 3 * i, z, cloud->w[i], cloud->radius, &f);
+    }
+    return f.flat >= rough_share * f.width;
+}
+
+/* Normal and middle of face f; returns its area. */
+static double face_at(const apsm_mesh *mesh, size_t f, double n[3], double x[3])
+{
+    const double *a = mesh->V + 3 * mesh->F[3 * f], *b = mesh->V + 3 * mesh->F[3 * f + 1],
+                 *c = mesh->V + 3 * mesh->F[3 * f + 2];
+    double u[3], v[3];
+    vec3_sub(b, a, u);
+    vec3_sub(c, a, v);
+    vec3_cross(u, v, n);
+    for (size_t k = 0; k < 3; k++) x[k] = (a[k] + b[k] + c[k]) / 3.0;
+    return 0.5 * vec3_normalise(n);
+}
+
+/* By all faces; plane: n, offset, in and out. */
+static bool is_cut(const apsm_mesh *mesh, double radius, double plane[4], double *flat)
+{
+    flatness f = { 0 };
+    for (size_t i = 0; i < mesh->nf; i++) {
+        double m[3], x[3];
+        const double area = face_at(mesh, i, m, x), z = vec3_dot(plane, x) - plane[3];
+        if (z > thick * radius) return false;
+        add_piece(plane, x, m, z, area, radius, &f);
+    }
+    if (!(f.flat > 0.0) || f.flat < least_share * f.width || f.behind < least_share * f.flat)
+        return false;
+    vec3_normalise(f.n);
+    for (size_t a = 0; a < 3; a++) plane[a] = f.n[a];
+    plane[3] = vec3_dot(f.n, f.x) / f.flat;
+    *flat = f.flat;
+    return true;
+}
+
+static bool is_new(const apsm_cloud *cloud, const double n[3])
+{
+    for (size_t c = 0; c < cloud->cuts; c++)
+        if (vec3_dot(cloud->cut[c], n) > cosine_other) return false;
+    return true;
+}
+
+void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud)
+{
+    const size_t every = (mesh->nf + CANDIDATES - 1) / CANDIDATES;
+    double sum = 0.0;
+    cloud->cuts = 0;
+    for (size_t i = 0; i < mesh->nf; i += every) {
+        double plane[4], x[3], flat;
+        face_at(mesh, i, plane, x);
+        plane[3] = vec3_dot(plane, x);
+        if (!is_new(cloud, plane) || !may_be_cut(cloud, plane)) continue;
+        if (!is_cut(mesh, cloud->radius, plane, &flat)) continue;
+        sum += flat;
+        if (cloud->cuts == APSM_MOST_CUTS || sum > most_flat * apsm_mesh_area(mesh)) {
+            cloud->cuts = 0;
+            return;
+        }
+        for (size_t a = 0; a < 4; a++) cloud->cut[cloud->cuts][a] = plane[a];
+        cloud->cuts++;
+    }
+}
