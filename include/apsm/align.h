@@ -45,6 +45,10 @@ typedef struct apsm_cloud {
  * zero or not finite.  O(nf + n^2). */
 apsm_status apsm_cloud_sample(const apsm_mesh *mesh, size_t n, uint64_t seed, uint64_t index,
                               apsm_cloud *cloud) APSM_NODISCARD;
+/* The n vertices (at most all) that are farthest from those before, without chance: unlike drawn
+ * points they are the same, but for a few, if an edge is flipped somewhere or rounding differs.  Of
+ * more than 16,384 vertices every second, third, ... is looked at.  No axes. */
+apsm_status apsm_cloud_spread(const apsm_mesh *mesh, size_t n, apsm_cloud *cloud) APSM_NODISCARD;
 void apsm_cloud_free(apsm_cloud *cloud);
 
 /* What registration needs of a surface; both borrowed. */

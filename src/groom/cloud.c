@@ -59,13 +59,13 @@ static void draw_points(const apsm_mesh *mesh, double area, size_t n, apsm_rando
     }
 }
 
-/* pick: the n of the points X (N x 3) that are farthest from those before, the first one first;
- * w: the share of X closest to each.  d2 (N) and owner (N) are scratch. */
-static void thin(size_t N, const double *X, size_t n, size_t *pick, double *w, double *d2,
-                 size_t *owner)
+/* pick: the n of the points X (N x 3) that are farthest from those before, `first` first; owner
+ * (N): which of them each point is closest to.  d2 (N) is scratch. */
+static void pick_farthest(size_t N, const double *X, size_t first, size_t n, size_t *pick,
+                          double *d2, size_t *owner)
 {
     for (size_t i = 0; i < N; i++) d2[i] = INFINITY;
-    size_t farthest = 0;
+    size_t farthest = first;
     for (size_t k = 0; k < n; k++) {
         pick[k] = farthest;
         farthest = 0;
@@ -78,6 +78,13 @@ static void thin(size_t N, const double *X, size_t n, size_t *pick, double *w, d
             if (d2[i] > d2[farthest]) farthest = i;
         }
     }
+}
+
+/* The same from the first point, with w: the share of X closest to each. */
+static void thin(size_t N, const double *X, size_t n, size_t *pick, double *w, double *d2,
+                 size_t *owner)
+{
+    pick_farthest(N, X, 0, n, pick, d2, owner);
     for (size_t k = 0; k < n; k++) w[k] = 0.0;
     for (size_t i = 0; i < N; i++) w[owner[i]] += 1.0 / (double)N;
 }
@@ -186,6 +193,87 @@ apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *samp
     for (size_t h = 0; h < 3 * mesh->nf; h++)
         if (mesh->F[h] % every == 0) cloud->w[mesh->F[h] / every] += face_area(mesh, h / 3);
     return APSM_OK;
+}
+
+/* ---- spread over the vertices ---- */
+
+/* N vertices X (N x 3) with the area w (N) and the sum of face vectors m (N x 3) around each. */
+static void gather_vertices(const apsm_mesh *mesh, size_t N, double *X, double *w, double *m)
+{
+    const size_t every = stride(mesh);
+    memset(w, 0, N * sizeof *w);
+    memset(m, 0, 3 * N * sizeof *m);
+    for (size_t k = 0; k < N; k++) memcpy(X + 3 * k, mesh->V + 3 * k * every, 3 * sizeof *X);
+    for (size_t h = 0; h < 3 * mesh->nf; h++) {
+        double n[3];
+        if (mesh->F[h] % every != 0) continue;
+        face_vector(mesh, h / 3, n);
+        w[mesh->F[h] / every] += vec3_norm(n);
+        vec3_add_scaled(m + 3 * (mesh->F[h] / every), 1.0, n);
+    }
+}
+
+/* Centre and radius of weighted points; the first point to pick is the farthest from the centre. */
+static size_t weighted_moments(size_t N, const double *X, const double *w, apsm_cloud *cloud)
+{
+    double sum = 0.0, d2_sum = 0.0, most = -1.0;
+    size_t farthest = 0;
+    for (size_t k = 0; k < N; k++) {
+        sum += w[k];
+        vec3_add_scaled(cloud->centre, w[k], X + 3 * k);
+    }
+    for (size_t c = 0; c < 3; c++) cloud->centre[c] /= sum;
+    for (size_t k = 0; k < N; k++) {
+        const double d2 = vec3_distance2(X + 3 * k, cloud->centre);
+        d2_sum += w[k] * d2;
+        if (d2 > most) most = d2, farthest = k;
+    }
+    cloud->radius = sqrt(d2_sum / sum);
+    return farthest;
+}
+
+/* X .. d2: as above and scratch (N). */
+static void spread(size_t N, const double *X, const double *w, const double *m, double *d2,
+                   size_t *owner, size_t *pick, apsm_cloud *cloud)
+{
+    double sum = 0.0;
+    const size_t first = weighted_moments(N, X, w, cloud);
+    pick_farthest(N, X, first, cloud->n, pick, d2, owner);
+    memset(cloud->w, 0, cloud->n * sizeof *cloud->w);
+    for (size_t i = 0; i < N; i++) {
+        cloud->w[owner[i]] += w[i];
+        sum += w[i];
+    }
+    for (size_t k = 0; k < cloud->n; k++) {
+        cloud->w[k] /= sum;
+        memcpy(cloud->x + 3 * k, X + 3 * pick[k], 3 * sizeof *cloud->x);
+        memcpy(cloud->normal + 3 * k, m + 3 * pick[k], 3 * sizeof *cloud->normal);
+        vec3_normalise(cloud->normal + 3 * k);
+    }
+}
+
+apsm_status apsm_cloud_spread(const apsm_mesh *mesh, size_t n, apsm_cloud *cloud)
+{
+    const size_t N = apsm_cloud_vertices(mesh);
+    *cloud = (apsm_cloud){ .n = n < N ? n : N };
+    const double area = apsm_mesh_area(mesh);
+    if (!(area > 0.0) || !isfinite(area)) return APSM_ERR_GEOMETRY;
+    double *X = malloc(8 * N * sizeof *X);
+    size_t *index = malloc((N + cloud->n) * sizeof *index);
+    cloud->x = malloc(3 * cloud->n * sizeof *cloud->x);
+    cloud->normal = malloc(3 * cloud->n * sizeof *cloud->normal);
+    cloud->w = malloc(cloud->n * sizeof *cloud->w);
+    const bool enough = X && index && cloud->x && cloud->normal && cloud->w;
+    if (enough) {
+        double *w = X + 3 * N, *m = X + 4 * N, *d2 = X + 7 * N;
+        gather_vertices(mesh, N, X, w, m);
+        spread(N, X, w, m, d2, index, index + N, cloud);
+    } else {
+        apsm_cloud_free(cloud);
+    }
+    free(X);
+    free(index);
+    return enough ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 void apsm_cloud_free(apsm_cloud *cloud)

@@ -60,9 +60,8 @@ typedef struct carry {
     const apsm_options *options;
     size_t J;
     double h;
-    const double *T, *TN; /* J x 3 */
-    double *P;            /* I x J x 3, out */
-    uint64_t seed;
+    const double *T, *TN;            /* J x 3 */
+    double *P;                       /* I x J x 3, out */
     apsm_registration *registration; /* NULL if not asked for */
 } carry;
 
@@ -83,7 +82,7 @@ static apsm_status register_shape(const carry *c, size_t i, apsm_surface_point *
 {
     const apsm_shape *shape = &c->cohort->shape[i];
     apsm_cloud cloud;
-    APSM_TRY(apsm_cloud_sample(&shape->mesh, REGISTERED, c->seed, i, &cloud));
+    APSM_TRY(apsm_cloud_spread(&shape->mesh, REGISTERED, &cloud));
     const size_t n = 3 * c->J, size = apsm_registration_work_size(c->registration, cloud.n);
     double *X = malloc((2 * n + size) * sizeof *X);
     apsm_status status = X ? APSM_OK : APSM_ERR_MEMORY;
@@ -170,7 +169,7 @@ static apsm_status prepare_registration(carry *c)
 {
     const size_t t = c->cohort->template_index;
     apsm_cloud cloud;
-    APSM_TRY(apsm_cloud_sample(&c->cohort->shape[t].mesh, REGISTERED, c->seed, t, &cloud));
+    APSM_TRY(apsm_cloud_spread(&c->cohort->shape[t].mesh, REGISTERED, &cloud));
     const apsm_status status = apsm_registration_new(&cloud, &c->registration);
     apsm_cloud_free(&cloud);
     return status;
@@ -182,7 +181,6 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     double *T = malloc(6 * J * sizeof *T);
     if (!T) return APSM_ERR_MEMORY;
     carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
-    c.seed = apsm_context_seed(ctx);
     apsm_status status = seed_template(ctx, cohort, options, J, T, T + 3 * J, &c.h);
     if (status == APSM_OK && options->initialize == APSM_INIT_REGISTRATION)
         status = prepare_registration(&c);

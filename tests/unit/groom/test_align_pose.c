@@ -71,6 +71,73 @@ static void moved_mesh_gets_the_moved_cloud(void **state)
     align_close(&t);
 }
 
+/* Vertices in another order, coordinates in single precision in another unit: nearly all of the
+ * points are the same. */
+static apsm_mesh in_other_unit(const apsm_mesh *mesh, double unit)
+{
+    apsm_mesh other;
+    assert_int_equal(apsm_mesh_copy(mesh, &other), APSM_OK);
+    for (size_t v = 0; v < mesh->nv; v++)
+        for (size_t c = 0; c < 3; c++)
+            other.V[3 * (mesh->nv - 1 - v) + c] = (double)(float)(unit * mesh->V[3 * v + c]);
+    for (size_t h = 0; h < 3 * mesh->nf; h++)
+        other.F[h] = (uint32_t)mesh->nv - 1 - mesh->F[3 * mesh->nf - 3 - 3 * (h / 3) + h % 3];
+    return other;
+}
+
+static size_t count_same(const apsm_cloud *a, const apsm_cloud *b, double unit)
+{
+    size_t same = 0;
+    for (size_t i = 0; i < a->n; i++)
+        for (size_t k = 0; k < b->n; k++) {
+            double d2 = 0.0;
+            for (size_t c = 0; c < 3; c++) d2 += pow(a->x[3 * i + c] - b->x[3 * k + c] / unit, 2);
+            same += d2 < pow(1e-5 * a->radius, 2);
+        }
+    return same;
+}
+
+static void spread_points_do_not_depend_on_unit_or_order(void **state)
+{
+    (void)state;
+    apsm_mesh mesh = align_shape(4, 27, 20, 14, 0.2, 0.5);
+    for (size_t k = 0; k < 3 * mesh.nv; k++) /* no two distances are equal */
+        mesh.V[k] = (double)(float)(mesh.V[k] * (1 + 0.01 * sin(37.0 * (double)k)));
+    apsm_mesh other = in_other_unit(&mesh, 1000.0);
+    apsm_cloud a, b;
+    double sum = 0.0;
+    assert_int_equal(apsm_cloud_spread(&mesh, POINTS, &a), APSM_OK);
+    assert_int_equal(apsm_cloud_spread(&other, POINTS, &b), APSM_OK);
+    assert_int_equal(a.n, POINTS);
+    for (size_t k = 0; k < a.n; k++) sum += a.w[k];
+    assert_true(fabs(sum - 1.0) < 1e-12);
+    assert_true(fabs(b.radius / 1000.0 - a.radius) < 1e-6 * a.radius);
+    if (count_same(&a, &b, 1000.0) < POINTS * 95 / 100)
+        fail_msg("%zu of %d points the same", count_same(&a, &b, 1000.0), POINTS);
+    apsm_cloud_free(&a);
+    apsm_cloud_free(&b);
+    apsm_mesh_free(&mesh);
+    apsm_mesh_free(&other);
+}
+
+static void few_vertices_are_all_taken(void **state)
+{
+    (void)state;
+    apsm_mesh mesh = shape_icosphere(0);
+    apsm_cloud cloud;
+    assert_int_equal(apsm_cloud_spread(&mesh, POINTS, &cloud), APSM_OK);
+    assert_int_equal(cloud.n, mesh.nv);
+    for (size_t k = 0; k < cloud.n; k++) {
+        assert_true(fabs(cloud.w[k] - 1.0 / 12) < 1e-12);
+        for (size_t c = 0; c < 3; c++) /* normals look outward */
+            assert_true(fabs(cloud.normal[3 * k + c] - cloud.x[3 * k + c]) < 1e-12);
+    }
+    apsm_cloud_free(&cloud);
+    for (size_t k = 0; k < 3 * mesh.nv; k++) mesh.V[k] = 0.0;
+    assert_int_equal(apsm_cloud_spread(&mesh, POINTS, &cloud), APSM_ERR_GEOMETRY);
+    apsm_mesh_free(&mesh);
+}
+
 static void mesh_without_area_is_refused(void **state)
 {
     (void)state;
@@ -393,6 +460,8 @@ int main(void)
         cmocka_unit_test(cloud_stands_for_the_surface),
         cmocka_unit_test(points_are_uniform_on_a_face),
         cmocka_unit_test(moved_mesh_gets_the_moved_cloud),
+        cmocka_unit_test(spread_points_do_not_depend_on_unit_or_order),
+        cmocka_unit_test(few_vertices_are_all_taken),
         cmocka_unit_test(mesh_without_area_is_refused),
         cmocka_unit_test(residual_of_spheres_is_known),
         cmocka_unit_test(error_never_grows),
