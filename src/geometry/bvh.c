@@ -1,11 +1,14 @@
 /* Closest points and rays on a triangle mesh, by a tree of boxes with four children a node.
  *
- * Float boxes (bvh_build.c) prune, doubles decide.  Boxes are a little larger than their triangles;
- * SLACK (relative) covers the rounding of the squared distance and of queries far away.  So no box
- * is farther than its triangles, and the result is that of trying all triangles in double.
- *
- * One point against the four triangles of a leaf, or one triangle against a packet of eight points,
- * is one branchless expression in vector lanes.
+ * Floats prune, doubles decide.  Boxes are a little larger than their triangles; SLACK (relative)
+ * covers the rounding of the squared distance and of queries far away.  So no box is farther than
+ * its triangles.  One point against the eight triangles of a leaf is one branchless expression in
+ * float32: each in its own frame (bvh_tree.h) has
+ *   squared distance = z^2 + least of out^2 + past^2 over the edges with out >= 0, or z^2,
+ * out: how far outward of the edge in the triangle's plane, past: how far beyond its ends.  It errs
+ * by less than ERROR times 1 + the query's largest coordinate: a triangle waits to be looked at in
+ * double if its distance, less that, is not above the bound, and the bound is the least distance
+ * met so far and that.  So the result is that of trying all triangles in double.
  *
  * Signs: Baerentzen & Aanaes, "Signed distance computation using the angle weighted
  * pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald, "Watertight ray/triangle
@@ -21,8 +24,9 @@
 #include "geometry/bvh_tree.h"
 #include "geometry/vec3.h"
 
-enum { STACK = 256 };
+enum { STACK = 256, WAIT = 24 };
 #define SLACK (1.0 + 0x1p-19)
+#define ERROR 0x1p-19f
 
 const apsm_mesh *apsm_bvh_mesh(const apsm_bvh *bvh)
 {
@@ -30,6 +34,36 @@ const apsm_mesh *apsm_bvh_mesh(const apsm_bvh *bvh)
 }
 
 /* ---- closest point -------------------------------------------------------------------------- */
+
+typedef struct triangle {
+    double p[3][3];       /* corners */
+    double n[3];          /* (p1 - p0) x (p2 - p0) */
+    double inverse_n2;    /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
+    double inverse_e2[3]; /* 1 / |p(k+1) - pk|^2; 0 for an edge without length */
+} triangle;
+
+static void get_corners(const apsm_bvh *bvh, uint32_t face, double p[3][3])
+{
+    const uint32_t *F = bvh->mesh->F + 3 * (size_t)face;
+    for (int k = 0; k < 3; k++) memcpy(p[k], bvh->mesh->V + 3 * (size_t)F[k], sizeof p[k]);
+}
+
+static triangle get_triangle(const apsm_bvh *bvh, uint32_t face)
+{
+    triangle t;
+    double e[3][3], e2[3];
+    get_corners(bvh, face, t.p);
+    for (int k = 0; k < 3; k++) {
+        vec3_sub(t.p[(k + 1) % 3], t.p[k], e[k]);
+        e2[k] = vec3_dot(e[k], e[k]);
+        t.inverse_e2[k] = e2[k] > 0.0 ? 1.0 / e2[k] : 0.0;
+    }
+    vec3_cross(e[2], e[0], t.n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
+    const double n2 = vec3_dot(t.n, t.n);
+    /* sin^2 of the corner's angle: below this n is rounding */
+    t.inverse_n2 = n2 > 1e-24 * e2[0] * e2[2] ? 1.0 / n2 : 0.0;
+    return t;
+}
 
 /* Closest point p_k + t (p_k+1 - p_k) of edge k; its squared distance. */
 static double closest_on_edge(const triangle *t, int k, const double x[3], double *along)
@@ -97,101 +131,57 @@ static double closest_on_triangle(const triangle *t, const double x[3], double w
 #define LANE_INLINE static inline
 #endif
 
-typedef struct vec {
-    double x, y, z;
-} vec;
-
-LANE_INLINE vec minus(vec a, vec b)
+/* How far outside the interval [0, length]. */
+LANE_INLINE float past_ends(float along, float length)
 {
-    return (vec){ a.x - b.x, a.y - b.y, a.z - b.z };
-}
-LANE_INLINE double dot(vec a, vec b)
-{
-    return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-LANE_INLINE vec cross(vec a, vec b)
-{
-    return (vec){ a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x };
+    const float before = -along, after = along - length, past = before > after ? before : after;
+    return past > 0.0f ? past : 0.0f;
 }
 
-/* Squared distance to the edge p + [0,1] e, or INFINITY if the point is inward of it (h > flat).
- * px = x - p; qx2: squared distance to its end. */
-LANE_INLINE double lane_edge(vec px, vec e, vec n, double inverse_e2, double qx2, double flat)
+/* Squared distances of q, in the tree's frame, to the triangles of a leaf; returns the least.  Near
+ * 2^-22 of the coordinates exact: see the head of the file. */
+LANE_INLINE float leaf_distances(const leaf *restrict l, const float q[3], float d2[restrict LEAF])
 {
-    const double s = dot(px, e) * inverse_e2, h = dot(n, cross(e, px));
-    const vec foot = { px.x - s * e.x, px.y - s * e.y, px.z - s * e.z };
-    const double before_end = s >= 1.0 ? qx2 : dot(foot, foot);
-    const double d2 = s > 0.0 ? before_end : dot(px, px);
-    return h > flat ? INFINITY : d2;
-}
-
-/* closest_on_triangle's distance, bit for bit, without branches.  v: the triangle's numbers, apart
- * by step. */
-LANE_INLINE double lane_distance2(const double *v, size_t step, vec x)
-{
-    const vec p0 = { v[0], v[step], v[2 * step] }, p1 = { v[3 * step], v[4 * step], v[5 * step] },
-              p2 = { v[6 * step], v[7 * step], v[8 * step] },
-              n = { v[9 * step], v[10 * step], v[11 * step] };
-    const vec a = minus(x, p0), b = minus(x, p1), c = minus(x, p2);
-    const double flat = v[12 * step] > 0.0 ? 0.0 : INFINITY;
-    const double d0 = lane_edge(a, minus(p1, p0), n, v[13 * step], dot(b, b), flat),
-                 d1 = lane_edge(b, minus(p2, p1), n, v[14 * step], dot(c, c), flat),
-                 d2 = lane_edge(c, minus(p0, p2), n, v[15 * step], dot(a, a), flat);
-    const double d01 = d0 < d1 ? d0 : d1, edge = d01 < d2 ? d01 : d2, height = dot(n, c);
-    return edge == INFINITY ? height * height * v[12 * step] : edge;
-}
-
-/* All triangles of a leaf against one point. */
-LANE_INLINE void leaf_distances(const leaf *restrict l, const double x[restrict 3],
-                                double d2[restrict LEAF])
-{
-    const vec at = { x[0], x[1], x[2] };
-#pragma omp simd
-    for (int i = 0; i < LEAF; i++) d2[i] = lane_distance2(&l->row[0][i], LEAF, at);
+    const float(*restrict r)[LEAF] = l->row;
+    float least = INFINITY;
+#pragma omp simd reduction(min : least)
+    for (int i = 0; i < LEAF; i++) {
+        const float dx = q[0] - r[ORIGIN][i], dy = q[1] - r[ORIGIN + 1][i],
+                    dz = q[2] - r[ORIGIN + 2][i];
+        const float x = dx * r[AXIS_X][i] + dy * r[AXIS_X + 1][i] + dz * r[AXIS_X + 2][i],
+                    y = dx * r[AXIS_Y][i] + dy * r[AXIS_Y + 1][i] + dz * r[AXIS_Y + 2][i],
+                    z = dx * r[AXIS_Z][i] + dy * r[AXIS_Z + 1][i] + dz * r[AXIS_Z + 2][i];
+        const float back = x - r[LENGTH][i];
+        const float past0 = past_ends(x, r[LENGTH][i]), out0 = -y;
+        const float past1 = past_ends(back * r[RISE_X][i] + y * r[RISE_Y][i], r[RISE_LENGTH][i]);
+        const float out1 = back * r[RISE_Y][i] - y * r[RISE_X][i];
+        const float past2 = past_ends(x * r[CLIMB_X][i] + y * r[CLIMB_Y][i], r[CLIMB_LENGTH][i]);
+        const float out2 = y * r[CLIMB_X][i] - x * r[CLIMB_Y][i];
+        const float e0 = out0 >= 0.0f ? out0 * out0 + past0 * past0 : INFINITY,
+                    e1 = out1 >= 0.0f ? out1 * out1 + past1 * past1 : INFINITY,
+                    e2 = out2 >= 0.0f ? out2 * out2 + past2 * past2 : INFINITY;
+        const float e01 = e0 < e1 ? e0 : e1, e = e01 < e2 ? e01 : e2;
+        const float d = z * z + (e < INFINITY ? e : 0.0f);
+        d2[i] = d;
+        least = d < least ? d : least;
+    }
+    return least;
 }
 
 /* ---- search --------------------------------------------------------------------------------- */
 
-static triangle get_triangle(const leaf *l, uint32_t i)
-{
-    triangle t;
-    double number[ROWS];
-    for (int r = 0; r < ROWS; r++) number[r] = l->row[r][i];
-    memcpy(&t, number, sizeof t);
-    return t;
-}
-
-/* Where a search looks and how far: a point or box in the tree's frame. */
-typedef struct probe {
-    float lo[3], hi[3];
-    float bound;     /* squared distance, rounded up */
-    double to_bound; /* distance2 * to_bound -> bound */
-} probe;
-
-LANE_INLINE void set_bound(probe *p, double distance2)
-{
-    const double b = distance2 * p->to_bound + (double)FLT_MIN;
-    p->bound = b < (double)FLT_MAX ? (float)b : INFINITY;
-}
-
-/* How far two intervals are apart. */
-LANE_INLINE float gap(float lo, float hi, float from, float to)
-{
-    const float below = lo - to, above = from - hi;
-    const float outside = below > above ? below : above;
-    return outside > 0.0f ? outside : 0.0f;
-}
-
-/* Squared distances of the probe to a node's four boxes. */
-LANE_INLINE void box_distances(const node *restrict n, const probe *restrict p,
-                               float d2[restrict WIDTH])
+/* Squared distances of q to a node's four boxes. */
+LANE_INLINE void box_distances(const node *restrict n, const float q[3], float d2[restrict WIDTH])
 {
 #pragma omp simd
     for (int k = 0; k < WIDTH; k++) {
-        const float x = gap(n->lo[0][k], n->hi[0][k], p->lo[0], p->hi[0]),
-                    y = gap(n->lo[1][k], n->hi[1][k], p->lo[1], p->hi[1]),
-                    z = gap(n->lo[2][k], n->hi[2][k], p->lo[2], p->hi[2]);
-        d2[k] = x * x + y * y + z * z;
+        float sum = 0.0f;
+        for (int c = 0; c < 3; c++) {
+            const float below = n->lo[c][k] - q[c], above = q[c] - n->hi[c][k];
+            const float outside = below > above ? below : above;
+            sum += outside > 0.0f ? outside * outside : 0.0f;
+        }
+        d2[k] = sum;
     }
 }
 
@@ -241,55 +231,99 @@ LANE_INLINE int push_children(const node *n, const float key[WIDTH], float bound
     return top + count;
 }
 
-/* Smaller distance, or the same on a smaller face. */
-LANE_INLINE bool wins(const apsm_bvh *bvh, double d2, uint32_t slot, double best, bool found,
-                      uint32_t best_slot)
-{
-    return d2 < best || (d2 == best && found && bvh->face[slot] < bvh->face[best_slot]);
-}
-
-LANE_INLINE float to_frame(const apsm_bvh *bvh, double x, int c)
-{
-    return (float)((x - bvh->centre[c]) * bvh->scale);
-}
-
 typedef struct query {
-    probe probe;
+    float q[3];      /* the point, in the tree's frame */
+    float error;     /* of distances in that frame */
+    float bound;     /* squared distance in that frame, rounded up: nothing farther matters */
+    float cut;       /* the same for distances that may be too large by the error */
+    double to_bound; /* distance2 * to_bound -> bound */
     double x[3];
     const double *n; /* NULL: faces of any direction */
     double min_cos;
-    double best; /* squared distance, exact */
-    uint32_t slot;
-    bool found; /* the triangle of that slot */
+    apsm_closest best; /* found so far; distance2 at first what is asked for */
+    bool found;
+    uint32_t slot; /* of the best */
+    int waiting;   /* triangles to be looked at in double */
+    uint32_t wait[WAIT];
+    float distance2[WAIT];
 } query;
+
+LANE_INLINE void set_bound(query *s, float bound)
+{
+    const float way = sqrtf(bound) + s->error;
+    s->bound = bound;
+    s->cut = way * way;
+}
+
+static float bound_of(const query *s, double distance2)
+{
+    const double b = distance2 * s->to_bound + (double)FLT_MIN;
+    return b < (double)FLT_MAX ? (float)b : INFINITY;
+}
 
 static query make_query(const apsm_bvh *bvh, const double x[3], double max_distance2)
 {
-    query s = { .probe.to_bound = bvh->scale * bvh->scale * SLACK, .best = max_distance2 };
+    query s = { .to_bound = bvh->scale * bvh->scale * SLACK };
+    float most = 1.0f;
     for (int c = 0; c < 3; c++) {
         s.x[c] = x[c];
-        s.probe.lo[c] = s.probe.hi[c] = to_frame(bvh, x[c], c);
+        s.q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
+        most = fabsf(s.q[c]) > most ? fabsf(s.q[c]) : most;
     }
-    set_bound(&s.probe, max_distance2);
+    s.n = NULL;
+    s.found = false;
+    s.waiting = 0;
+    s.error = 2.0f * ERROR * most;
+    s.best.distance2 = max_distance2;
+    set_bound(&s, bound_of(&s, max_distance2));
     return s;
+}
+
+/* Looks at the triangles that wait.  The least distance wins; of equal ones the smallest face. */
+static void decide(const apsm_bvh *bvh, query *s)
+{
+    for (int k = 0; k < s->waiting; k++) {
+        if (s->distance2[k] > s->cut) continue;
+        const uint32_t face = bvh->face[s->wait[k]];
+        const triangle t = get_triangle(bvh, face);
+        double w[3] = { 0 };
+        const double d2 = closest_on_triangle(&t, s->x, w);
+        if (!(d2 < s->best.distance2 ||
+              (d2 == s->best.distance2 && s->found && face < s->best.on.face)))
+            continue;
+        s->best.distance2 = d2;
+        s->best.on.face = face;
+        for (int c = 0; c < 3; c++) {
+            s->best.on.weight[c] = w[c];
+            s->best.x[c] = w[0] * t.p[0][c] + w[1] * t.p[1][c] + w[2] * t.p[2][c];
+        }
+        s->slot = s->wait[k];
+        s->found = true;
+        const float bound = bound_of(s, d2);
+        if (bound < s->bound) set_bound(s, bound);
+    }
+    s->waiting = 0;
+}
+
+static bool faces_way(const apsm_bvh *bvh, uint32_t slot, const double n[3], double min_cos)
+{
+    return vec3_dot(bvh->face_normal + 3 * (size_t)bvh->face[slot], n) >= min_cos;
 }
 
 LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
 {
-    double d2[LEAF];
-    leaf_distances(&bvh->leaves[number], s->x, d2);
-    const double a = d2[0] < d2[1] ? d2[0] : d2[1], b = d2[2] < d2[3] ? d2[2] : d2[3];
-    if ((a < b ? a : b) > s->best) return;
-    for (uint32_t i = 0; i < LEAF; i++) { /* lanes not in use repeat one that is */
-        const uint32_t slot = LEAF * number + i;
-        if (!wins(bvh, d2[i], slot, s->best, s->found, s->slot)) continue;
-        const double *m = bvh->face_normal + 3 * (size_t)bvh->face[slot];
-        if (s->n && !(vec3_dot(m, s->n) >= s->min_cos)) continue;
-        s->best = d2[i];
-        s->slot = slot;
-        s->found = true;
-        set_bound(&s->probe, d2[i]);
+    float d2[LEAF], least = INFINITY;
+    if (leaf_distances(&bvh->leaves[number], s->q, d2) > s->cut) return;
+    if (s->waiting > WAIT - LEAF) decide(bvh, s);
+    for (uint32_t i = 0; i < LEAF; i++) {
+        if (!(d2[i] <= s->cut)) continue;
+        if (s->n && !faces_way(bvh, LEAF * number + i, s->n, s->min_cos)) continue;
+        s->wait[s->waiting] = LEAF * number + i;
+        s->distance2[s->waiting++] = d2[i];
+        least = d2[i] < least ? d2[i] : least;
     }
+    const float way = sqrtf(least) + s->error, bound = way * way * (float)SLACK;
+    if (bound < s->bound) set_bound(s, bound);
 }
 
 /* Looks at the leaves that may be within the bound, which falls on the way, near boxes first.
@@ -299,33 +333,26 @@ APSM_KERNEL static void search(const apsm_bvh *bvh, uint32_t begin, query *s)
     entry stack[STACK];
     float d2[WIDTH];
     if (begin != APSM_NONE) visit_leaf(bvh, s, begin);
-    box_distances(&bvh->nodes[0], &s->probe, d2);
-    int top = push_children(&bvh->nodes[0], d2, s->probe.bound, stack, 0);
+    box_distances(&bvh->nodes[0], s->q, d2);
+    int top = push_children(&bvh->nodes[0], d2, s->bound, stack, 0);
     while (top > 0) {
         const entry e = stack[--top];
         const uint32_t ref = (uint32_t)e;
-        if (entry_key(e) > s->probe.bound) continue;
+        if (entry_key(e) > s->bound) continue;
         if (ref_count(ref) > 0) {
             visit_leaf(bvh, s, ref_number(ref));
             continue;
         }
         const node *n = &bvh->nodes[ref_number(ref)];
-        box_distances(n, &s->probe, d2);
-        top = push_children(n, d2, s->probe.bound, stack, top);
+        box_distances(n, s->q, d2);
+        top = push_children(n, d2, s->bound, stack, top);
     }
 }
 
-static void finish(const apsm_bvh *bvh, const double x[3], uint32_t slot, bool found,
-                   apsm_closest *out)
+static void finish(const apsm_bvh *bvh, query *s, apsm_closest *out)
 {
-    *out = (apsm_closest){ .distance2 = INFINITY };
-    if (!found) return;
-    const triangle t = get_triangle(&bvh->leaves[slot / LEAF], slot % LEAF);
-    out->on.face = bvh->face[slot];
-    out->distance2 = closest_on_triangle(&t, x, out->on.weight);
-    for (int c = 0; c < 3; c++) /* apsm_surface_position */
-        out->x[c] = out->on.weight[0] * t.p[0][c] + out->on.weight[1] * t.p[1][c] +
-                    out->on.weight[2] * t.p[2][c];
+    decide(bvh, s);
+    *out = s->found ? s->best : (apsm_closest){ .distance2 = INFINITY };
 }
 
 void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distance2,
@@ -333,7 +360,7 @@ void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distanc
 {
     query s = make_query(bvh, x, max_distance2);
     search(bvh, APSM_NONE, &s);
-    finish(bvh, x, s.slot, s.found, out);
+    finish(bvh, &s, out);
 }
 
 void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const double n[3],
@@ -343,7 +370,7 @@ void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const doubl
     s.n = n;
     s.min_cos = min_cos;
     search(bvh, APSM_NONE, &s);
-    finish(bvh, x, s.slot, s.found, out);
+    finish(bvh, &s, out);
 }
 
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
@@ -351,98 +378,8 @@ void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distan
 {
     query s = make_query(bvh, x, max_distance2);
     search(bvh, *slot / LEAF, &s);
-    finish(bvh, x, s.slot, s.found, out);
+    finish(bvh, &s, out);
     if (s.found) *slot = s.slot;
-}
-
-/* ---- eight points at once ------------------------------------------------------------------- */
-
-/* Faces and slots as doubles, which hold them exactly: one kind of lane for all.  face -1: none. */
-typedef struct packet {
-    probe probe;
-    double x[3][BVH_PACKET];
-    double best[BVH_PACKET], face[BVH_PACKET], slot[BVH_PACKET];
-} packet;
-
-LANE_INLINE void visit_packet(const apsm_bvh *bvh, packet *restrict s, uint32_t ref)
-{
-    const uint32_t first = LEAF * ref_number(ref);
-    const leaf *l = &bvh->leaves[ref_number(ref)];
-    for (uint32_t k = 0; k < ref_count(ref); k++) {
-        const double face = (double)bvh->face[first + k], slot = (double)(first + k);
-        const double *v = &l->row[0][k];
-#pragma omp simd
-        for (int i = 0; i < BVH_PACKET; i++) {
-            const double d2 = lane_distance2(v, LEAF, (vec){ s->x[0][i], s->x[1][i], s->x[2][i] });
-            const double level = d2 == s->best[i] ? s->face[i] : -1.0; /* ties: the smaller face */
-            const double rank = d2 < s->best[i] ? INFINITY : level;
-            s->best[i] = face < rank ? d2 : s->best[i];
-            s->slot[i] = face < rank ? slot : s->slot[i];
-            s->face[i] = face < rank ? face : s->face[i];
-        }
-    }
-    double worst = 0.0;
-    for (int i = 0; i < BVH_PACKET; i++) worst = s->best[i] > worst ? s->best[i] : worst;
-    set_bound(&s->probe, worst);
-}
-
-/* As search, for all points of the packet. */
-APSM_KERNEL static void search_packet(const apsm_bvh *bvh, uint32_t begin, packet *s)
-{
-    entry stack[STACK];
-    float d2[WIDTH];
-    visit_packet(bvh, s, begin);
-    box_distances(&bvh->nodes[0], &s->probe, d2);
-    int top = push_children(&bvh->nodes[0], d2, s->probe.bound, stack, 0);
-    while (top > 0) {
-        const entry e = stack[--top];
-        const uint32_t ref = (uint32_t)e;
-        if (entry_key(e) > s->probe.bound) continue;
-        if (ref_count(ref) > 0) {
-            visit_packet(bvh, s, ref);
-            continue;
-        }
-        const node *n = &bvh->nodes[ref_number(ref)];
-        box_distances(n, &s->probe, d2);
-        top = push_children(n, d2, s->probe.bound, stack, top);
-    }
-}
-
-static packet make_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2)
-{
-    packet s = { .probe.to_bound = bvh->scale * bvh->scale * SLACK };
-    memcpy(s.x, x, sizeof s.x);
-    for (int c = 0; c < 3; c++) {
-        s.probe.lo[c] = INFINITY;
-        s.probe.hi[c] = -INFINITY;
-        for (int i = 0; i < BVH_PACKET; i++) {
-            const float q = to_frame(bvh, x[c][i], c);
-            s.probe.lo[c] = q < s.probe.lo[c] ? q : s.probe.lo[c];
-            s.probe.hi[c] = q > s.probe.hi[c] ? q : s.probe.hi[c];
-        }
-    }
-    for (int i = 0; i < BVH_PACKET; i++) {
-        s.best[i] = max_distance2;
-        s.face[i] = -1.0;
-    }
-    set_bound(&s.probe, max_distance2);
-    return s;
-}
-
-void bvh_signed_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2,
-                       uint32_t *slot, double distance[BVH_PACKET])
-{
-    packet s = make_packet(bvh, x, max_distance2);
-    search_packet(bvh, make_ref(*slot / LEAF, LEAF), &s);
-    for (int i = 0; i < BVH_PACKET; i++) {
-        const double p[3] = { x[0][i], x[1][i], x[2][i] };
-        apsm_closest here;
-        distance[i] = INFINITY;
-        if (s.face[i] < 0.0) continue;
-        *slot = (uint32_t)s.slot[i];
-        finish(bvh, p, *slot, true, &here);
-        distance[i] = sqrt(here.distance2) * bvh_sign(bvh, p, &here);
-    }
 }
 
 /* ---- sign ----------------------------------------------------------------------------------- */
@@ -530,12 +467,12 @@ static void shear_corner(const ray *r, const double p[3], double out[3])
 
 /* Hit if the origin lies on one side of all three edges of the sheared triangle; faces that
  * share an edge compute the same number for it, with opposite sign. */
-static void hit_triangle(ray *r, const triangle *t, uint32_t f)
+static void hit_triangle(ray *r, const double p[3][3], uint32_t f)
 {
     double a[3], b[3], c[3];
-    shear_corner(r, t->p[0], a);
-    shear_corner(r, t->p[1], b);
-    shear_corner(r, t->p[2], c);
+    shear_corner(r, p[0], a);
+    shear_corner(r, p[1], b);
+    shear_corner(r, p[2], c);
     const double u = c[0] * b[1] - c[1] * b[0], v = a[0] * c[1] - a[1] * c[0],
                  w = b[0] * a[1] - b[1] * a[0];
     if ((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0)) return;
@@ -582,8 +519,10 @@ double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], d
         const uint32_t ref = (uint32_t)e;
         if ((double)entry_key(e) > r.best - t_min) continue;
         for (uint32_t i = 0; i < ref_count(ref); i++) {
-            const triangle t = get_triangle(&bvh->leaves[ref_number(ref)], i);
-            hit_triangle(&r, &t, bvh->face[LEAF * ref_number(ref) + i]);
+            const uint32_t f = bvh->face[LEAF * ref_number(ref) + i];
+            double p[3][3];
+            get_corners(bvh, f, p);
+            hit_triangle(&r, (const double(*)[3])p, f);
         }
         if (ref_count(ref) > 0) continue;
         const node *n = &bvh->nodes[ref_number(ref)];

@@ -235,33 +235,95 @@ static int gather_children(const binary *tree, uint32_t b, uint32_t child[WIDTH]
 
 /* ---- leaves --------------------------------------------------------------------------------- */
 
-/* What follows from the corners of a leaf's triangles (triangle's numbers from n on), and unit
- * normals (3 x LEAF), zero for a face without extent. */
-APSM_KERNEL static void derive(leaf *restrict l, double unit[restrict 3][LEAF])
+/* A triangle's corners, lane by lane. */
+typedef struct corners {
+    double x[3][3][LEAF]; /* corner, axis */
+} corners;
+
+/* Unit normals, zero for a face without extent. */
+APSM_KERNEL static void lane_normals(const corners *restrict t, double unit[restrict 3][LEAF])
 {
-    double(*restrict row)[LEAF] = l->row;
 #pragma omp simd
     for (int i = 0; i < LEAF; i++) {
-        const double ax = row[3][i] - row[0][i], ay = row[4][i] - row[1][i],
-                     az = row[5][i] - row[2][i], bx = row[6][i] - row[3][i],
-                     by = row[7][i] - row[4][i], bz = row[8][i] - row[5][i],
-                     cx = row[0][i] - row[6][i], cy = row[1][i] - row[7][i],
-                     cz = row[2][i] - row[8][i];
+        const double ax = t->x[1][0][i] - t->x[0][0][i], ay = t->x[1][1][i] - t->x[0][1][i],
+                     az = t->x[1][2][i] - t->x[0][2][i], cx = t->x[0][0][i] - t->x[2][0][i],
+                     cy = t->x[0][1][i] - t->x[2][1][i], cz = t->x[0][2][i] - t->x[2][2][i];
         const double x = cy * az - cz * ay, y = cz * ax - cx * az, z = cx * ay - cy * ax;
-        const double a2 = ax * ax + ay * ay + az * az, b2 = bx * bx + by * by + bz * bz,
-                     c2 = cx * cx + cy * cy + cz * cz, n2 = x * x + y * y + z * z;
-        const double length = sqrt(n2), whole = length > 0.0 ? length : 1.0;
-        row[9][i] = x; /* (p0 - p2) x (p1 - p0) = (p1 - p0) x (p2 - p0) */
-        row[10][i] = y;
-        row[11][i] = z;
-        /* sin^2 of the corner's angle: below this n is rounding */
-        row[12][i] = n2 > 1e-24 * a2 * c2 ? 1.0 / n2 : 0.0;
-        row[13][i] = a2 > 0.0 ? 1.0 / a2 : 0.0;
-        row[14][i] = b2 > 0.0 ? 1.0 / b2 : 0.0;
-        row[15][i] = c2 > 0.0 ? 1.0 / c2 : 0.0;
+        const double length = sqrt(x * x + y * y + z * z), whole = length > 0.0 ? length : 1.0;
         unit[0][i] = x / whole;
         unit[1][i] = y / whole;
         unit[2][i] = z / whole;
+    }
+}
+
+/* Turns the corners so that the edge from the first to the second is the longest. */
+APSM_KERNEL static void turn_corners(corners *restrict t)
+{
+#pragma omp simd
+    for (int i = 0; i < LEAF; i++) {
+        double p[3][3], e[3];
+        for (int k = 0; k < 3; k++)
+            for (int c = 0; c < 3; c++) p[k][c] = t->x[k][c][i];
+        for (int k = 0; k < 3; k++) {
+            const double *a = p[k], *b = p[(k + 1) % 3];
+            e[k] = (b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]) +
+                   (b[2] - a[2]) * (b[2] - a[2]);
+        }
+        const int second = e[1] > e[0] && e[1] >= e[2], third = e[2] > e[0] && e[2] > e[1];
+        for (int k = 0; k < 3; k++)
+            for (int c = 0; c < 3; c++) {
+                const double other = third ? p[(k + 2) % 3][c] : p[k][c];
+                t->x[k][c][i] = second ? p[(k + 1) % 3][c] : other;
+            }
+    }
+}
+
+/* The rows of a leaf, from corners in the tree's frame.  A triangle flatter than 1e-9 is its edges:
+ * any axis across will do. */
+APSM_KERNEL static void lane_rows(const corners *restrict t, float row[restrict ROWS][LEAF])
+{
+#pragma omp simd
+    for (int i = 0; i < LEAF; i++) {
+        const double *x0 = &t->x[0][0][i], *x1 = &t->x[1][0][i], *x2 = &t->x[2][0][i];
+        double u[3], w[3], v[3], m[3];
+        for (int c = 0; c < 3; c++) {
+            u[c] = x1[c * LEAF] - x0[c * LEAF];
+            w[c] = x2[c * LEAF] - x0[c * LEAF];
+        }
+        const double length = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
+        const double whole = length > 0.0 ? length : 1.0;
+        u[0] = length > 0.0 ? u[0] / whole : 1.0;
+        u[1] /= whole;
+        u[2] /= whole;
+        const double along = w[0] * u[0] + w[1] * u[1] + w[2] * u[2];
+        for (int c = 0; c < 3; c++) v[c] = w[c] - along * u[c];
+        const double b = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        const int flat = !(b > 1e-9 * length), by_x = fabs(u[0]) < 0.6;
+        const double part = by_x ? u[0] : u[1];
+        for (int c = 0; c < 3; c++) {
+            const double axis = c == (by_x ? 0 : 1) ? 1.0 : 0.0;
+            v[c] = flat ? axis - part * u[c] : v[c];
+        }
+        const double across = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        for (int c = 0; c < 3; c++) v[c] /= across;
+        m[0] = u[1] * v[2] - u[2] * v[1];
+        m[1] = u[2] * v[0] - u[0] * v[2];
+        m[2] = u[0] * v[1] - u[1] * v[0];
+        const double from_0 = along > 0.0 ? along : 0.0, a = from_0 < length ? from_0 : length;
+        const double rise = sqrt((length - a) * (length - a) + b * b), climb = sqrt(a * a + b * b);
+        for (int c = 0; c < 3; c++) {
+            row[ORIGIN + c][i] = (float)x0[c * LEAF];
+            row[AXIS_X + c][i] = (float)u[c];
+            row[AXIS_Y + c][i] = (float)v[c];
+            row[AXIS_Z + c][i] = (float)m[c];
+        }
+        row[LENGTH][i] = (float)length;
+        row[RISE_X][i] = (float)(rise > 0.0 ? (a - length) / rise : -1.0);
+        row[RISE_Y][i] = (float)(rise > 0.0 ? b / rise : 0.0);
+        row[RISE_LENGTH][i] = (float)rise;
+        row[CLIMB_X][i] = (float)(climb > 0.0 ? a / climb : 1.0);
+        row[CLIMB_Y][i] = (float)(climb > 0.0 ? b / climb : 0.0);
+        row[CLIMB_LENGTH][i] = (float)climb;
     }
 }
 
@@ -269,15 +331,24 @@ static void fill_leaf(apsm_bvh *bvh, size_t number)
 {
     leaf *out = &bvh->leaves[number];
     const uint32_t *face = bvh->face + LEAF * number;
+    corners t;
     double unit[3][LEAF];
     for (size_t i = 0; i < LEAF; i++)
         for (size_t k = 0; k < 3; k++) {
             const double *p = bvh->mesh->V + 3 * (size_t)bvh->mesh->F[3 * (size_t)face[i] + k];
-            for (size_t c = 0; c < 3; c++) out->row[3 * k + c][i] = p[c];
+            for (size_t c = 0; c < 3; c++) t.x[k][c][i] = p[c];
         }
-    derive(out, unit);
+    lane_normals(&t, unit);
     for (size_t i = 0; i < LEAF; i++)
-        for (size_t c = 0; c < 3; c++) bvh->face_normal[3 * (size_t)face[i] + c] = unit[c][i];
+        for (size_t c = 0; c < 3; c++) {
+            bvh->face_normal[3 * (size_t)face[i] + c] = unit[c][i];
+            for (size_t k = 0; k < 3; k++)
+                t.x[k][c][i] = (t.x[k][c][i] - bvh->centre[c]) * bvh->scale;
+        }
+    turn_corners(&t);
+    lane_rows(&t, out->row);
+    for (size_t i = 1; i < LEAF; i++)
+        if (face[i] == face[i - 1]) out->row[ORIGIN][i] = NAN;
 }
 
 static void add_leaf(apsm_bvh *bvh, const uint32_t *faces, uint32_t count)
@@ -393,7 +464,7 @@ static apsm_status build_normals(apsm_bvh *bvh)
 
 static apsm_status check(const apsm_mesh *mesh)
 {
-    if (mesh->nf == 0 || mesh->nf > UINT32_MAX / 8) return APSM_ERR_GEOMETRY;
+    if (mesh->nf == 0 || mesh->nf > UINT32_MAX / 16) return APSM_ERR_GEOMETRY;
     for (size_t i = 0; i < 3 * mesh->nf; i++)
         if (mesh->F[i] >= mesh->nv) return APSM_ERR_GEOMETRY;
     for (size_t i = 0; i < 3 * mesh->nv; i++)

@@ -9,12 +9,6 @@
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
                        apsm_closest *out);
 
-/* Signed distances of eight points near each other, x[axis][point], with one way down the tree for
- * all; INFINITY where nothing is nearer than the bound.  *slot as above. */
-enum { BVH_PACKET = 8 };
-void bvh_signed_packet(const apsm_bvh *bvh, const double x[3][BVH_PACKET], double max_distance2,
-                       uint32_t *slot, double distance[BVH_PACKET]);
-
 /* -1 if x is behind the pseudo-normal at its closest point, else +1. */
 double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest);
 

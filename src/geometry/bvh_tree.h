@@ -4,7 +4,7 @@
 
 #include "apsm/bvh.h"
 
-enum { WIDTH = 4, LEAF = 4, ROWS = 16 };
+enum { WIDTH = 4, LEAF = 8 };
 
 typedef struct node {
     _Alignas(64) float lo[3][WIDTH]; /* two cache lines in all */
@@ -16,29 +16,38 @@ typedef struct node {
 /* A reference to a leaf of `count` triangles, or to a node (count 0; never the root). */
 static inline uint32_t make_ref(size_t number, uint32_t count)
 {
-    return (uint32_t)number << 3 | count;
+    return (uint32_t)number << 4 | count;
 }
 static inline uint32_t ref_number(uint32_t ref)
 {
-    return ref >> 3;
+    return ref >> 4;
 }
 static inline uint32_t ref_count(uint32_t ref)
 {
-    return ref & 7;
+    return ref & 15;
 }
 
-typedef struct triangle {
-    double p[3][3];       /* corners */
-    double n[3];          /* (p1 - p0) x (p2 - p0) */
-    double inverse_n2;    /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
-    double inverse_e2[3]; /* 1 / |p(k+1) - pk|^2; 0 for an edge without length */
-} triangle;
-_Static_assert(sizeof(triangle) == ROWS * sizeof(double), "a triangle is ROWS numbers");
+/* What a leaf knows of its triangles, in the tree's frame and to float32.  The longest edge leads
+ * from the origin along x to (length, 0), the apex is at (a, b), 0 <= a <= length, b >= 0. */
+enum {
+    ORIGIN = 0, /* 3 */
+    AXIS_X = 3, /* 3, unit */
+    AXIS_Y = 6,
+    AXIS_Z = 9,
+    LENGTH = 12,       /* of the edge along x */
+    RISE_X = 13,       /* unit, along the edge from (length, 0) to the apex: <= 0 */
+    RISE_Y = 14,       /* >= 0 */
+    RISE_LENGTH = 15,  /* of that edge */
+    CLIMB_X = 16,      /* unit, along the edge from the origin to the apex: >= 0 */
+    CLIMB_Y = 17,      /* >= 0 */
+    CLIMB_LENGTH = 18, /* of that edge */
+    ROWS = 19
+};
 
-/* The triangles of a leaf side by side: row[r][i] is number r of triangle i.  Unused lanes repeat
- * the last one. */
+/* The triangles of a leaf side by side: row[r][i] is number r of triangle i.  Lanes not in use have
+ * no origin (NaN), so that no comparison with them holds. */
 typedef struct leaf {
-    _Alignas(64) double row[ROWS][LEAF];
+    _Alignas(64) float row[ROWS][LEAF];
 } leaf;
 
 struct apsm_bvh {
@@ -47,7 +56,8 @@ struct apsm_bvh {
     node *nodes;             /* nodes[0]: the root */
     size_t node_count;
     leaf *leaves;
-    uint32_t *face; /* LEAF a leaf: face numbers; a slot is a place in this list */
+    uint32_t
+        *face; /* LEAF a leaf: face numbers; a slot is a place in this list; the last repeats */
     size_t leaf_count;
     double *face_normal;   /* nf x 3 unit, by face number; zero for a degenerate face */
     double *vertex_normal; /* nv x 3; this and twin: NULL if the tree is to give no signs */

@@ -234,34 +234,23 @@ static void node_position(const apsm_field *field, const int64_t node[3], double
     for (int c = 0; c < 3; c++) x[c] = field->origin[c] + field->voxel * (double)node[c];
 }
 
-/* Exact distances at the 2^3 nodes from lo on that are within reach. */
-static void fill_nodes(const builder *b, const int64_t lo[3], uint32_t *slot)
+/* Exact distances at the block's nodes that are within reach.  slot: the triangle closest to its
+ * centre. */
+static void fill_block(const builder *b, const int64_t lo[3], uint32_t slot)
 {
     const apsm_field *field = b->field;
     float *brick = field->bricks[field->brick_count - 1];
-    double x[3][BVH_PACKET], distance[BVH_PACKET];
-    int64_t node[BVH_PACKET][3];
-    for (int i = 0; i < BVH_PACKET; i++)
-        for (int c = 0; c < 3; c++) {
-            node[i][c] = lo[c] + (i >> c & 1);
-            x[c][i] = field->origin[c] + field->voxel * (double)node[i][c];
-        }
-    bvh_signed_packet(field->bvh, (const double(*)[BVH_PACKET])x, b->reach * b->reach, slot,
-                      distance);
-    for (int i = 0; i < BVH_PACKET; i++) {
-        if (distance[i] == INFINITY) continue;
-        brick[node[i][0] % BRICK + BRICK * (node[i][1] % BRICK + BRICK * (node[i][2] % BRICK))] =
-            (float)(distance[i] / field->voxel);
-    }
-}
-
-/* slot: the triangle closest to the block's centre. */
-static void fill_block(const builder *b, const int64_t lo[3], uint32_t slot)
-{
-    for (int k = 0; k < 8; k++) {
-        const int64_t part[3] = { lo[0] + 2 * (k & 1), lo[1] + 2 * (k >> 1 & 1),
-                                  lo[2] + 2 * (k >> 2) };
-        fill_nodes(b, part, &slot);
+    for (int i = 0; i < BLOCK * BLOCK * BLOCK; i++) {
+        const int64_t node[3] = { lo[0] + i % BLOCK, lo[1] + i / BLOCK % BLOCK,
+                                  lo[2] + i / (BLOCK * BLOCK) };
+        double x[3];
+        apsm_closest closest;
+        node_position(field, node, x);
+        bvh_closest_guess(field->bvh, x, b->reach * b->reach, &slot, &closest);
+        if (closest.distance2 == INFINITY) continue;
+        const double d = sqrt(closest.distance2) * bvh_sign(field->bvh, x, &closest);
+        brick[node[0] % BRICK + BRICK * (node[1] % BRICK + BRICK * (node[2] % BRICK))] =
+            (float)(d / field->voxel);
     }
 }
 

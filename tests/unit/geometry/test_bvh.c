@@ -101,6 +101,11 @@ static apsm_mesh soup(apsm_random *rng, size_t nf)
         if (f % 31 == 0) /* three corners on a line */
             for (size_t k = 6; k < 9; k++)
                 mesh.V[9 * f + k] = 0.5 * (mesh.V[9 * f + k - 3] + mesh.V[9 * f + k - 6]);
+        if (f % 13 == 5) /* and nearly so */
+            for (size_t k = 6; k < 9; k++)
+                mesh.V[9 * f + k] =
+                    0.3 * mesh.V[9 * f + k - 3] + 0.7 * mesh.V[9 * f + k - 6] +
+                    size * pow(10.0, -1.0 - (double)(f % 11)) * apsm_random_normal(rng);
         if (f % 101 == 0)
             for (size_t k = 3; k < 9; k++) mesh.V[9 * f + k] = mesh.V[9 * f + k % 3];
         for (size_t k = 0; k < 3; k++) mesh.F[3 * f + k] = (uint32_t)(3 * f + k);
@@ -129,35 +134,46 @@ static void closest_equals_brute_force(void **state)
     }
 }
 
-/* Neither the guess nor the company of other points changes an answer. */
-static void guesses_and_packets_change_nothing(void **state)
+/* From near its middle all faces of a ball are as far, to seven digits and more. */
+static void near_ties_are_decided_in_double(void **state)
+{
+    (void)state;
+    apsm_random rng = apsm_random_stream(10, APSM_STREAM_TEST, 0, 0);
+    apsm_mesh ball = shape_icosphere(3);
+    apsm_bvh *bvh = build(&ball);
+    for (int i = 0; i < 300; i++) {
+        double x[3];
+        apsm_closest c;
+        random_point(&rng, pow(10.0, -4.0 - i % 6), x);
+        apsm_bvh_closest(bvh, x, INFINITY, &c);
+        check_consistent(&ball, x, &c);
+        assert_near(sqrt(c.distance2), sqrt(brute_force(&ball, x)), 1e-14);
+    }
+    apsm_bvh_free(bvh);
+    apsm_mesh_free(&ball);
+}
+
+/* A guess changes no answer. */
+static void guesses_change_nothing(void **state)
 {
     (void)state;
     apsm_random rng = apsm_random_stream(9, APSM_STREAM_TEST, 0, 0);
     apsm_mesh meshes[] = { soup(&rng, 400), shape_cube(6, 1.0) };
     for (size_t m = 0; m < 2; m++) {
         apsm_bvh *bvh = build(&meshes[m]);
-        for (int trial = 0; trial < 1000; trial++) {
+        uint32_t slot = 0;
+        for (int trial = 0; trial < 8000; trial++) {
             const double limit2 = trial % 3 ? INFINITY : 0.01;
-            double x[3][BVH_PACKET], start[3];
-            double got[BVH_PACKET];
+            double x[3];
             apsm_closest want, guessed;
-            random_point(&rng, 1.0, start);
-            for (int i = 0; i < BVH_PACKET; i++) /* on a grid, for ties on the cube */
-                for (int c = 0; c < 3; c++)
-                    x[c][i] = rint(8.0 * start[c]) / 8.0 + (i >> c & 1) * 0.125;
-            uint32_t slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf), other = slot;
-            bvh_signed_packet(bvh, (const double(*)[BVH_PACKET])x, limit2, &slot, got);
-            for (int i = 0; i < BVH_PACKET; i++) {
-                const double p[3] = { x[0][i], x[1][i], x[2][i] };
-                apsm_bvh_closest(bvh, p, limit2, &want);
-                bvh_closest_guess(bvh, p, limit2, &other, &guessed);
-                assert_true(fabs(got[i]) == sqrt(want.distance2));
-                if (m == 1 && want.distance2 < INFINITY) /* closed */
-                    assert_true(got[i] == bvh_sign(bvh, p, &want) * sqrt(want.distance2));
-                assert_true(guessed.distance2 == want.distance2);
-                assert_int_equal(guessed.on.face, want.on.face);
-            }
+            random_point(&rng, 1.0, x);
+            for (int c = 0; c < 3; c++) x[c] = rint(8.0 * x[c]) / 8.0; /* for ties on the cube */
+            if (trial % 2) slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf);
+            apsm_bvh_closest(bvh, x, limit2, &want);
+            bvh_closest_guess(bvh, x, limit2, &slot, &guessed);
+            assert_true(guessed.distance2 == want.distance2);
+            assert_int_equal(guessed.on.face, want.on.face);
+            assert_memory_equal(guessed.x, want.x, sizeof want.x);
         }
         apsm_bvh_free(bvh);
         apsm_mesh_free(&meshes[m]);
@@ -453,7 +469,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(closest_equals_brute_force),
-        cmocka_unit_test(guesses_and_packets_change_nothing),
+        cmocka_unit_test(near_ties_are_decided_in_double),
+        cmocka_unit_test(guesses_change_nothing),
         cmocka_unit_test(points_on_the_surface_have_no_distance),
         cmocka_unit_test(ties_go_to_the_smallest_face),
         cmocka_unit_test(bound_hides_what_is_not_nearer),
