@@ -193,36 +193,55 @@ static void move_point(const double *U, const double y[3], const double n[3], do
     }
 }
 
-/* Everything a registration works on; x, n: M x 3, where the reference's points are. */
+enum { LANES = 8 };
+
+static size_t padded(size_t n)
+{
+    return (n + LANES - 1) / LANES * LANES;
+}
+
+/* Everything a registration works on.  x, n: where the reference's points are, M of them; in lists
+ * by coordinate (xs, ns, sums) and by point (ws, per_w, arrived, D, rows of S) they are padded to a
+ * whole number of LANES with points of no weight. */
 typedef struct job {
     const apsm_registration *r;
     const apsm_cloud *shape;
+    size_t stride; /* M, padded */
     double sigma, kappa;
     double *z;                 /* K x 3 */
     double *x, *n, *u;         /* M x 3, M x 3, 4M x 3 */
-    double *xs, *ns;           /* 3 x M: the same by coordinate */
+    double *xs, *ns;           /* 3 x M */
+    double *ws, *per_w;        /* M: weights, and one over them */
     double *S;                 /* K x M */
     double *reached, *arrived; /* K, M: the sums in (16) */
-    double *D, *target;        /* M, M x 3 */
+    double *D, *sums, *target; /* M, 3 x M, M x 3 */
     double *A, *b, *weighted;  /* p x p, p x 3, M x p */
 } job;
 
 size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
 {
-    return 3 * n + 30 * r->M + n * r->M + n + 5 * r->M + r->p * r->p + 3 * r->p + r->M * r->p;
+    const size_t m = padded(r->M), p = r->p;
+    return 3 * n + 21 * r->M + 13 * m + n * m + n + p * p + 3 * p + r->M * p;
 }
 
 static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
 {
-    const size_t K = shape->n, M = r->M, p = r->p;
-    job j = { .r = r, .shape = shape };
-    double **const array[] = { &j.z,       &j.x,       &j.n, &j.u,      &j.xs, &j.ns, &j.S,
-                               &j.reached, &j.arrived, &j.D, &j.target, &j.A,  &j.b,  &j.weighted };
-    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, 3 * M, K * M,
-                            K,     M,     M,     3 * M,  p * p, 3 * p, M * p };
+    const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
+    job j = { .r = r, .shape = shape, .stride = m };
+    double **const array[] = { &j.z,    &j.x,      &j.n, &j.u,       &j.xs,      &j.ns,
+                               &j.ws,   &j.per_w,  &j.S, &j.reached, &j.arrived, &j.D,
+                               &j.sums, &j.target, &j.A, &j.b,       &j.weighted };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,    K * m,
+                            K,     m,     m,     3 * m,  3 * M, p * p, 3 * p, M * p };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];
+    }
+    memset(j.xs, 0, 3 * m * sizeof *j.xs);
+    memset(j.ns, 0, 3 * m * sizeof *j.ns);
+    for (size_t k = 0; k < m; k++) {
+        j.ws[k] = k < M ? r->w[k] : 0.0;
+        j.per_w[k] = k < M ? 1.0 / r->w[k] : 0.0;
     }
     return j;
 }
@@ -234,24 +253,44 @@ static void move_reference(job *j)
     for (size_t m = 0; m < r->M; m++) {
         move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
         for (size_t c = 0; c < 3; c++) {
-            j->xs[c * r->M + m] = j->x[3 * m + c];
-            j->ns[c * r->M + m] = j->n[3 * m + c];
+            j->xs[c * j->stride + m] = j->x[3 * m + c];
+            j->ns[c * j->stride + m] = j->n[3 * m + c];
         }
     }
 }
 
 /* ---- the two halves of a round ---- */
 
-/* S (M) <- w_m S_mk for one point z of the shape with normal o. */
-APSM_KERNEL static void soft_row(size_t M, const double *x, const double *n, const double *w,
-                                 const double z[3], const double o[3], double steep, double kappa,
-                                 double *S)
+/* One point of the shape, as the kernels see it. */
+typedef struct shape_point {
+    double z[3], normal[3], weight;
+} shape_point;
+
+/* S (M) <- w_m w_k S_mk, arrived (M) += w_k S_mk; returns sum_m w_m S_mk.  Sums run in LANES, so
+ * that they are the same whatever the processor's registers. */
+APSM_KERNEL static double soft_row(size_t M, const double *restrict x, const double *restrict n,
+                                   const double *restrict w, const double *restrict per_w,
+                                   const shape_point *p, double steep, double kappa,
+                                   double *restrict S, double *restrict arrived)
 {
-    for (size_t m = 0; m < M; m++) {
-        const double a = x[m] - z[0], b = x[M + m] - z[1], c = x[2 * M + m] - z[2];
-        const double cosine = n[m] * o[0] + n[M + m] * o[1] + n[2 * M + m] * o[2];
-        S[m] = w[m] * apsm_exp(-steep * (a * a + b * b + c * c) - kappa * (1.0 - cosine));
+    double lane[LANES] = { 0 };
+    for (size_t m = 0; m < M; m += LANES) {
+#pragma omp simd
+        for (size_t l = 0; l < LANES; l++) {
+            const size_t i = m + l;
+            const double a = x[i] - p->z[0], b = x[M + i] - p->z[1], c = x[2 * M + i] - p->z[2];
+            const double cosine =
+                n[i] * p->normal[0] + n[M + i] * p->normal[1] + n[2 * M + i] * p->normal[2];
+            const double s =
+                w[i] * apsm_exp(-steep * (a * a + b * b + c * c) - kappa * (1.0 - cosine));
+            lane[l] += s;
+            S[i] = p->weight * s;
+            arrived[i] += S[i] * per_w[i];
+        }
     }
+    double sum = 0;
+    for (size_t l = 0; l < LANES; l++) sum += lane[l];
+    return sum;
 }
 
 /* (15) and the sums in (16); S_mk w_m w_k in S. */
@@ -259,32 +298,45 @@ static void match_softly(job *j)
 {
     const apsm_registration *r = j->r;
     const double steep = 0.5 / (j->sigma * j->sigma), e = outlier / (double)r->M;
-    for (size_t m = 0; m < r->M; m++) j->arrived[m] = e;
+    for (size_t m = 0; m < j->stride; m++) j->arrived[m] = e;
     for (size_t k = 0; k < j->shape->n; k++) {
-        double *S = j->S + k * r->M, sum = e;
-        soft_row(r->M, j->xs, j->ns, r->w, j->z + 3 * k, j->shape->normal + 3 * k, steep, j->kappa,
-                 S);
-        for (size_t m = 0; m < r->M; m++) sum += S[m];
-        j->reached[k] = sum;
-        for (size_t m = 0; m < r->M; m++) S[m] *= j->shape->w[k];
-        for (size_t m = 0; m < r->M; m++) j->arrived[m] += S[m] / r->w[m];
+        shape_point p = { .weight = j->shape->w[k] };
+        memcpy(p.z, j->z + 3 * k, sizeof p.z);
+        memcpy(p.normal, j->shape->normal + 3 * k, sizeof p.normal);
+        j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, j->kappa,
+                                     j->S + k * j->stride, j->arrived);
     }
 }
 
-/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m). */
+/* D (M) += A_mk, sums (3 x M) += A_mk z_k for one k.  per_arrived: M, over the sums in (16). */
+APSM_KERNEL static void add_row(size_t M, const double *restrict S, double per_reached,
+                                const double *restrict per_arrived, double half, const double z[3],
+                                double *restrict D, double *restrict sums)
+{
+#pragma omp simd
+    for (size_t m = 0; m < M; m++) {
+        const double A = half * S[m] * (per_reached + per_arrived[m]);
+        D[m] += A;
+        sums[m] += A * z[0];
+        sums[M + m] += A * z[1];
+        sums[2 * M + m] += A * z[2];
+    }
+}
+
+/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m).  Overwrites arrived. */
 static void find_targets(job *j)
 {
     const apsm_registration *r = j->r;
-    memset(j->D, 0, r->M * sizeof *j->D);
-    memset(j->target, 0, 3 * r->M * sizeof *j->target);
+    const size_t M = j->stride;
+    memset(j->D, 0, M * sizeof *j->D);
+    memset(j->sums, 0, 3 * M * sizeof *j->sums);
+    for (size_t m = 0; m < M; m++) j->arrived[m] = 1 / j->arrived[m];
     for (size_t k = 0; k < j->shape->n; k++)
-        for (size_t m = 0; m < r->M; m++) {
-            const double A =
-                0.5 * (double)r->M * j->S[k * r->M + m] * (1 / j->reached[k] + 1 / j->arrived[m]);
-            j->D[m] += A;
-            for (size_t c = 0; c < 3; c++)
-                j->target[3 * m + c] += A * (j->z[3 * k + c] - r->y[3 * m + c]);
-        }
+        add_row(M, j->S + k * M, 1 / j->reached[k], j->arrived, 0.5 * (double)r->M, j->z + 3 * k,
+                j->D, j->sums);
+    for (size_t m = 0; m < r->M; m++)
+        for (size_t c = 0; c < 3; c++)
+            j->target[3 * m + c] = j->sums[c * M + m] - j->D[m] * r->y[3 * m + c];
 }
 
 /* (17): (sigma^2 I + Phi' D Phi) b = Phi' target. */
