@@ -33,6 +33,11 @@ const apsm_mesh *apsm_bvh_mesh(const apsm_bvh *bvh)
     return bvh->mesh;
 }
 
+const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face)
+{
+    return bvh->face_normal + 3 * (size_t)face;
+}
+
 /* ---- closest point -------------------------------------------------------------------------- */
 
 typedef struct triangle {

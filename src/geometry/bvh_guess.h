@@ -9,6 +9,9 @@
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
                        apsm_closest *out);
 
+/* Unit normal of a face, zero if it has no extent. */
+const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face);
+
 /* -1 if x is behind the pseudo-normal at its closest point, else +1. */
 double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest);
 

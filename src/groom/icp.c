@@ -29,6 +29,7 @@
 #include "apsm/affine.h"
 #include "apsm/linalg.h"
 #include "core/kernel.h"
+#include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 
 static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
@@ -91,17 +92,6 @@ void apsm_similarity_invert(const double M[16], double inverse[16])
     }
 }
 
-/* Of length 1, or 0 for a face without area. */
-static void face_normal(const apsm_mesh *mesh, uint32_t f, double n[3])
-{
-    const double *a = mesh->V + 3 * mesh->F[3 * f];
-    double u[3], v[3];
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 1], a, u);
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 2], a, v);
-    vec3_cross(u, v, n);
-    vec3_normalise(n);
-}
-
 static void rotate(const double M[16], const double x[3], double y[3])
 {
     for (size_t a = 0; a < 3; a++) y[a] = vec3_dot(M + 4 * a, x);
@@ -127,7 +117,7 @@ static void match_moving(const icp_job *job, const double M[16], const pairs *be
         look_up(bvh, q->p + 3 * k, before ? before->at + 3 * k : NULL, &c);
         memcpy(q->y + 3 * k, c.x, sizeof c.x);
         memcpy(q->at + 3 * k, c.x, sizeof c.x);
-        face_normal(apsm_bvh_mesh(bvh), c.on.face, q->normal + 3 * k);
+        memcpy(q->normal + 3 * k, bvh_face_normal(bvh, c.on.face), 3 * sizeof *q->normal);
         q->d2[k] = c.distance2;
     }
 }
@@ -141,31 +131,35 @@ static void match_fixed(const icp_job *job, const double M[16], const pairs *bef
     apsm_similarity_invert(M, back);
     for (size_t k = job->n; k < job->n + job->n_fixed; k++) {
         apsm_closest c;
-        double x[3], m[3];
+        double x[3];
         memcpy(q->y + 3 * k, job->fixed->cloud->x + 3 * (k - job->n), 3 * sizeof *q->y);
         map(back, q->y + 3 * k, x);
         look_up(bvh, x, before ? before->at + 3 * k : NULL, &c);
         memcpy(q->at + 3 * k, c.x, sizeof c.x);
         map(M, c.x, q->p + 3 * k);
-        face_normal(apsm_bvh_mesh(bvh), c.on.face, m);
-        rotate(M, m, q->normal + 3 * k);
+        rotate(M, bvh_face_normal(bvh, c.on.face), q->normal + 3 * k);
         vec3_normalise(q->normal + 3 * k);
         q->d2[k] = c.distance2 * scale2;
     }
 }
 
 /* d2[l] <- squared distance of p to point l of Y (3 x n, a row a coordinate); where that is
- * smaller than least[l], it and the point's number k are noted. */
-APSM_KERNEL static void distances(size_t n, const double *Y, const double p[3], double k,
-                                  double *d2, double *least, double *who)
+ * smaller than least[l], it and the point's number k are noted.  Returns the least of d2. */
+APSM_KERNEL static double distances(size_t n, const double *restrict Y, const double p[restrict 3],
+                                    double k, double *restrict d2, double *restrict least,
+                                    double *restrict who)
 {
+    double smallest = INFINITY;
+#pragma omp simd reduction(min : smallest)
     for (size_t l = 0; l < n; l++) {
         const double x = Y[l] - p[0], y = Y[n + l] - p[1], z = Y[2 * n + l] - p[2];
         const double d = x * x + y * y + z * z;
         who[l] = d < least[l] ? k : who[l];
         least[l] = d < least[l] ? d : least[l];
         d2[l] = d;
+        smallest = d < smallest ? d : smallest;
     }
+    return smallest;
 }
 
 /* Both directions at once, by the table of distances between the clouds. */
@@ -182,10 +176,8 @@ static void match_clouds(const icp_job *job, const double M[16], pairs *q)
     for (size_t k = 0; k < n; k++) {
         size_t l = 0;
         map(M, moving->x + 3 * k, q->p + 3 * k);
-        distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
-        for (size_t i = 1; i < n; i++)
-            if (row[i] < row[l]) l = i;
-        q->d2[k] = row[l];
+        q->d2[k] = distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
+        while (l + 1 < n && row[l] != q->d2[k]) l++;
         memcpy(q->y + 3 * k, fixed->x + 3 * l, 3 * sizeof *q->y);
         memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);
     }
@@ -300,24 +292,34 @@ static void match(const icp_job *job, const double M[16], const pairs *before, p
     q->residual /= share * sqrt(share);
 }
 
-/* Adds the pair's share to H (7 x 7, lower triangle) and g.  The columns of the Jacobian of
- * Delta(p) by (omega, tau, sigma) are e_a x q, e_a and q. */
+/* Adds the pair's share J' W J to H (7 x 7, lower triangle) and J' W r to g, W = w (lambda +
+ * (1 - lambda) n n').  The columns of the Jacobian J of Delta(p) by (omega, tau, sigma) are e_a x
+ * q, e_a and q. */
 static void add_pair(const double q[3], const double r[3], const double n[3], double w,
                      double lambda, double H[49], double g[7])
 {
-    const double J[7][3] = { { 0, -q[2], q[1] },  { q[2], 0, -q[0] }, { -q[1], q[0], 0 },
-                             { 1, 0, 0 },         { 0, 1, 0 },        { 0, 0, 1 },
-                             { q[0], q[1], q[2] } };
-    double Jn[7];
-    const double rn = vec3_dot(r, n);
-    for (size_t a = 0; a < 7; a++) {
-        Jn[a] = vec3_dot(J[a], n);
-        g[a] += w * (lambda * vec3_dot(J[a], r) + (1.0 - lambda) * Jn[a] * rn);
-        for (size_t b = 0; b <= a; b++) {
-            const double JJ = vec3_dot(J[a], J[b]);
-            H[7 * a + b] += w * (lambda * JJ + (1.0 - lambda) * Jn[a] * Jn[b]);
+    double W[3][3], WJ[7][3], Wr[3]; /* WJ[a]: W times column a */
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            W[a][b] = w * ((1.0 - lambda) * n[a] * n[b] + (a == b ? lambda : 0.0));
+    for (int a = 0; a < 3; a++) {
+        const int b = (a + 1) % 3, c = (a + 2) % 3; /* e_a x q = q_b e_c - q_c e_b */
+        Wr[a] = vec3_dot(W[a], r);
+        WJ[6][a] = vec3_dot(W[a], q);
+        for (int k = 0; k < 3; k++) {
+            WJ[a][k] = q[b] * W[c][k] - q[c] * W[b][k];
+            WJ[3 + a][k] = W[a][k];
         }
     }
+    for (int a = 0; a < 3; a++) {
+        const int b = (a + 1) % 3, c = (a + 2) % 3;
+        for (int k = 0; k <= a; k++) H[7 * a + k] += q[b] * WJ[k][c] - q[c] * WJ[k][b];
+        for (int k = 0; k < 4 + a; k++) H[7 * (3 + a) + k] += WJ[k][a];
+        g[a] += q[b] * Wr[c] - q[c] * Wr[b];
+        g[3 + a] += Wr[a];
+    }
+    for (int k = 0; k < 7; k++) H[42 + k] += vec3_dot(q, WJ[k]);
+    g[6] += vec3_dot(q, Wr);
 }
 
 /* The map of the step z = (omega, tau, sigma) about c: turn by |omega|, scale by e^sigma. */
