@@ -247,10 +247,10 @@ typedef struct query {
     double min_cos;
     apsm_closest best; /* found so far; distance2 at first what is asked for */
     bool found;
-    uint32_t slot; /* of the best */
-    int waiting;   /* triangles to be looked at in double */
-    uint32_t wait[WAIT];
-    float distance2[WAIT];
+    uint32_t slot;           /* of the best */
+    int waiting;             /* triangles to be looked at in double */
+    uint32_t wait[WAIT + 1]; /* one too many is written */
+    float distance2[WAIT + 1];
 } query;
 
 LANE_INLINE void set_bound(query *s, float bound)
@@ -310,9 +310,18 @@ static void decide(const apsm_bvh *bvh, query *s)
     s->waiting = 0;
 }
 
-static bool faces_way(const apsm_bvh *bvh, uint32_t slot, const double n[3], double min_cos)
+/* Of those that wait, from number `first` on, only faces that look the right way stay. */
+static void drop_averse(const apsm_bvh *bvh, query *s, int first)
 {
-    return vec3_dot(bvh->face_normal + 3 * (size_t)bvh->face[slot], n) >= min_cos;
+    const int end = s->waiting;
+    s->waiting = first;
+    for (int k = first; k < end; k++) {
+        const uint32_t slot = s->wait[k];
+        const double *m = bvh_face_normal(bvh, bvh->face[slot]);
+        s->wait[s->waiting] = slot;
+        s->distance2[s->waiting] = s->distance2[k];
+        s->waiting += vec3_dot(m, s->n) >= s->min_cos;
+    }
 }
 
 LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
@@ -320,13 +329,15 @@ LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
     float d2[LEAF], least = INFINITY;
     if (leaf_distances(&bvh->leaves[number], s->q, d2) > s->cut) return;
     if (s->waiting > WAIT - LEAF) decide(bvh, s);
-    for (uint32_t i = 0; i < LEAF; i++) {
-        if (!(d2[i] <= s->cut)) continue;
-        if (s->n && !faces_way(bvh, LEAF * number + i, s->n, s->min_cos)) continue;
+    const int before = s->waiting;
+    for (uint32_t i = 0; i < LEAF; i++) { /* without branches: which ones are near is chance */
         s->wait[s->waiting] = LEAF * number + i;
-        s->distance2[s->waiting++] = d2[i];
-        least = d2[i] < least ? d2[i] : least;
+        s->distance2[s->waiting] = d2[i];
+        s->waiting += d2[i] <= s->cut;
     }
+    if (s->n) drop_averse(bvh, s, before);
+    for (int k = before; k < s->waiting; k++)
+        least = s->distance2[k] < least ? s->distance2[k] : least;
     const float way = sqrtf(least) + s->error, bound = way * way * (float)SLACK;
     if (bound < s->bound) set_bound(s, bound);
 }
