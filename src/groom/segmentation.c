@@ -147,21 +147,22 @@ apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const a
                                     apsm_groom_report *report)
 {
     const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
-    apsm_groom_report mask_report = { 0 }, own, *r = report ? report : &own;
+    apsm_groom_report mask_report = { 0 };
     apsm_mesh surface = { 0 };
     *mesh_out = (apsm_mesh){ 0 };
     APSM_TRY(check_volume(ctx, name, volume));
     apsm_status status = make_surface(ctx, name, volume, &opt, &surface, &mask_report);
-    if (status == APSM_OK) status = apsm_groom_mesh(ctx, name, &surface, &opt, mesh_out, r);
+    if (status == APSM_OK) status = apsm_groom_mesh(ctx, name, &surface, &opt, mesh_out, report);
     apsm_mesh_free(&surface);
-    /* What apsm_groom_mesh cleared. */
-    r->voxels = mask_report.voxels;
-    r->dropped_parts = mask_report.dropped_parts;
-    r->dropped_voxels = mask_report.dropped_voxels;
-    r->filled_voxels = mask_report.filled_voxels;
-    r->border = mask_report.border;
-    memcpy(r->supersampling, mask_report.supersampling, sizeof r->supersampling);
-    r->mask_volume = mask_report.mask_volume;
-    r->smoothing_volume = mask_report.smoothing_volume;
+    if (!report) return status; /* and apsm_groom_mesh has not measured anything */
+    /* What it cleared. */
+    report->voxels = mask_report.voxels;
+    report->dropped_parts = mask_report.dropped_parts;
+    report->dropped_voxels = mask_report.dropped_voxels;
+    report->filled_voxels = mask_report.filled_voxels;
+    report->border = mask_report.border;
+    memcpy(report->supersampling, mask_report.supersampling, sizeof report->supersampling);
+    report->mask_volume = mask_report.mask_volume;
+    report->smoothing_volume = mask_report.smoothing_volume;
     return status;
 }
