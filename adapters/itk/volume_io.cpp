@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -134,6 +135,31 @@ double nifti_size(const std::vector<char> &header)
     damaged("voxels are of NIfTI type " + std::to_string(type) + "; save them as integers");
 }
 
+/* Axes a and b (columns of a grid, or of its directions) have to be at right angles: a tilted
+ * gantry gives a shear, which ITK takes for a rotation or for nothing. */
+void check_angle(const double a[3], const double b[3])
+{
+    double ab = 0, aa = 0, bb = 0;
+    for (int c = 0; c < 3; c++) ab += a[c] * b[c], aa += a[c] * a[c], bb += b[c] * b[c];
+    const double cosine = aa > 0 && bb > 0 ? std::fabs(ab) / std::sqrt(aa * bb) : 0;
+    if (cosine <= 2e-3) return;
+    char degrees[32];
+    std::snprintf(degrees, sizeof degrees, "%.1f", std::asin(std::min(cosine, 1.0)) * 57.29578);
+    damaged("its axes are sheared by " + std::string(degrees) +
+            " degrees (a tilted gantry?); resample it to a grid with right angles");
+}
+
+/* grid[3 r + c]: coordinate r of axis c. */
+void check_angles(const double grid[9])
+{
+    const int pairs[3][2] = { { 0, 1 }, { 0, 2 }, { 1, 2 } };
+    for (const auto &p : pairs) {
+        double a[3], b[3];
+        for (int r = 0; r < 3; r++) a[r] = grid[3 * r + p[0]], b[r] = grid[3 * r + p[1]];
+        check_angle(a, b);
+    }
+}
+
 /* ITK's singular value decomposition does not end on numbers whose squares leave the floats. */
 void check_nifti_grid(const std::vector<char> &header)
 {
@@ -147,6 +173,10 @@ void check_nifti_grid(const std::vector<char> &header)
         for (size_t k = 0; f.used && k < f.count; k++)
             if (!(std::fabs(nifti_value<float>(header, f.at + 4 * k)) < 1e15f))
                 damaged("its grid has no place in space; correct qform and sform in its header");
+    double grid[9];
+    for (size_t k = 0; k < 9; k++)
+        grid[k] = static_cast<double>(nifti_value<float>(header, 280 + 16 * (k / 3) + 4 * (k % 3)));
+    if (fields[2].used) check_angles(grid);
 }
 
 /* niftiio prints what is wrong with a header, fills up with zeros what a file lacks, and does not

@@ -122,6 +122,9 @@ void apsm_sha256_end(apsm_sha256 *sha, unsigned char digest[32]);
 void apsm_sha256_hex(const unsigned char digest[32], char hex[65]);
 /* Of a file, read in pieces: O(1) memory. */
 apsm_status apsm_sha256_file(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;
+/* Of n files, their bytes one after the other. */
+apsm_status apsm_sha256_files(apsm_context *ctx, size_t n, const char *const *paths,
+                              char hex[65]) APSM_NODISCARD;
 /* Of a folder: of each of the files in it and below, in the order of apsm_list_files, the 64 digits
  * of its SHA-256, its path and a zero byte. */
 apsm_status apsm_sha256_folder(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;

@@ -41,8 +41,10 @@ typedef struct apsm_input_list {
  * warning.
  *
  * Refused, with a line: no case left; a folder without shapes; a path that is missing,
- * unreadable or (given by name) of an unknown extension; two cases of one name; an invalid
- * expression.  list is overwritten, and {0} on failure.  O(m log m) for m files. */
+ * unreadable or (given by name) of an unknown extension; two cases of one name; a name that is
+ * longer than 200 bytes, not UTF-8 or has a control character; an invalid expression.  Files in
+ * folders that hold no shape are logged by name.  list is overwritten, and {0} on failure.  O(m log
+ * m) for m files. */
 apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
                               const char *exclude, const char *reflect_match,
                               apsm_input_list *list) APSM_NODISCARD;
@@ -50,6 +52,10 @@ void apsm_input_list_free(apsm_input_list *list);
 
 /* The kind of a file by its extension, in any case; false if it is none of them. */
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind);
+
+/* *data <- the file that holds the voxels of a header of its own (.mhd, .nhdr, also .mha and
+ * .nrrd), malloc'ed, or NULL if path is no such header or names several files. */
+apsm_status apsm_input_data_file(const char *path, char **data) APSM_NODISCARD;
 
 /* Which labels of a segmentation are the shape.  {0}: the only one there is. */
 typedef struct apsm_labels {

@@ -310,9 +310,11 @@ apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *o)
     if (o->decay2_at < o->decay1_at)
         return apsm_fail(ctx, APSM_ERR_ARG, "decay2_at = %g comes before decay1_at = %g",
                          o->decay2_at, o->decay1_at);
-    if (o->stage1_epochs + o->stage2_epochs == 0)
+    if (o->stage1_epochs + o->stage2_epochs == 0 &&
+        (o->method != APSM_METHOD_ADAPTIVE || !(o->fidelity > 0)) && o->method != APSM_METHOD_PSM)
         return apsm_fail(ctx, APSM_ERR_ARG,
-                         "stage1_epochs and stage2_epochs are both 0: nothing to optimize");
+                         "stage1_epochs and stage2_epochs are both 0, and there is no fidelity "
+                         "stage: nothing to optimize");
     if (o->step == APSM_STEP_LITERAL && o->error_gradient == APSM_ERROR_THROUGH_W &&
         o->sampling_scale == 0 && o->step_clip == 0)
         return apsm_fail(ctx, APSM_ERR_ARG,

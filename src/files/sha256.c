@@ -114,25 +114,36 @@ void apsm_sha256_hex(const unsigned char digest[32], char hex[65])
     hex[64] = '\0';
 }
 
-apsm_status apsm_sha256_file(apsm_context *ctx, const char *path, char hex[65])
+static apsm_status add_file(apsm_context *ctx, const char *path, apsm_sha256 *sha)
 {
-    unsigned char piece[1 << 16], digest[32];
-    apsm_sha256 sha;
-    hex[0] = '\0';
+    unsigned char piece[1 << 16];
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
     if (fd < 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
-    apsm_sha256_begin(&sha);
     int error = 0;
     for (ssize_t n = 1; n != 0 && !error;) {
         n = read(fd, piece, sizeof piece);
         if (n > 0)
-            apsm_sha256_add(&sha, piece, (size_t)n);
+            apsm_sha256_add(sha, piece, (size_t)n);
         else if (n < 0 && errno != EINTR)
             error = errno;
     }
     close(fd);
-    if (error) return apsm_fail_errno(ctx, path, "cannot be read", error);
+    return error ? apsm_fail_errno(ctx, path, "cannot be read", error) : APSM_OK;
+}
+
+apsm_status apsm_sha256_files(apsm_context *ctx, size_t n, const char *const *paths, char hex[65])
+{
+    unsigned char digest[32];
+    apsm_sha256 sha;
+    hex[0] = '\0';
+    apsm_sha256_begin(&sha);
+    for (size_t i = 0; i < n; i++) APSM_TRY(add_file(ctx, paths[i], &sha));
     apsm_sha256_end(&sha, digest);
     apsm_sha256_hex(digest, hex);
     return APSM_OK;
+}
+
+apsm_status apsm_sha256_file(apsm_context *ctx, const char *path, char hex[65])
+{
+    return apsm_sha256_files(ctx, 1, &path, hex);
 }

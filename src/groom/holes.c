@@ -223,7 +223,7 @@ static apsm_status refuse_hole(const repair *r, const double at[3], size_t n, do
     return apsm_fail(
         r->ctx, APSM_ERR_GEOMETRY,
         "%s: the opening near %.6g %.6g %.6g (%zu edges) needs a cap of %.0f %% of the "
-        "surface; a shape has to be closed: extend the surface, or allow larger caps",
+        "surface; a shape has to be closed: extend the surface, or close it beforehand",
         r->name, at[0], at[1], at[2], n, 100.0 * share);
 }
 

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "apsm/adapters.h"
+#include "apsm/affine.h"
 #include "apsm/groom.h"
 #include "groom/antialias.h"
 #include "groom/fair.h"
@@ -101,13 +102,15 @@ static void say_mask(apsm_context *ctx, const char *name, const apsm_groom_repor
                  r->dropped_parts, r->dropped_voxels, r->dropped_voxels + r->voxels);
     if (r->filled_voxels)
         apsm_log(ctx, APSM_LOG_INFO, "%s: cavities of %zu voxels filled", name, r->filled_voxels);
-    if (r->border)
+    if (r->border) {
+        static const char *const sides[] = { " -i", " +i", " -j", " +j", " -k", " +k" };
+        char touched[32] = "";
+        for (int s = 0; s < 6; s++)
+            if (r->border & (1 << s)) strcat(touched, sides[s]);
         apsm_log(ctx, APSM_LOG_WARNING,
-                 "%s: the label touches the image's border (%s%s%s%s%s%s); the surface is closed "
-                 "there",
-                 name, r->border & 1 ? " -i" : "", r->border & 2 ? " +i" : "",
-                 r->border & 4 ? " -j" : "", r->border & 8 ? " +j" : "",
-                 r->border & 16 ? " -k" : "", r->border & 32 ? " +k" : "");
+                 "%s: the label touches the image's border (%s); the surface is closed there", name,
+                 touched + 1);
+    }
 }
 
 static apsm_status check_volume(apsm_context *ctx, const char *name, const apsm_volume *v)
@@ -117,6 +120,14 @@ static apsm_status check_volume(apsm_context *ctx, const char *name, const apsm_
             return apsm_fail(ctx, APSM_ERR_FORMAT,
                              "%s: the image's spacing or size is not positive", name);
     return APSM_OK;
+}
+
+/* Axes need not be at right angles. */
+static double voxel_volume(const apsm_volume *v)
+{
+    double M[16];
+    apsm_volume_index_to_lps(v, M);
+    return fabs(apsm_affine_det(M));
 }
 
 static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_volume *volume,
@@ -130,8 +141,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     antialias_rim(&in, rim);
     APSM_TRY(mask_make(ctx, name, volume, opt, rim, &m, r));
     memcpy(r->supersampling, in.refine, sizeof in.refine);
-    r->mask_volume =
-        (double)r->voxels * volume->spacing[0] * volume->spacing[1] * volume->spacing[2];
+    r->mask_volume = (double)r->voxels * voxel_volume(volume);
     say_mask(ctx, name, r);
     apsm_status status = APSM_OK;
     if (r->voxels < LEAST_VOXELS)

@@ -5,7 +5,9 @@
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <jansson.h>
 #include <regex.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -26,6 +28,8 @@ typedef struct expansion {
     apsm_context *ctx;
     apsm_input_list *list;
     pattern exclude, reflect;
+    size_t others; /* files in folders that hold no shape, as far as is known */
+    char **other;  /* their paths */
 } expansion;
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
@@ -161,8 +165,17 @@ static apsm_status count_dicom(expansion *e, const char *path, void *user)
 
 /* What a folder holds, beside the cases of its shape files. */
 typedef struct folder_content {
-    size_t shapes, dicom, other;
+    size_t shapes, dicom;
 } folder_content;
+
+static apsm_status add_other(expansion *e, const char *path)
+{
+    char **const more = realloc(e->other, (e->others + 1) * sizeof *more);
+    if (!more) return out_of_memory(e->ctx);
+    e->other = more;
+    e->other[e->others] = strdup(path);
+    return e->other[e->others++] ? APSM_OK : out_of_memory(e->ctx);
+}
 
 static apsm_status visit_shape(expansion *e, const char *path, void *user)
 {
@@ -176,8 +189,7 @@ static apsm_status visit_shape(expansion *e, const char *path, void *user)
         content->dicom++;
         return APSM_OK;
     case ENTRY_OTHER:
-        content->other++;
-        return APSM_OK;
+        return add_other(e, path);
     default:
         return APSM_OK;
     }
@@ -209,7 +221,7 @@ static apsm_status add_folder(expansion *e, const char *folder)
         status = for_each_entry(e, path, visit_subfolder, &content);
     }
     free(path);
-    e->list->skipped += content.other + content.dicom;
+    e->list->skipped += content.dicom;
     if (status == APSM_OK && content.shapes == 0)
         return apsm_fail(e->ctx, APSM_ERR_IO,
                          "%s: no shapes in this folder; it needs files ending in .ply, .stl, .obj, "
@@ -244,10 +256,79 @@ static int by_name(const void *a, const void *b)
     return strcmp(((const apsm_input_case *)a)->name, ((const apsm_input_case *)b)->name);
 }
 
+/* ---- files that hold no shape ---- */
+
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* The voxels of headers of their own are files that do hold a shape. */
+static apsm_status forget_data_files(expansion *e)
+{
+    for (size_t i = 0; e->others > 0 && i < e->list->n; i++) {
+        char *data;
+        APSM_TRY(apsm_input_data_file(e->list->cases[i].path, &data));
+        for (size_t k = e->others; data && k-- > 0;)
+            if (strcmp(e->other[k], data) == 0) {
+                free(e->other[k]);
+                e->other[k] = e->other[--e->others];
+            }
+        free(data);
+    }
+    return APSM_OK;
+}
+
+static apsm_status tell_others(expansion *e)
+{
+    enum { NAMED = 3 };
+    char names[NAMED * 80] = "";
+    APSM_TRY(forget_data_files(e));
+    e->list->skipped += e->others;
+    if (e->list->skipped == 0) return APSM_OK;
+    if (e->others > 0) qsort(e->other, e->others, sizeof *e->other, by_text);
+    for (size_t k = 0; k < e->others && k < NAMED; k++)
+        snprintf(names + strlen(names), sizeof names - strlen(names), "%s%.70s", k ? ", " : ": ",
+                 last_component(e->other[k]));
+    apsm_log(e->ctx, APSM_LOG_INFO, "%zu file%s skipped that hold%s no shape%s%s", e->list->skipped,
+             e->list->skipped == 1 ? "" : "s", e->list->skipped == 1 ? "s" : "", names,
+             e->list->skipped > NAMED ? ", ..." : "");
+    return APSM_OK;
+}
+
+/* ---- names ---- */
+
+static bool is_control(char c)
+{
+    return (unsigned char)c < 32 || c == 127;
+}
+
+/* Of a case: files of the model are called by it, with endings and for a moment with more. */
+static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
+{
+    enum { MOST = 200 };
+    const char *wrong = NULL;
+    json_t *const text = json_string(one->name); /* NULL: not UTF-8 */
+    if (!text) wrong = "its name is not UTF-8";
+    json_decref(text);
+    if (strlen(one->name) > MOST) wrong = "its name is longer than 200 bytes";
+    for (const char *c = one->name; *c; c++)
+        if (is_control(*c)) wrong = "its name has a control character";
+    if (!wrong) return APSM_OK;
+    char *const path = strdup(one->path); /* an error is one line */
+    for (char *c = path; c && *c; c++)
+        if (is_control(*c)) *c = '?';
+    const apsm_status status =
+        apsm_fail(ctx, APSM_ERR_ARG, "%s: %s; rename it", path ? path : "", wrong);
+    free(path);
+    return status;
+}
+
 static apsm_status check_names(expansion *e)
 {
     const apsm_input_list *const list = e->list;
     qsort(list->cases, list->n, sizeof *list->cases, by_name);
+    for (size_t i = 0; i < list->n; i++) APSM_TRY(check_name(e->ctx, &list->cases[i]));
     for (size_t i = 1; i < list->n; i++)
         if (strcmp(list->cases[i - 1].name, list->cases[i].name) == 0)
             return apsm_fail(e->ctx, APSM_ERR_ARG,
@@ -278,10 +359,7 @@ static apsm_status expand(expansion *e, size_t n, const char *const *inputs)
     APSM_TRY(check_names(e));
     warn_unmatched(e, &e->exclude);
     warn_unmatched(e, &e->reflect);
-    if (e->list->skipped)
-        apsm_log(e->ctx, APSM_LOG_INFO, "%zu file%s skipped that hold%s no shape", e->list->skipped,
-                 e->list->skipped == 1 ? "" : "s", e->list->skipped == 1 ? "s" : "");
-    return APSM_OK;
+    return tell_others(e);
 }
 
 apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
@@ -293,6 +371,8 @@ apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *in
                     .exclude = { .option = "--exclude", .text = exclude },
                     .reflect = { .option = "--reflect-match", .text = reflect_match } };
     const apsm_status status = expand(&e, n, inputs);
+    for (size_t k = 0; k < e.others; k++) free(e.other[k]);
+    free(e.other);
     if (e.exclude.used) regfree(&e.exclude.regex);
     if (e.reflect.used) regfree(&e.reflect.regex);
     if (status != APSM_OK) apsm_input_list_free(list);

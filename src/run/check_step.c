@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/polyharmonic.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -89,10 +90,22 @@ static double initialize_seconds(double J)
     return 0.06 + 5.5e-4 * J;
 }
 
-static double epoch_seconds(double J, bool adaptive)
+/* Bytes of the factor of a shape's RBF-shape that stage 2 keeps (docs/method.md, RBF-shape); 0: a
+ * new one is made in every epoch. */
+static double kept_bytes(const apsm_options *o, double I)
+{
+    const double each = 8 * (double)apsm_polyharmonic_store_size(3 * (size_t)o->particles, true);
+    const bool kept = o->method != APSM_METHOD_PSM && o->precision == 0 && o->kernel == 0 &&
+                      o->error_gradient == APSM_ERROR_CONSTANT && o->adaptivity > 0 &&
+                      o->stage2_epochs > 0 && I * each <= 0x1p30;
+    return kept ? each : 0;
+}
+
+/* factors: made in an epoch, for a shape. */
+static double epoch_seconds(double J, bool adaptive, double factors)
 {
     const double n = 3 * J;
-    return 1e-5 * J + 1e-8 * J * J + (adaptive ? n * n * (7e-9 + n * 4e-12) : 0);
+    return 1e-5 * J + 1e-8 * J * J + (adaptive ? n * n * (7e-9 + n * 4e-12 * factors) : 0);
 }
 
 static double pass_seconds(double J)
@@ -122,12 +135,14 @@ static double psm_seconds(const apsm_options *o)
     return 3e-6 * visits;
 }
 
-static double optimize_seconds(const apsm_options *o)
+static double optimize_seconds(const apsm_options *o, double I)
 {
+    enum { RENEWAL = 25 };
     const double J = (double)o->particles, epochs = (double)o->stage1_epochs;
     if (o->method == APSM_METHOD_PSM) return psm_seconds(o);
-    double seconds = epochs * epoch_seconds(J, false) +
-                     (double)o->stage2_epochs * epoch_seconds(J, o->adaptivity > 0);
+    const double factors = kept_bytes(o, I) > 0 ? 1.0 / RENEWAL : 1;
+    double seconds = epochs * epoch_seconds(J, false, 0) +
+                     (double)o->stage2_epochs * epoch_seconds(J, o->adaptivity > 0, factors);
     if (o->geodesic_correspondence && epochs > 0)
         seconds += (2 + epochs / fmin((double)o->geodesic_interval, fmax(epochs / 4, 1))) *
                    pass_seconds(J);
@@ -153,12 +168,12 @@ static void forecast(const apsm_run *run, size_t shapes)
     const apsm_options *o = &run->options;
     const double threads = apsm_context_threads(run->ctx), I = (double)shapes,
                  J = (double)o->particles;
-    const double seconds =
-        I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o) + evaluate_seconds(J)) +
-        template_seconds(I);
-    const double stored = I * shape_bytes(o), others = other_bytes(o, I, threads);
-    const double limit = (double)run->memory;
-    const bool stores = run->memory > 0;
+    const double seconds = I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o, I) +
+                                evaluate_seconds(J)) +
+                           template_seconds(I);
+    const double stored = I * shape_bytes(o), limit = (double)run->memory;
+    const bool stores = run->memory > 0; /* then no factor is kept */
+    const double others = other_bytes(o, I, threads) + (stores ? 0 : I * kept_bytes(o, I));
     apsm_log(run->ctx, APSM_LOG_INFO, "about %.0f s on %.0f threads, %.0f MB of memory",
              seconds / threads + 1, threads,
              (stores ? fmax(others, fmin(limit, others + stored)) : others + stored) / 1e6);

@@ -94,8 +94,13 @@ static apsm_status read_and_groom(apsm_context *ctx, const groom_inputs *in,
 
 apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65])
 {
-    return apsm_is_folder(path) ? apsm_sha256_folder(ctx, path, hex)
-                                : apsm_sha256_file(ctx, path, hex);
+    char *data;
+    if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
+    APSM_TRY(apsm_input_data_file(path, &data));
+    const char *const files[] = { path, data };
+    const apsm_status status = apsm_sha256_files(ctx, data ? 2 : 1, files, hex);
+    free(data);
+    return status;
 }
 
 static void reflect(apsm_mesh *mesh, double M[16])

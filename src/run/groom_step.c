@@ -26,9 +26,13 @@ static apsm_status refuse_bad_shapes(const groom_work *w)
         if (w->in.status[i] == APSM_OK) continue;
         if (w->in.status[i] == APSM_ERR_INTERRUPTED) return APSM_ERR_INTERRUPTED;
         if (bad++ == 0) first = i;
-        if (bad <= MOST_TOLD) apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
     }
     if (bad == 0) return APSM_OK;
+    for (size_t i = 0, told = 0; bad > 1 && i < w->in.list.n && told < MOST_TOLD; i++)
+        if (w->in.status[i] != APSM_OK) {
+            apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
+            told++;
+        }
     if (bad == 1) return apsm_fail(w->run->ctx, w->in.status[first], "%s", w->in.problem[first]);
     return apsm_fail(w->run->ctx, w->in.status[first],
                      "%zu of %zu shapes cannot be used (`apsm check` tells all): %s", bad,
@@ -225,6 +229,9 @@ static void tell(const groom_work *w)
              "%zu shapes groomed, %zu of them mirrored; template %s; mean residual %.4g",
              w->in.list.n, mirrored, w->in.list.cases[w->alignment.template_index].name,
              w->in.list.n > 1 ? sum / (double)(w->in.list.n - 1) : 0.0);
+    if (w->in.list.n == 1)
+        apsm_log(w->run->ctx, APSM_LOG_WARNING,
+                 "one shape has no variation: a model of it says nothing; give more shapes");
 }
 
 /* A project that has not been groomed here (ShapeWorks', say) is what to groom if there are no

@@ -144,6 +144,19 @@ verify 0 "report.html: may be older than the model"
 "$apsm" report x --quiet >/dev/null || fail "report"
 verify 0 "agree"
 
+# Voxels in a file of their own belong to the input.
+mkdir masks
+for i in 0 1 2; do
+    awk -v n=14 -v a=$((4 + i)) 'BEGIN { for (k = 0; k < n; k++) for (j = 0; j < n; j++) for (i = 0; i < n; i++)
+        printf "%d", ((i - 6.5) / a) ^ 2 + ((j - 6.5) / 5) ^ 2 + ((k - 6.5) / 4) ^ 2 < 1 }' >masks/m$i.raw
+    printf 'ObjectType = Image\nNDims = 3\nDimSize = 14 14 14\nElementSpacing = 1 1 1\nElementType = MET_UCHAR\nElementDataFile = m%d.raw\n' \
+        $i >masks/m$i.mhd
+done
+"$apsm" groom masks -o m --label 49 --faces 400 --quiet || fail "groom masks"
+verify 0 "agree" m
+flip masks/m1.raw
+verify 1 "input m1: " m
+
 # Folders that are none, and manifests that are damaged.
 verify 1 "no manifest.json in this folder" cohort
 verify 1 "no manifest.json in this folder" nowhere

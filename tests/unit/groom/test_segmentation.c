@@ -191,10 +191,34 @@ static void unusable_labels_are_refused(void **state)
     apsm_context_free(ctx);
 }
 
+/* Slices that slip sideways, as from a tilted gantry: the surface has the volume of the voxels. */
+static void sheared_grid_keeps_the_volume(void **state)
+{
+    (void)state;
+    const double tilt = 20 * M_PI / 180;
+    apsm_context *ctx = apsm_context_new();
+    apsm_groom_options opt = apsm_groom_defaults();
+    apsm_groom_report r;
+    apsm_mesh mesh;
+    opt.remesh = false;
+    apsm_volume v = solid_mask(solid_ball12, (const double[3]){ 1, 1, 1 }, 0, 7);
+    for (int c = 0; c < 3; c++)
+        v.direction[3 * c + 2] =
+            cos(tilt) * v.direction[3 * c + 2] + sin(tilt) * v.direction[3 * c + 1];
+    assert_ok(apsm_groom_segmentation(ctx, "mask", &v, &opt, &mesh, &r));
+    const double wanted = (double)r.voxels * cos(tilt);
+    if (!(fabs(apsm_mesh_volume(&mesh) / wanted - 1.0) < 0.01))
+        fail_msg("volume %g, not %g", apsm_mesh_volume(&mesh), wanted);
+    apsm_mesh_free(&mesh);
+    apsm_volume_free(&v);
+    apsm_context_free(ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surfaces_are_smooth_and_true),
+        cmocka_unit_test(sheared_grid_keeps_the_volume),
         cmocka_unit_test(cavities_strays_and_borders_are_reported),
         cmocka_unit_test(raggedness_is_smoothed_and_fins_are_kept),
         cmocka_unit_test(corner_contact_does_not_lose_a_sheet),

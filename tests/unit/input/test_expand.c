@@ -95,8 +95,71 @@ static void folders_and_files_mix_in_order_of_names(void **state)
     assert_int_equal(list.cases[2].kind, APSM_INPUT_VOLUME);
     assert_int_equal(list.cases[3].kind, APSM_INPUT_MESH);
     assert_int_equal(list.skipped, 1);
-    assert_non_null(strstr(f->log, "0:1 file skipped"));
+    assert_non_null(strstr(f->log, "0:1 file skipped that holds no shape: notes.txt\n"));
     apsm_input_list_free(&list);
+}
+
+/* Those that hold the voxels of a header are none of them. */
+static void files_without_shapes_are_named(void **state)
+{
+    fixture *const f = *state;
+    const char *const meta = "NDims = 3\nElementDataFile = m.raw\n",
+                      *const nrrd = "NRRD0004\ntype: uchar\ndata file: n.raw\n\nbytes";
+    make_files(f, NAMES("d/", "d/m.raw", "d/n.raw", "d/o.raw", "d/z.txt", "d/y.txt", "d/x.txt"));
+    scratch_write(scratch_path(f->folder, "d/m.mhd"), meta, strlen(meta));
+    scratch_write(scratch_path(f->folder, "d/n.nhdr"), nrrd, strlen(nrrd));
+    apsm_input_list list;
+    const apsm_status status = expand(f, NAMES("d"), NULL, NULL, &list);
+    expect_names(f, status, &list, "m n ");
+    assert_int_equal(list.skipped, 4);
+    assert_string_equal(f->log, "0:4 files skipped that hold no shape: o.raw, x.txt, y.txt, ...\n");
+    apsm_input_list_free(&list);
+}
+
+static void check_data_file(fixture *f, const char *name, const char *text, const char *wanted)
+{
+    char *data;
+    scratch_write(scratch_path(f->folder, name), text, strlen(text));
+    assert_int_equal(apsm_input_data_file(scratch_path(f->folder, name), &data), APSM_OK);
+    if (wanted)
+        assert_string_equal(data, scratch_path(f->folder, wanted));
+    else
+        assert_null(data);
+    free(data);
+}
+
+static void data_files_of_headers_are_found(void **state)
+{
+    fixture *const f = *state;
+    check_data_file(f, "a.mhd", "NDims = 3\r\nElementDataFile =  b c.raw \r\n", "b c.raw");
+    check_data_file(f, "a.mha", "ElementDataFile = LOCAL\nElementDataFile = x.raw\n", NULL);
+    check_data_file(f, "b.mhd", "ElementDataFile = s%03d.raw 1 9 1\n", NULL);
+    check_data_file(f, "c.mhd", "NDims = 3\n", NULL);
+    check_data_file(f, "a.nhdr", "NRRD0004\ndata file: ./b.raw.gz\n", "./b.raw.gz");
+    check_data_file(f, "b.nrrd", "NRRD0004\ntype: uchar\n\ndata file: b.raw\n", NULL);
+    check_data_file(f, "c.nhdr", "NRRD0004\ndata file: LIST\nb.raw\n", NULL);
+    check_data_file(f, "a.nii", "ElementDataFile = b.raw\n", NULL);
+}
+
+static void names_that_no_file_can_have_are_refused(void **state)
+{
+    fixture *const f = *state;
+    char longer[220], file[224];
+    memset(longer, 'x', 201);
+    strcpy(longer + 201, ".ply");
+    snprintf(file, sizeof file, "d/%s", longer);
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/good.ply", file));
+    expect_failure(f->ctx, expand(f, NAMES("d"), NULL, NULL, &list), APSM_ERR_ARG,
+                   "longer than 200", "rename");
+    apsm_input_list_free(&list);
+    assert_int_equal(expand(f, NAMES("d"), "^x", NULL, &list), APSM_OK); /* if it is left out */
+    apsm_input_list_free(&list);
+    make_files(f, NAMES("n/", "n/a\nb.ply", "u/", "u/a\xff.ply"));
+    expect_failure(f->ctx, expand(f, NAMES("n"), NULL, NULL, &list), APSM_ERR_ARG, "a?b.ply",
+                   "control character");
+    expect_failure(f->ctx, expand(f, NAMES("u"), NULL, NULL, &list), APSM_ERR_ARG, "UTF-8",
+                   "rename");
 }
 
 static void expressions_choose_by_file_name(void **state)
@@ -254,6 +317,9 @@ int main(void)
     const struct CMUnitTest tests[] = {
         TEST(folders_and_files_mix_in_order_of_names),
         TEST(expressions_choose_by_file_name),
+        TEST(files_without_shapes_are_named),
+        TEST(data_files_of_headers_are_found),
+        TEST(names_that_no_file_can_have_are_refused),
         TEST(bad_inputs_are_refused),
         TEST(dicom_folders_are_cases),
         TEST(labels_are_parsed),

@@ -283,6 +283,30 @@ static void wild_nifti_grids_are_refused(void **state)
     apsm_volume_free(&v);
 }
 
+/* ITK would drop the shear, or take the qform, without a word. */
+static void sheared_nifti_grids_are_refused(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "tilt.nii");
+    apsm_volume v = make_volume(0, false), back = { 0 };
+    assert_int_equal(apsm_itk_write_volume(f->ctx, path, &v), APSM_OK);
+    size_t size;
+    char *const bytes = scratch_read(path, &size);
+    for (int tilted = 0; tilted < 2; tilted++) {
+        const float shift = tilted ? 0.1f : 0.0f; /* of slices 3 mm apart: 1.9 degrees */
+        memcpy(bytes + 280 + 8, &shift, sizeof shift);
+        scratch_write(path, bytes, size);
+        const apsm_status status = apsm_itk_read_volume(f->ctx, path, &back);
+        if (tilted)
+            expect_failure(f->ctx, status, APSM_ERR_FORMAT, "sheared by 1.9 degrees", "tilt.nii");
+        else
+            assert_int_equal(status, APSM_OK);
+        apsm_volume_free(&back);
+    }
+    free(bytes);
+    apsm_volume_free(&v);
+}
+
 /* Voxels in a file of their own, as some programs write them; complete, cut, gone. */
 static void detached_voxels_are_read(void **state)
 {
@@ -359,6 +383,7 @@ int main(void)
         cmocka_unit_test(grids_must_be_proper),
         cmocka_unit_test(truncated_files_are_refused),
         cmocka_unit_test(wild_nifti_grids_are_refused),
+        cmocka_unit_test(sheared_nifti_grids_are_refused),
         cmocka_unit_test(detached_voxels_are_read),
         cmocka_unit_test(threads_do_not_disturb_each_other),
     };
