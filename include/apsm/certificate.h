@@ -11,7 +11,7 @@ extern "C" {
 
 /* One list makes bits and texts; a certificate's reasons are a sum of bits 1 << APSM_REVIEW_*. */
 #define APSM_REVIEW_LIST(X)                                                                        \
-    X(APSM_REVIEW_MISMATCHED, "too many particles miss neighbours (1.5/2.0)")                      \
+    X(APSM_REVIEW_MISMATCHED, "too many particles have lost neighbours")                           \
     X(APSM_REVIEW_SWAPPED, "particles have changed places")                                        \
     X(APSM_REVIEW_FOLDED, "the surface is folded between particles")                               \
     X(APSM_REVIEW_OFF_SURFACE, "particles are off the surface")                                    \
@@ -24,9 +24,12 @@ const char *apsm_review_text(apsm_review reason); /* constant string */
 
 /* From where on a shape needs review.  Lengths in h. */
 typedef struct apsm_certificate_options {
-    double mismatched;   /* share of mismatched particles (1.5/2.0) that is still certified: 0.02 */
-    double off_surface;  /* distance of a particle from the surface: 0.01 */
-    double coincident;   /* distance of two particles: 0.1 */
+    double mismatched;  /* share of particles that have lost a neighbour and is still certified:
+                           0.02 */
+    double stretch;     /* a mismatched neighbour (1.5/2.0) is lost if it is farther than this times
+                           its distance on the template, in the shape's own scale: 1.75 */
+    double off_surface; /* distance of a particle from the surface: 0.01 */
+    double coincident;  /* distance of two particles: 0.1 */
     double least_height; /* a triangle flatter than this, in its longest side, has no orientation:
                             0.25 */
     double least_cosine; /* nor has one whose plane leans more from the particles' normals: 0.25 */
@@ -38,7 +41,8 @@ typedef struct apsm_certificate_input {
     size_t J;
     double h;                              /* mean neighbour distance of the template's particles */
     const apsm_neighbourhoods *reference;  /* template, factor 1.5 */
-    const apsm_neighbourhoods *shape;      /* this shape, factor >= 2.0 */
+    const apsm_neighbourhoods *shape;      /* this shape, factor >= 2.0; what is beyond counts as
+                                              lost, so that a larger one is more lenient */
     const uint32_t *N6;                    /* J x 6: neighbours on the template */
     const double *template_P, *template_N; /* J x 3: particles, unit normals */
     const double *P, *N;                   /* J x 3: the same on this shape */
@@ -50,13 +54,14 @@ typedef struct apsm_certificate {
     size_t J;
     size_t mismatched_strict; /* particles that miss neighbours at 1.5/1.5: 12-24 % at best */
     size_t mismatched;        /* at 1.5/2.0 */
+    size_t lost;              /* of these those that have lost a neighbour; decides */
     size_t swaps, folds;
-    uint32_t *mismatched_strict_list, *mismatched_list; /* by rising index */
-    uint32_t (*swap)[2];                                /* j < k */
-    uint32_t (*fold)[3];                                /* rising indices */
-    double off_surface_mean, off_surface_max;           /* in h */
-    double min_separation;                              /* in h */
-    unsigned reasons;                                   /* 0: certified */
+    uint32_t *mismatched_strict_list, *mismatched_list, *lost_list; /* by rising index */
+    uint32_t (*swap)[2];                                            /* j < k */
+    uint32_t (*fold)[3];                                            /* rising indices */
+    double off_surface_mean, off_surface_max;                       /* in h */
+    double min_separation;                                          /* in h */
+    unsigned reasons;                                               /* 0: certified */
     bool certified;
 } apsm_certificate;
 

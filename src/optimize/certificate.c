@@ -30,6 +30,7 @@ const char *apsm_review_text(apsm_review reason)
 apsm_certificate_options apsm_certificate_defaults(void)
 {
     return (apsm_certificate_options){ .mismatched = 0.02,
+                                       .stretch = 1.75,
                                        .off_surface = 0.01,
                                        .coincident = 0.1,
                                        .least_height = 0.25,
@@ -40,6 +41,7 @@ void apsm_certificate_free(apsm_certificate *c)
 {
     free(c->mismatched_strict_list);
     free(c->mismatched_list);
+    free(c->lost_list);
     free(c->swap);
     free(c->fold);
     *c = (apsm_certificate){ 0 };
@@ -62,6 +64,60 @@ static apsm_status list_mismatched(size_t J, const uint32_t *count, size_t n, ui
     for (uint32_t j = 0, k = 0; j < J; j++)
         if (count[j] > 0) (*list)[k++] = j;
     return APSM_OK;
+}
+
+/* ---- lost neighbours ---- */
+
+/* A neighbour is mismatched, too, where another particle has come near or where the surface is
+ * stretched one way: it is lost if it has itself got farther than smooth maps take it. */
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* How much farther neighbours are than on the template: the median over all whose distance is
+ * known, 1 if none is.  ratio: scratch, one for each reference neighbour. */
+static double typical_stretch(const apsm_certificate_input *in, double *ratio)
+{
+    const apsm_neighbourhoods *r = in->reference;
+    size_t n = 0;
+    for (uint32_t j = 0; j < in->J; j++)
+        for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
+            const double d = apsm_neighbour_distance(in->shape, j, r->index[i]);
+            if (d < INFINITY && r->distance[i] > 0.0) ratio[n++] = d / r->distance[i];
+        }
+    if (n == 0) return 1.0;
+    qsort(ratio, n, sizeof *ratio, ascending);
+    return ratio[n / 2];
+}
+
+/* count[j]: neighbours that j has lost; returns how many particles have lost any. */
+static size_t count_lost(const apsm_certificate_input *in, double stretch, uint32_t *count)
+{
+    const apsm_neighbourhoods *r = in->reference;
+    size_t particles = 0;
+    for (uint32_t j = 0; j < in->J; j++) {
+        const double most = 2.0 * in->shape->closest[j];
+        count[j] = 0;
+        for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
+            const double d = apsm_neighbour_distance(in->shape, j, r->index[i]);
+            count[j] += !(d <= most) && !(d <= stretch * r->distance[i]);
+        }
+        particles += count[j] > 0;
+    }
+    return particles;
+}
+
+static apsm_status find_lost(const apsm_certificate_input *in, const apsm_certificate_options *o,
+                             uint32_t *count, apsm_certificate *c)
+{
+    double *ratio = malloc((in->reference->start[in->J] + 1) * sizeof *ratio);
+    if (!ratio) return APSM_ERR_MEMORY;
+    c->lost = count_lost(in, o->stretch * typical_stretch(in, ratio), count);
+    free(ratio);
+    return list_mismatched(in->J, count, c->lost, &c->lost_list);
 }
 
 /* ---- swaps ---- */
@@ -187,7 +243,7 @@ static bool all_finite(size_t n, const double *x)
 
 static void judge(const apsm_certificate_options *o, apsm_certificate *c)
 {
-    const double share = (double)c->mismatched / (double)(c->J ? c->J : 1);
+    const double share = (double)c->lost / (double)(c->J ? c->J : 1);
     c->reasons |= (unsigned)(share > o->mismatched) << APSM_REVIEW_MISMATCHED;
     c->reasons |= (unsigned)(c->swaps > 0) << APSM_REVIEW_SWAPPED;
     c->reasons |= (unsigned)(c->folds > 0) << APSM_REVIEW_FOLDED;
@@ -204,6 +260,7 @@ static apsm_status examine(const apsm_certificate_input *in, const apsm_certific
     APSM_TRY(list_mismatched(in->J, strict, c->mismatched_strict, &c->mismatched_strict_list));
     APSM_TRY(list_mismatched(in->J, count, c->mismatched, &c->mismatched_list));
     APSM_TRY(find_swaps(in, strict, count, c));
+    APSM_TRY(find_lost(in, o, count, c));
     APSM_TRY(find_folds(in, o, c));
     measure(in, c);
     judge(o, c);

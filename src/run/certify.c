@@ -10,8 +10,9 @@
 
 enum { CERTIFICATE_VERSION = 1 };
 
-/* Room for F = 2.0 in the rows of a shape. */
-static const double shape_factor = 2.0;
+/* Room for F = 2.0 in the rows of a shape, and to tell how far neighbours beyond it are: that is
+ * looked up only where it may change the verdict. */
+static const double shape_factor = 2.0, far_factor = 4.0;
 
 typedef struct judging {
     const apsm_cohort *cohort;
@@ -76,11 +77,15 @@ static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *us
     looked_up l;
     const double *P = g->P + i * g->J * 3;
     const apsm_certificate_options options = apsm_certificate_defaults();
-    apsm_status status = look_up(&g->cohort->shape[i], g->J, P, shape_factor, &l);
-    if (status == APSM_OK) {
-        const apsm_certificate_input input = { g->J,  g->h, &g->reference, &l.rows,   g->N6, g->T,
-                                               g->TN, P,    l.N,           l.distance };
-        status = apsm_certify(&input, &options, &g->out->shape[i]);
+    const apsm_shape *shape = &g->cohort->shape[i];
+    apsm_certificate *certificate = &g->out->shape[i];
+    apsm_status status = look_up(shape, g->J, P, shape_factor, &l);
+    const apsm_certificate_input input = { g->J,  g->h, &g->reference, &l.rows,   g->N6, g->T,
+                                           g->TN, P,    l.N,           l.distance };
+    if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
+    if (status == APSM_OK && certificate->reasons & (1u << APSM_REVIEW_MISMATCHED)) {
+        status = measure_rows(shape, g->J, P, far_factor, &l);
+        if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
     }
     looked_up_free(&l);
     return status;
@@ -164,12 +169,13 @@ static const char *verdict(bool certified)
 
 static json_t *json_shape(const char *name, const apsm_certificate *c)
 {
-    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name", name, "verdict",
-                     verdict(c->certified), "reasons", json_reasons(c->reasons),
+    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name", name,
+                     "verdict", verdict(c->certified), "reasons", json_reasons(c->reasons),
                      "mismatched_1.5_1.5",
                      json_indices(c->mismatched_strict, 1, c->mismatched_strict_list),
                      "mismatched_1.5_2.0", json_indices(c->mismatched, 1, c->mismatched_list),
-                     "swaps", json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
+                     "lost", json_indices(c->lost, 1, c->lost_list), "swaps",
+                     json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
                      json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
                      c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
                      isfinite(c->min_separation) ? c->min_separation : 0.0);
@@ -198,15 +204,15 @@ json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *certif
     json_t *shapes = json_array();
     for (size_t i = 0; i < certificate->I; i++)
         json_array_append_new(shapes, json_shape(cohort->shape[i].name, &certificate->shape[i]));
-    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:{s:f, s:f, s:f}, s:o}",
+    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:{s:f, s:f, s:f, s:f}, s:o}",
                      "format", "apsm-certificate", "version", CERTIFICATE_VERSION, "verdict",
                      verdict(count_certified(certificate) == certificate->I), "certified",
                      (json_int_t)count_certified(certificate), "shapes", (json_int_t)certificate->I,
                      "template", cohort->shape[cohort->template_index].name, "h", certificate->h,
                      "mean_mismatched_1.5_1.5", mean_mismatched(certificate, true),
                      "mean_mismatched_1.5_2.0", mean_mismatched(certificate, false), "thresholds",
-                     "mismatched_share", o.mismatched, "off_surface", o.off_surface, "coincident",
-                     o.coincident, "per_shape", shapes);
+                     "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
+                     o.off_surface, "coincident", o.coincident, "per_shape", shapes);
 }
 
 /* ---- the last lines of a run ---- */
@@ -216,8 +222,8 @@ static void describe(const apsm_certificate *c, char text[256])
     size_t used = 0;
     text[0] = 0;
     if (c->reasons & (1u << APSM_REVIEW_MISMATCHED))
-        used += (size_t)snprintf(text + used, 256 - used, ", %zu of %zu particles mismatched",
-                                 c->mismatched, c->J);
+        used += (size_t)snprintf(text + used, 256 - used,
+                                 ", %zu of %zu particles have lost neighbours", c->lost, c->J);
     if (c->reasons & (1u << APSM_REVIEW_SWAPPED))
         used += (size_t)snprintf(text + used, 256 - used, ", %zu swapped pairs", c->swaps);
     if (c->reasons & (1u << APSM_REVIEW_FOLDED))

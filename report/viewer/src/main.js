@@ -523,7 +523,7 @@ function fillCertificate() {
     ];
   };
   body.append(
-    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% mismatched), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
+    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
     el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),

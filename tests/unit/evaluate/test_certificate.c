@@ -26,6 +26,7 @@ typedef struct cohort {
     uint32_t N6[6 * J];
     double h;
     apsm_neighbourhoods reference, rows;
+    double row_factor; /* 0: 2 */
     apsm_certificate certificate;
 } cohort;
 
@@ -104,7 +105,8 @@ static const apsm_certificate *certify(cohort *c, size_t i)
 {
     body *b = &c->shape[i];
     const body *t = &c->shape[0];
-    assert_ok(apsm_geodesic_neighbourhoods(b->g, b->w, J, b->points, b->P, 2.0, &c->rows));
+    assert_ok(apsm_geodesic_neighbourhoods(b->g, b->w, J, b->points, b->P,
+                                           c->row_factor > 0 ? c->row_factor : 2.0, &c->rows));
     const apsm_certificate_input in = { .J = J,
                                         .h = c->h,
                                         .reference = &c->reference,
@@ -230,6 +232,71 @@ static void folds_are_found(void **state)
     assert_true(planted > 20);
 }
 
+/* As certify, with rows that tell how far mismatched neighbours are. */
+static const apsm_certificate *certify_far(cohort *c, size_t i)
+{
+    c->row_factor = 8.0;
+    const apsm_certificate *certificate = certify(c, i);
+    c->row_factor = 0.0;
+    return certificate;
+}
+
+/* Every particle of the template, moved. */
+static void place(cohort *c, size_t i, void (*map)(const double *, double *))
+{
+    for (size_t j = 0; j < J; j++) {
+        double x[3];
+        map(c->shape[0].P + 3 * j, x);
+        put(&c->shape[i], j, x);
+    }
+}
+
+static void as_it_is(const double *p, double *x)
+{
+    memcpy(x, p, 3 * sizeof *p);
+}
+
+/* The northern cap is turned by one and a half spacings at its rim. */
+static void slip(const double *p, double *x)
+{
+    const double angle = p[2] > 8 ? 0.42 : 0.0;
+    x[0] = cos(angle) * p[0] - sin(angle) * p[1];
+    x[1] = sin(angle) * p[0] + cos(angle) * p[1];
+    x[2] = p[2];
+}
+
+static void slipped_region_is_found(void **state)
+{
+    cohort *c = *state;
+    place(c, 1, slip);
+    const apsm_certificate *far = certify_far(c, 1);
+    assert_int_equal(far->certified, false);
+    assert_true(far->reasons & (1u << APSM_REVIEW_MISMATCHED));
+    assert_true(far->lost > J / 50 && far->lost <= far->mismatched);
+    place(c, 1, as_it_is);
+}
+
+/* Particles that come near others leave nobody behind: a short row cannot tell, a longer one can.
+ */
+static void crowding_is_no_loss(void **state)
+{
+    cohort *c = *state;
+    body *b = &c->shape[1];
+    place(c, 1, as_it_is);
+    for (size_t j = 10; j < 120; j += 20) {
+        double x[3];
+        const size_t k = c->N6[6 * j];
+        for (size_t a = 0; a < 3; a++) x[a] = 0.6 * b->P[3 * j + a] + 0.4 * b->P[3 * k + a];
+        put(b, j, x);
+    }
+    assert_int_equal(certify(c, 1)->certified, false);
+    const apsm_certificate *far = certify_far(c, 1);
+    assert_true(far->mismatched > J / 50);
+    assert_int_equal(far->lost, 0);
+    assert_int_equal(far->certified, true);
+    place(c, 1, as_it_is);
+}
+
 static void stray_and_coincident_particles(void **state)
 {
     cohort *c = *state;
@@ -297,6 +364,8 @@ int main(void)
         cmocka_unit_test(sound_shapes_are_certified),
         cmocka_unit_test(swaps_are_named),
         cmocka_unit_test(folds_are_found),
+        cmocka_unit_test(slipped_region_is_found),
+        cmocka_unit_test(crowding_is_no_loss),
         cmocka_unit_test(stray_and_coincident_particles),
         cmocka_unit_test(lists_agree_with_counts),
         cmocka_unit_test(triangles_across_a_sheet_say_nothing),
