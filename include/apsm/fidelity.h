@@ -17,7 +17,7 @@ typedef struct apsm_fidelity_options {
     double smooth;        /* mu: neighbours move alike: 0.1 */
     double order;         /* nu: neighbours of the template stay neighbours: 16 */
     long modes;           /* of the prior; -1: as many as predict left-out shapes best */
-    long rounds;          /* prior and shapes in turn: 8 */
+    long rounds;          /* prior and shapes in turn: 12 */
     long iterations;      /* most Gauss-Newton steps of a shape in a round: 1 */
     size_t points;        /* of either surface, about; all if it has fewer: 1000 */
     double floor;         /* distances below this count as squares; in h: 0.05 */
@@ -28,16 +28,15 @@ apsm_fidelity_options apsm_fidelity_defaults(void);
 /* The defaults, and what the options of the method say of them. */
 apsm_fidelity_options apsm_fidelity_of(const apsm_options *options);
 
-/* The Gaussian that the other shapes suggest for one shape, lengths in h and of every particle
- * times its scale: probabilistic PCA (Tipping and Bishop 1999).  Precision up to a factor:
- * S = 1 - sum over modes of weight u u^T, weight = 1 - noise / variance.  Owns its arrays. */
+/* What the other shapes suggest for one shape, lengths in h: mean and modes of probabilistic PCA
+ * (Tipping and Bishop 1999).  Precision up to a factor: S = 1 - sum over modes of weight u u^T,
+ * weight = 1 - sqrt(noise / variance).  Owns its arrays. */
 typedef struct apsm_fidelity_prior {
     size_t I, J, modes, folds; /* shape i belongs to fold i % folds */
     double *noise;             /* folds: variance of a coordinate beside the modes, in h^2 */
     double *mean;              /* folds x 3J */
     double *mode;              /* folds x modes x 3J: orthonormal rows */
     double *weight;            /* folds x modes */
-    double *scale;             /* J: small for particles that the models predict badly */
     double gain; /* log-likelihood of left-out shapes, a shape, over that without modes */
 } apsm_fidelity_prior;
 

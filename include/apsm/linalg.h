@@ -37,6 +37,7 @@ void apsm_gemm(int transA, int transB, size_t m, size_t n, size_t k, double alph
 void apsm_gram(size_t m, size_t n, double alpha, const double *Y, double *G);
 /* C (n x n, lower triangle) <- A^T A + beta C for A (k x n). */
 void apsm_syrk(size_t n, size_t k, const double *A, double beta, double *C);
+void apsm_syrk_f32(size_t n, size_t k, const float *A, float beta, float *C);
 /* y (n) <- A x for symmetric A (n x n, lower triangle). */
 void apsm_symv_f32(size_t n, const float *A, const float *x, float *y);
 /* y (m) <- A x for A (m x n). */

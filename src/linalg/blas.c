@@ -107,6 +107,13 @@ void apsm_syrk(size_t n, size_t k, const double *A, double beta, double *C)
                 (int)n);
 }
 
+void apsm_syrk_f32(size_t n, size_t k, const float *A, float beta, float *C)
+{
+    if (n == 0) return;
+    cblas_ssyrk(CblasRowMajor, CblasLower, CblasTrans, (int)n, (int)k, 1.0f, A, (int)n, beta, C,
+                (int)n);
+}
+
 void apsm_symv_f32(size_t n, const float *A, const float *x, float *y)
 {
     if (n == 0) return;

@@ -27,7 +27,7 @@ apsm_fidelity_options apsm_fidelity_defaults(void)
                                     .smooth = 0.1,
                                     .order = 16,
                                     .modes = -1,
-                                    .rounds = 8,
+                                    .rounds = 12,
                                     .iterations = 1,
                                     .points = 1000,
                                     .floor = 0.05,
@@ -237,7 +237,7 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
                                .modes = p->modes,
                                .mode = p->mode + fold * p->modes * D,
                                .weight = p->weight + fold * p->modes,
-                               .scale = p->scale };
+                               .noise = sqrt(p->noise[fold]) };
 }
 
 /* From w->a, where the system has been solved, to w->b; false if no length of the step will do. */
@@ -276,6 +276,7 @@ static bool descend(const round_task *t, size_t i, double limit, fidelity_work *
         const double diagonal = fidelity_linearise(f, &w->a, w);
         if (k == 0) {
             q = weights_at(t, i, diagonal);
+            fidelity_set_prior(f, &q, w->a.P, w);
             fidelity_value(f, &q, P0, &w->a, w);
         }
         fidelity_add_quadratic(f, &q, P0, &w->a, w);

@@ -1,13 +1,11 @@
-/* The prior of the fidelity stage.  Particles of a shape are taken as a draw from a Gaussian whose
- * covariance is that of probabilistic PCA (Tipping and Bishop, J. R. Stat. Soc. B 61, 1999): free
- * along the first m modes of the other shapes, of one variance in all other directions, the mean
- * of the spectrum that the modes leave.  m is what gives shapes outside the model the largest
+/* The prior of the fidelity stage: what the other shapes say about one.  Mean and modes are those
+ * of probabilistic PCA (Tipping and Bishop, J. R. Stat. Soc. B 61, 1999), whose spectrum beside the
+ * first m modes is one variance, the noise; m is what gives shapes outside the model the largest
  * likelihood.  All of it lives in the Gram matrix of the shapes.
  *
- * Not all particles are equally predictable, and a model is judged by the mean of the distances by
- * which it fails.  So every particle has a scale, 1 / sqrt(sigma_j) up to a common factor, sigma_j
- * being the mean distance by which the models without a shape miss its particle j: squares weighted
- * by 1 / sigma_j add up like distances.  A first model finds the scales, a second uses them. */
+ * A model is judged by the distances by which it fails, not by their squares, and squares weighted
+ * by the inverse of what is expected add up like distances.  So a mode of standard deviation s is
+ * held by noise / s, where the likelihood would take noise^2 / s^2. */
 #include "apsm/fidelity.h"
 
 #include <math.h>
@@ -29,7 +27,6 @@ typedef struct fitting {
     size_t *count;      /* shapes of the model */
     double *w, *Q;      /* n, n x n: eigenvalues and vectors of the fold's centred Gram matrix */
     double *likelihood; /* folds x n: summed over the fold's shapes, by number of modes */
-    double *e;          /* 3J: scratch */
     apsm_fidelity_prior *prior;
 } fitting;
 
@@ -41,7 +38,6 @@ static void fitting_free(fitting *f)
     free(f->w);
     free(f->Q);
     free(f->likelihood);
-    free(f->e);
 }
 
 void apsm_fidelity_prior_free(apsm_fidelity_prior *p)
@@ -50,7 +46,6 @@ void apsm_fidelity_prior_free(apsm_fidelity_prior *p)
     free(p->mean);
     free(p->mode);
     free(p->weight);
-    free(p->scale);
     *p = (apsm_fidelity_prior){ 0 };
 }
 
@@ -178,7 +173,7 @@ static apsm_status make_fold(apsm_context *ctx, size_t fold, int worker, void *u
             const double q = scale * Q[k * m + a], *x = f->X + member[a] * f->stride * D;
             for (size_t e = 0; e < D; e++) u[e] += q * x[e];
         }
-        p->weight[fold * p->modes + k] = 1 - p->noise[fold] / w[k];
+        p->weight[fold * p->modes + k] = 1 - sqrt(p->noise[fold] / w[k]);
     }
     free(member);
     return APSM_OK;
@@ -193,48 +188,10 @@ static apsm_status fit_models(apsm_context *ctx, long modes, fitting *f)
     apsm_gemm(0, 1, f->I, f->n, D, 1, f->X, D, f->X, D * f->stride, 0, f->G, f->n);
     APSM_TRY(apsm_parallel_for(ctx, p->folds, examine_fold, f, NULL));
     p->modes = choose_modes(f, modes, &p->gain);
-    free(p->mode);
-    free(p->weight);
     p->mode = malloc((p->folds * p->modes * D + 1) * sizeof *p->mode);
     p->weight = malloc((p->folds * p->modes + 1) * sizeof *p->weight);
     if (!p->mode || !p->weight) return APSM_ERR_MEMORY;
     return apsm_parallel_for(ctx, p->folds, make_fold, f, NULL);
-}
-
-/* e (3J) = what the model without shape i leaves of it. */
-static void leave(const fitting *f, size_t i, double *e)
-{
-    const apsm_fidelity_prior *p = f->prior;
-    const size_t fold = i % p->folds, D = 3 * f->J;
-    for (size_t k = 0; k < D; k++) e[k] = f->X[i * D + k] - p->mean[fold * D + k];
-    for (size_t m = 0; m < p->modes; m++) {
-        const double *u = p->mode + (fold * p->modes + m) * D;
-        double score = 0;
-        for (size_t k = 0; k < D; k++) score += u[k] * e[k];
-        score *= p->weight[fold * p->modes + m];
-        for (size_t k = 0; k < D; k++) e[k] -= score * u[k];
-    }
-}
-
-/* Sets the scales from the models as they are and applies them to f->X.  Within a factor of 2 to
- * either side of the typical one: a few shapes say little about a single particle. */
-static void choose_scales(fitting *f, double *e)
-{
-    double *scale = f->prior->scale, typical = 0;
-    const size_t I = f->I, J = f->J;
-    memset(scale, 0, J * sizeof *scale);
-    for (size_t i = 0; i < I; i++) {
-        if (f->left_out && f->left_out[i]) continue;
-        leave(f, i, e);
-        for (size_t j = 0; j < J; j++) scale[j] += vec3_norm(e + 3 * j) / (double)I;
-    }
-    for (size_t j = 0; j < J; j++) typical += scale[j] / (double)J;
-    for (size_t j = 0; j < J; j++) {
-        const double relative = typical > 0 ? sqrt(scale[j] / typical) : 1;
-        scale[j] = 1 / fmin(fmax(relative, 0.5), 2);
-    }
-    for (size_t i = 0; i < I; i++)
-        for (size_t x = 0; x < 3 * J; x++) f->X[i * 3 * J + x] *= scale[x / 3];
 }
 
 static apsm_status fit(apsm_context *ctx, const double *P, double h, long modes, double *centre,
@@ -249,10 +206,8 @@ static apsm_status fit(apsm_context *ctx, const double *P, double h, long modes,
     for (size_t i = 0; i < I; i++)
         for (size_t k = 0; k < D; k++) f->X[i * D + k] = (P[i * D + k] - centre[k]) / h;
     APSM_TRY(fit_models(ctx, modes, f));
-    choose_scales(f, f->e);
-    APSM_TRY(fit_models(ctx, modes, f));
     for (size_t fold = 0; fold < p->folds; fold++)
-        for (size_t k = 0; k < D; k++) p->mean[fold * D + k] += p->scale[k / 3] * centre[k] / h;
+        for (size_t k = 0; k < D; k++) p->mean[fold * D + k] += centre[k] / h;
     return APSM_OK;
 }
 
@@ -271,13 +226,11 @@ apsm_status apsm_fidelity_prior_fit(apsm_context *ctx, size_t I, size_t J, const
     f.w = calloc(prior->folds * f.n, sizeof *f.w);
     f.Q = malloc(prior->folds * f.n * f.n * sizeof *f.Q);
     f.likelihood = calloc(prior->folds * f.n, sizeof *f.likelihood);
-    f.e = malloc(3 * J * sizeof *f.e);
     prior->noise = malloc(prior->folds * sizeof *prior->noise);
     prior->mean = malloc(prior->folds * 3 * J * sizeof *prior->mean);
-    prior->scale = malloc(J * sizeof *prior->scale);
     double *centre = malloc(3 * J * sizeof *centre);
-    const bool ok = f.X && f.G && f.count && f.w && f.Q && f.likelihood && f.e && prior->noise &&
-                    prior->mean && prior->scale && centre;
+    const bool ok = f.X && f.G && f.count && f.w && f.Q && f.likelihood && prior->noise &&
+                    prior->mean && centre;
     const apsm_status status = ok ? fit(ctx, P, h, modes, centre, &f) : APSM_ERR_MEMORY;
     free(centre);
     fitting_free(&f);

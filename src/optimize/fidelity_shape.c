@@ -1,13 +1,13 @@
 /* The objective of the fidelity stage for one shape, equation (12), lengths in h:
  *
  *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 lambda |e|^2 + 1/2 mu e' L e
- *       + 1/2 kappa (A p - mean)' S (A p - mean) + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
+ *       + 1/2 kappa (p - mean)' S (p - mean) + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
  *   e = p - p0  displacement since the stage began;  L  Laplacian of the 6-neighbour graph / 12
  *   rho(d)      d, below a floor d^2 / (2 floor) + floor / 2
- *   A, S        scales of the particles and precision of the prior (apsm/fidelity.h)
+ *   S           precision of the prior; with it the term counts distances, not squares (below)
  *   x_jk        from particle j to its neighbour k of the template; l the particle next to j on the
  *               shape.  beyond b = 1.75 k is on its way to being mismatched (2.0)
  *
@@ -66,16 +66,21 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
     w->YN = malloc(3 * f->warp.nv * sizeof *w->YN);
     w->tangent = malloc(6 * J * sizeof *w->tangent);
+    w->part = malloc(J * sizeof *w->part);
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
+    w->H32 = malloc(4 * J * J * sizeof *w->H32);
     w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
     w->e = malloc(3 * J * sizeof *w->e);
     w->Le = malloc(3 * J * sizeof *w->Le);
+    w->v = malloc(J * sizeof *w->v);
+    w->z = malloc((3 * J * modes + 1) * sizeof *w->z);
+    w->K = malloc((modes * modes + 1) * sizeof *w->K);
     w->entry = malloc(3 * J * sizeof *w->entry);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->entry && w->named && w->Y && w->YN && w->tangent && w->rows && w->H && w->g &&
-        w->e && w->Le && w->tangent_mode) {
+    if (states && w->v && w->z && w->K && w->entry && w->named && w->Y && w->YN && w->tangent &&
+        w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Le && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -89,13 +94,18 @@ void fidelity_work_free(fidelity_work *w)
 {
     state_free(&w->a);
     state_free(&w->b);
+    free(w->v);
+    free(w->z);
+    free(w->K);
     free(w->entry);
     free(w->named);
     free(w->Y);
     free(w->YN);
     apsm_bvh_free(w->bvh);
     free(w->tangent);
+    free(w->part);
     free(w->rows);
+    free(w->H32);
     free(w->H);
     free(w->g);
     free(w->e);
@@ -201,15 +211,65 @@ static double dot(size_t n, const double *a, const double *b)
     return sum;
 }
 
-/* e = scaled p - mean in h; Le = S e. */
+/* e = p - mean in h; Le = S e, S = V - Z'Z. */
 static void deviation(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                       fidelity_work *w)
 {
     const size_t D = 3 * f->J;
-    for (size_t x = 0; x < D; x++) w->Le[x] = w->e[x] = q->scale[x / 3] * P[x] / f->h - q->mean[x];
+    for (size_t x = 0; x < D; x++) {
+        w->e[x] = P[x] / f->h - q->mean[x];
+        w->Le[x] = w->v[x / 3] * w->e[x];
+    }
     for (size_t m = 0; m < q->modes; m++) {
-        const double *u = q->mode + m * D, s = q->weight[m] * dot(D, u, w->e);
-        for (size_t x = 0; x < D; x++) w->Le[x] -= s * u[x];
+        const double *z = w->z + m * D, s = dot(D, z, w->e);
+        for (size_t x = 0; x < D; x++) w->Le[x] -= s * z[x];
+    }
+}
+
+/* The least of |e - U' b|^2, particles weighted by V, plus |b|^2 weighted by c = 1 / weight - 1, is
+ * e' S e with S = V - V U' (U V U' + c)^-1 U V = V - Z'Z.  (V = 1: S = 1 - U' weight U.) */
+static void make_precision(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
+{
+    static const double least = 1e-9; /* a mode of no weight is no mode */
+    const size_t D = 3 * f->J, M = q->modes;
+    for (size_t a = 0; a < M; a++)
+        for (size_t b = 0; b <= a; b++) {
+            double sum = a == b ? 1 / fmax(q->weight[a], least) - 1 : 0;
+            for (size_t x = 0; x < D; x++)
+                sum += q->mode[a * D + x] * w->v[x / 3] * q->mode[b * D + x];
+            w->K[a * M + b] = sum;
+        }
+    if (M > 0 && apsm_cholesky(M, w->K) != APSM_OK) { /* only by rounding: a prior without modes */
+        memset(w->z, 0, M * D * sizeof *w->z);
+        return;
+    }
+    for (size_t a = 0; a < M; a++) { /* K z = U V */
+        double *z = w->z + a * D;
+        for (size_t x = 0; x < D; x++) z[x] = w->v[x / 3] * q->mode[a * D + x];
+        for (size_t b = 0; b < a; b++)
+            for (size_t x = 0; x < D; x++) z[x] -= w->K[a * M + b] * w->z[b * D + x];
+        for (size_t x = 0; x < D; x++) z[x] /= w->K[a * M + a];
+    }
+}
+
+/* Particles weigh 1 / r, r the distance by which the model misses them, over what is usual: squares
+ * so weighted add up like distances, and a particle whose place is its own is not held by the
+ * model.  Within a factor of 4, and found in turns with what the model makes of the others. */
+void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                        fidelity_work *w)
+{
+    enum { TURNS = 2 };
+    static const double most = 4;
+    const double usual = sqrt(8 / 3.14159265358979323846) * q->noise; /* mean norm of a Gaussian */
+    for (size_t j = 0; j < f->J; j++) w->v[j] = 1;
+    make_precision(f, q, w);
+    for (int k = 0; k < TURNS; k++) {
+        deviation(f, q, P, w);
+        for (size_t j = 0; j < f->J; j++) {
+            const double r = vec3_norm(w->Le + 3 * j) / w->v[j];
+            w->v[j] = r * most > usual ? fmax(usual / r, 1 / most) : most;
+        }
+        make_precision(f, q, w);
     }
 }
 
@@ -312,52 +372,63 @@ static void make_tangents(size_t J, const double *N, double *tangent)
     }
 }
 
-/* row (2J) = scale * (row of W) times the parts of the direction along the tangents. */
-static void add_row(size_t J, const double *W, double scale, const double *along, double *row)
-{
-    for (size_t j = 0; j < J; j++) {
-        row[2 * j] += scale * W[j] * along[2 * j];
-        row[2 * j + 1] += scale * W[j] * along[2 * j + 1];
-    }
-}
-
-/* Derivative of the match's distance by the 2J tangential moves, times root. */
-static void make_row(const apsm_fidelity *f, const fidelity_match *m, bool is_pull, double root,
-                     const double *tangent, double *along, double *row)
+/* part (J) = sum over the corners of weight times the row of W. */
+static const double *particles_in(const apsm_fidelity *f, const fidelity_match *m, bool is_pull,
+                                  double *part)
 {
     const size_t J = f->J;
-    for (size_t x = 0; x < 2 * J; x++) along[x] = vec3_dot(m->direction, tangent + 3 * x);
-    memset(row, 0, 2 * J * sizeof *row);
-    if (is_pull) {
-        add_row(J, f->warp.W + m->vertex * J, root, along, row);
-        return;
-    }
+    if (is_pull) return f->warp.W + m->vertex * J;
     const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
-    for (size_t c = 0; c < 3; c++) {
-        const size_t v = mesh->F[3 * (size_t)m->on.face + c];
-        if (m->on.weight[c] > 0) add_row(J, f->warp.W + v * J, root * m->on.weight[c], along, row);
+    const uint32_t *corner = mesh->F + 3 * (size_t)m->on.face;
+    const double *A = f->warp.W + corner[0] * J, *B = f->warp.W + corner[1] * J,
+                 *C = f->warp.W + corner[2] * J;
+    const double a = m->on.weight[0], b = m->on.weight[1], c = m->on.weight[2];
+    for (size_t j = 0; j < J; j++) part[j] = a * A[j] + b * B[j] + c * C[j];
+    return part;
+}
+
+/* row (2J) = root times the derivative of the match's distance by the tangential moves; adds its
+ * part of the gradient to g. */
+APSM_KERNEL static void make_row(size_t J, const double *part, const double direction[3],
+                                 double root, double distance, const double *tangent, double *g,
+                                 float *row)
+{
+    const double dx = root * direction[0], dy = root * direction[1], dz = root * direction[2];
+    const double pull = root * distance;
+    for (size_t j = 0; j < J; j++) {
+        const double *a = tangent + 6 * j, *b = a + 3;
+        const double p = part[j] * (dx * a[0] + dy * a[1] + dz * a[2]);
+        const double q = part[j] * (dx * b[0] + dy * b[1] + dz * b[2]);
+        g[2 * j] += pull * p;
+        g[2 * j + 1] += pull * q;
+        row[2 * j] = (float)p;
+        row[2 * j + 1] = (float)q;
     }
 }
 
+/* The matrix is summed in single precision: it shapes the step, whose worth the value decides. */
 double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
 {
     const size_t n = 2 * f->J;
     make_tangents(f->J, s->N, w->tangent);
-    memset(w->H, 0, n * n * sizeof *w->H);
+    memset(w->H32, 0, n * n * sizeof *w->H32);
     memset(w->g, 0, n * sizeof *w->g);
     for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
         const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
         for (size_t k = 0; k < rows; k++) {
             const fidelity_match *m = &s->match[first + k];
             const double root = 1 / sqrt(fmax(m->distance, f->o.floor));
-            double *row = w->rows + k * n;
-            make_row(f, m, first + k < s->pulls, root, w->tangent, w->Le, row);
-            for (size_t x = 0; x < n; x++) w->g[x] += root * m->distance * row[x];
+            const double *part = particles_in(f, m, first + k < s->pulls, w->part);
+            make_row(f->J, part, m->direction, root, m->distance, w->tangent, w->g,
+                     w->rows + k * n);
         }
-        apsm_syrk(n, rows, w->rows, 1, w->H);
+        apsm_syrk_f32(n, rows, w->rows, 1, w->H32);
     }
     double trace = 0;
-    for (size_t x = 0; x < n; x++) trace += w->H[x * n + x];
+    for (size_t x = 0; x < n; x++) {
+        for (size_t y = 0; y <= x; y++) w->H[x * n + y] = (double)w->H32[x * n + y];
+        trace += w->H[x * n + x];
+    }
     return trace / (double)n;
 }
 
@@ -378,15 +449,13 @@ static void add_gradient(size_t J, double weight, const double *x, const double 
 static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
 {
     const size_t J = f->J, n = 2 * J;
-    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior * q->scale[x / 2] * q->scale[x / 2];
+    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior * w->v[x / 2];
     for (size_t m = 0; m < q->modes; m++) {
         double *u = w->tangent_mode + m * n;
         for (size_t x = 0; x < n; x++)
-            u[x] =
-                q->scale[x / 2] * vec3_dot(q->mode + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
+            u[x] = vec3_dot(w->z + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
         for (size_t x = 0; x < n; x++)
-            for (size_t y = 0; y <= x; y++)
-                w->H[x * n + y] -= q->prior * q->weight[m] * u[x] * u[y];
+            for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
     }
 }
 
@@ -408,7 +477,6 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, c
     add_gradient(J, q->smooth, w->Le, w->tangent, w->g);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
-    for (size_t x = 0; x < 3 * J; x++) w->Le[x] *= q->scale[x / 3];
     add_gradient(J, q->prior, w->Le, w->tangent, w->g);
     add_prior(f, q, w);
 }

@@ -46,7 +46,7 @@ typedef struct fidelity_weights {
     size_t modes;
     const double *mode;   /* modes x 3J */
     const double *weight; /* modes */
-    const double *scale;  /* J */
+    double noise;         /* standard deviation of a coordinate beside the modes */
 } fidelity_weights;
 
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
@@ -59,9 +59,12 @@ typedef struct fidelity_work {
     apsm_mesh warped;     /* its triangles on Y */
     apsm_bvh *bvh;        /* of warped */
     double *tangent;      /* J x 2 x 3 */
-    double *rows;         /* FIDELITY_ROWS x 2J */
+    double *part;         /* J: of the particles in a point of the warped template */
+    float *rows;          /* FIDELITY_ROWS x 2J */
+    float *H32;           /* 2J x 2J lower: the surface terms' part of H */
     double *H, *g;        /* 2J x 2J lower, 2J */
     double *e, *Le;       /* J x 3 */
+    double *v, *z, *K;    /* precision of the prior: J, modes x 3J; modes x modes: scratch */
     double *tangent_mode; /* modes x 2J */
 } fidelity_work;
 enum { FIDELITY_ROWS = 256 };
@@ -72,6 +75,9 @@ void fidelity_work_free(fidelity_work *w);
 /* Fills s->match and s->distance for particles s->P of shape i. */
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
                       fidelity_work *w);
+/* The precision of the prior for a shape with particles P (J x 3): w->v and w->z. */
+void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                        fidelity_work *w);
 /* s->value from the matches and the quadratic terms; P0 (J x 3). */
 void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
                     fidelity_state *s, fidelity_work *w);
