@@ -40,7 +40,8 @@ static const cli_option own[] = {
     { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
       "leave out the inputs whose file name matches", NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS, "NAME", "template", NULL,
-      "the shape that neighbours and meshes are taken from; auto: the most typical one (default "
+      "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
+      "best (default "
       "auto)",
       NULL },
     { "original-frame", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, NULL, "original_frame", "true",

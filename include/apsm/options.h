@@ -116,7 +116,7 @@ extern "C" {
     REAL(fidelity, 0.5, 0, 1,                                                                      \
          "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
          "the other shapes weighs (1 - F)/F against that; 0: no such stage")                       \
-    INT(fidelity_rounds, 12, 1, 1000, "rounds of the fidelity stage")                               \
+    INT(fidelity_rounds, 12, 1, 1000, "rounds of the fidelity stage")                              \
     INT(fidelity_modes, -1, -1, 100000,                                                            \
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
     INT(fidelity_points, 1000, 100, 10000000,                                                      \

@@ -7,6 +7,7 @@
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/align.h"
+#include "apsm/template_choice.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -81,6 +82,10 @@ static apsm_status align(groom_work *w)
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
+    if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
+        status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
+                                      ao.mirror == APSM_MIRROR_FIX ? NULL : w->alignment.mirrored,
+                                      w->alignment.template_index, &w->alignment.template_index);
     free(meshes);
     free(names);
     return status;

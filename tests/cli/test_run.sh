@@ -76,7 +76,7 @@ done
 
 # ---- a run and what it leaves ----
 expect 0 "about" run cohort -o model "${quick[@]}" --dry-run
-expect 0 "8 fidelity rounds" run cohort -o model "${quick[@]}" --dry-run
+expect 0 "12 fidelity rounds" run cohort -o model "${quick[@]}" --dry-run
 expect 0 "MB of disk in model/state" run cohort -o model "${quick[@]}" --memory 64M --dry-run
 expect 0 "1000 iterations a split" run cohort -o model --method psm --dry-run
 # seconds OPTION...: the forecast
