@@ -87,7 +87,7 @@ plain=$(seconds --threads 1 --fidelity 0 -J 512 --fidelity-rounds 100)
 megabytes() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/.*, \([0-9]*\) MB of memory.*/\1/p'; }
 [ "$(megabytes -J 512)" -gt "$(megabytes -J 512 --adaptivity 0)" ] ||
     fail "--dry-run: the factors that stage 2 keeps take no memory"
-expect 0 "0 + 0 epochs, 8 fidelity rounds" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --dry-run
+expect 0 "0 + 0 epochs, 12 fidelity rounds" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --dry-run
 expect 2 "there is no fidelity stage" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --fidelity 0 --dry-run
 [ -e model ] && fail "--dry-run wrote something"
 expect 0 "verdict:" run cohort -o model "${quick[@]}" --threads 1
