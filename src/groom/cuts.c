@@ -1,15 +1,12 @@
-/* Where a shape has been cut off: by the edge of an image, or by a saw.  Then a part of its surface
- * lies in a plane that the whole shape touches from one side, and straight below that plane the
- * shape is about as wide as the part is large.  Natural ends are round: of what lies above a
- * section, they leave only a small share to the plane.
+/* Where a shape has been cut off: by the edge of an image, or by a saw.  Then it ends in a plane,
+ * and just below that end it is about as wide as farther below:
  *
- *   flat(n)  = area of the faces in the plane,                normals within 8 degrees of n
- *   width(n) = sum of area n.n_f over the faces above the section at depth 0.1 radius
- *            = area of that section (divergence theorem)
- *   behind     = the same at depth 0.3 radius: a plate has none
- *   cut:       flat >= width / 2 and behind >= flat / 2
+ *   width(d) = sum of area n.n_f over the faces less than d radii below the end in direction n
+ *            = area of the section there (divergence theorem)
+ *   cut:       width(0.02) >= 0.6 width(0.1) and width(0.3) >= width(0.02) / 2
  *
- * A ball's end of radius rho has 0.06 rho^2 for flat and about 0.6 rho radius for width. */
+ * A round end has 0.2 for 0.6.  Nothing is asked of the end's own normals: smoothing rounds the
+ * edges of masks.  The last condition leaves out plates. */
 #include <math.h>
 
 #include "apsm/align.h"
@@ -18,43 +15,55 @@
 
 enum { CANDIDATES = 1500 };
 
-static const double depth = 0.1, deeper = 0.3, thick = 0.02; /* in radii */
-static const double least_share = 0.5;
-static const double rough_share = 0.25;    /* for the few points of the cloud */
-static const double cosine_flat = 0.9903;  /* 8 degrees */
+static const double thick = 0.02, depth = 0.1, deeper = 0.3; /* in radii */
+static const double least_share = 0.6, least_behind = 0.5;
+static const double rough_share = 0.42;    /* for the few points of the cloud */
+static const double cosine_flat = 0.95;    /* of faces that say where the plane is: 18 degrees */
 static const double cosine_other = 0.8660; /* a second cut looks another way by 30 degrees */
 /* More than this share of the surface in planes: the shape is like that, a box, and not cut. */
 static const double most_flat = 0.2;
 
-/* flat and width so far. */
+/* The widths so far. */
 typedef struct flatness {
-    double flat, width, behind;
-    double n[3], x[3]; /* sums over the flat part: area times normal, area times place */
+    double end, width, behind;
+    double seen, n[3],
+        x[3]; /* of the faces in the plane: area, sums of area times normal and place */
 } flatness;
 
-/* Adds a piece of surface at x, with normal m, at height z over the plane with normal n. */
+/* Adds a piece of surface at x, with normal m, at height z over the end in direction n. */
 static void add_piece(const double n[3], const double x[3], const double m[3], double z,
                       double area, double radius, flatness *f)
 {
     const double cosine = vec3_dot(n, m);
     if (z >= -deeper * radius) f->behind += area * cosine;
     if (z >= -depth * radius) f->width += area * cosine;
-    if (!(fabs(z) <= thick * radius && cosine >= cosine_flat)) return;
-    f->flat += area;
+    if (z < -thick * radius) return;
+    f->end += area * cosine;
+    if (cosine < cosine_flat) return;
+    f->seen += area;
     vec3_add_scaled(f->x, area, x);
     vec3_add_scaled(f->n, area, m);
+}
+
+/* The largest n.x of N points. */
+static double end_of(size_t N, const double *x, const double n[3])
+{
+    double end = -INFINITY;
+    for (size_t i = 0; i < N; i++) end = fmax(end, vec3_dot(n, x + 3 * i));
+    return end;
 }
 
 /* By the points of the cloud; false if some lie beyond the plane. */
 static bool may_be_cut(const apsm_cloud *cloud, const double plane[4])
 {
     flatness f = { 0 };
+    const double end = end_of(cloud->n, cloud->x, plane);
+    if (end > plane[3] + thick * cloud->radius) return false;
     for (size_t i = 0; i < cloud->n; i++) {
-        const double *x = cloud->x + 3 * i, z = vec3_dot(plane, x) - plane[3];
-        if (z > thick * cloud->radius) return false;
+        const double *x = cloud->x + 3 * i, z = vec3_dot(plane, x) - end;
         add_piece(plane, x, cloud->normal + 3 * i, z, cloud->w[i], cloud->radius, &f);
     }
-    return f.flat >= rough_share * f.width;
+    return f.end >= rough_share * f.width;
 }
 
 /* Normal and middle of face f; returns its area. */
@@ -74,18 +83,19 @@ static double face_at(const apsm_mesh *mesh, size_t f, double n[3], double x[3])
 static bool is_cut(const apsm_mesh *mesh, double radius, double plane[4], double *flat)
 {
     flatness f = { 0 };
+    const double end = end_of(mesh->nv, mesh->V, plane);
+    if (end > plane[3] + thick * radius) return false;
     for (size_t i = 0; i < mesh->nf; i++) {
         double m[3], x[3];
-        const double area = face_at(mesh, i, m, x), z = vec3_dot(plane, x) - plane[3];
-        if (z > thick * radius) return false;
-        add_piece(plane, x, m, z, area, radius, &f);
+        const double area = face_at(mesh, i, m, x), z = vec3_dot(plane, x) - end;
+        if (z >= -deeper * radius) add_piece(plane, x, m, z, area, radius, &f);
     }
-    if (!(f.flat > 0.0) || f.flat < least_share * f.width || f.behind < least_share * f.flat)
+    if (!(f.seen > 0.0) || f.end < least_share * f.width || f.behind < least_behind * f.end)
         return false;
     vec3_normalise(f.n);
     for (size_t a = 0; a < 3; a++) plane[a] = f.n[a];
-    plane[3] = vec3_dot(f.n, f.x) / f.flat;
-    *flat = f.flat;
+    plane[3] = vec3_dot(f.n, f.x) / f.seen;
+    *flat = f.end;
     return true;
 }
 
