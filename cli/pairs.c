@@ -120,19 +120,33 @@ static const char *value_of(const cli_pair *pairs, size_t n, const char *key)
     return NULL;
 }
 
-/* set <- preset, then the file's pairs that the command line does not replace, then its own. */
+/* Options that set others: they come first, wherever they stand. */
+static const char *const leaders[] = { "preset", "method" };
+enum { LEADERS = sizeof leaders / sizeof leaders[0] };
+
+static bool leads(const char *key)
+{
+    for (size_t k = 0; k < LEADERS; k++)
+        if (strcmp(key, leaders[k]) == 0) return true;
+    return false;
+}
+
+/* set <- preset and method, then the file's pairs that the command line does not replace, then its
+ * own. */
 static apsm_status merge(apsm_context *ctx, cli_args *a, const cli_pair *file, size_t n_file,
                          const cli_pair *given, size_t n_given)
 {
-    const char *preset = value_of(given, n_given, "preset");
-    if (!preset) preset = value_of(file, n_file, "preset");
-    bool done = !preset || append_pair(a, "preset", preset);
+    bool done = true;
+    for (size_t k = 0; k < LEADERS && done; k++) {
+        const char *value = value_of(given, n_given, leaders[k]);
+        if (!value) value = value_of(file, n_file, leaders[k]);
+        done = !value || append_pair(a, leaders[k], value);
+    }
     for (size_t i = 0; i < n_file && done; i++)
-        if (strcmp(file[i].key, "preset") != 0 && !value_of(given, n_given, file[i].key))
+        if (!leads(file[i].key) && !value_of(given, n_given, file[i].key))
             done = append_pair(a, file[i].key, file[i].value);
     for (size_t i = 0; i < n_given && done; i++)
-        if (strcmp(given[i].key, "preset") != 0)
-            done = append_pair(a, given[i].key, given[i].value);
+        if (!leads(given[i].key)) done = append_pair(a, given[i].key, given[i].value);
     return done ? APSM_OK : out_of_memory(ctx);
 }
 

@@ -33,12 +33,12 @@ extern "C" {
          "the input's unit; a number may end in mm if that is the unit")                           \
     REAL(adaptivity, 0.5, 0, 1,                                                                    \
          "c in (5): 0 spreads particles evenly, 1 follows the surface error")                      \
-    REAL(alpha, 10, 0, 1e6, "weight of the sampling loss in stage 1")                              \
-    REAL(stage2_alpha_factor, 0.5, 0, 1e6, "alpha of stage 2 relative to alpha")                   \
-    REAL(beta, 0.02, 0, 1e6, "weight of the eigenshape loss")                                      \
-    REAL(gamma, 1, 0, 1e6, "weight of the correspondence loss")                                    \
-    INT(stage1_epochs, 50, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")              \
-    INT(stage2_epochs, 50, 0, 1000000, "epochs of stage 2 (adaptive)")                             \
+    REAL(alpha, 5, 0, 1e6, "weight of the sampling loss in stage 1")                               \
+    REAL(stage2_alpha_factor, 1, 0, 1e6, "alpha of stage 2 relative to alpha")                     \
+    REAL(beta, 0.05, 0, 1e6, "weight of the eigenshape loss")                                      \
+    REAL(gamma, 0.5, 0, 1e6, "weight of the correspondence loss")                                  \
+    INT(stage1_epochs, 6, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")               \
+    INT(stage2_epochs, 12, 0, 1000000, "epochs of stage 2 (adaptive)")                             \
     /* groom */                                                                                    \
     INT(faces, 10000, 100, 10000000, "faces of a groomed mesh, about; more where needed")          \
     BOOL(remesh, true, "make groomed meshes near-isotropic with about `faces` faces")              \
@@ -103,7 +103,7 @@ extern "C" {
     /* Algorithm 1 */                                                                              \
     BOOL(geodesic_correspondence, true, "run Algorithm 1 in stage 1")                              \
     INT(geodesic_interval, 25, 1, 1000000,                                                         \
-        "epochs between its passes (at most a quarter of the stage)")                              \
+        "epochs between its passes (at most half of the stage)")                                   \
     REAL(geodesic_factor, 2, 1, 10,                                                                \
          "F: a neighbour farther than F times the closest is mismatched (paper: 1.5)")             \
     ENUM(geodesic_target, "mean|farthest",                                                         \
@@ -202,8 +202,8 @@ const apsm_option_info *apsm_options_table(size_t *n);
  * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line.
  * method = xu2023 also sets what makes the method of the earlier paper (METHOD 8): correspondence =
  * frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in every epoch), snap = none,
- * geodesic_correspondence = false, fidelity = 0; another method then takes these back to their
- * defaults. */
+ * geodesic_correspondence = false, fidelity = 0, and the schedule of 50 + 50 epochs with its
+ * weights; another method then takes these back to their defaults. */
 apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
                              const char *value) APSM_NODISCARD;
 /* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */

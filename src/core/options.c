@@ -149,8 +149,16 @@ static apsm_status set_one(apsm_context *ctx, apsm_options *options, const char 
 /* The earlier paper's method; METHOD 8.  Its gamma/2 |P_i - mean|^2 has the gradient
  * gamma (P_i - mean): a length, so gamma is the share of the way to the mean made in an epoch. */
 static const char *const xu2023[][2] = {
-    { "correspondence", "frobenius-squared" }, { "gamma", "0.1" },  { "snap", "none" },
-    { "geodesic_correspondence", "false" },    { "fidelity", "0" },
+    { "correspondence", "frobenius-squared" },
+    { "gamma", "0.1" },
+    { "snap", "none" },
+    { "geodesic_correspondence", "false" },
+    { "fidelity", "0" },
+    { "stage1_epochs", "50" },
+    { "stage2_epochs", "50" },
+    { "alpha", "10" },
+    { "stage2_alpha_factor", "0.5" },
+    { "beta", "0.02" },
 };
 enum { XU2023_LENGTH = sizeof xu2023 / sizeof xu2023[0] };
 

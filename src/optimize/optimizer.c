@@ -368,7 +368,7 @@ static apsm_status fit_again(const optimizer *op, size_t i, const double *P, con
                              worker *w, apsm_rbf_shape *rbf, apsm_polyharmonic *spare)
 {
     enum { MOST_ITERATIONS = 24 };
-    const double tolerance = 1e-3, s = dipole_length(op, &op->cohort->shape[i]);
+    const double tolerance = 1e-2, s = dipole_length(op, &op->cohort->shape[i]);
     const apsm_polyharmonic *factor;
     size_t iterations;
     APSM_TRY(factor_at_own(op, i, w, rbf, spare, &factor));
@@ -842,6 +842,8 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const ap
 
 /* ---- spreading the particles of one shape ---- */
 
+enum { SPREAD_ALPHA = 10 }; /* steps up to h/4: a farthest-point sample is far from even */
+
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
                         const apsm_options *options, size_t J, long epochs, double *P)
 {
@@ -853,6 +855,7 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
     o.stage1_epochs = epochs;
     o.stage2_epochs = 0;
     o.fidelity = 0;
+    if (o.step == APSM_STEP_SCALED) o.alpha = SPREAD_ALPHA;
     o.beta = o.gamma = 0;
     o.batch = 0;
     state.mean = doubles(3 * J);

@@ -9,8 +9,8 @@ schedule schedule_of_stage(const apsm_options *o, int stage)
     s.decay1 = (long)(o->decay1_at * (double)s.epochs);
     s.decay2 = (long)(o->decay2_at * (double)s.epochs);
     if (stage == APSM_STAGE_1 && o->geodesic_correspondence && o->gamma > 0) {
-        const long quarter = s.epochs / 4 > 0 ? s.epochs / 4 : 1;
-        s.pass_interval = o->geodesic_interval < quarter ? o->geodesic_interval : quarter;
+        const long half = s.epochs / 2 > 0 ? s.epochs / 2 : 1;
+        s.pass_interval = o->geodesic_interval < half ? o->geodesic_interval : half;
     }
     return s;
 }

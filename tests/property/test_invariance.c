@@ -146,6 +146,21 @@ static void particles_are_on_the_surface(void **state)
     cohort_end(&r);
 }
 
+/* They are spread over the template by steps of their own. */
+static void first_particles_do_not_depend_on_alpha(void **state)
+{
+    (void)state;
+    apsm_options o = short_run();
+    cohort_run a = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 2);
+    cohort_run b = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 2);
+    ok(&a, apsm_first_particles(a.ctx, &a.cohort, &o, J, a.state.P));
+    o.alpha = 1;
+    ok(&b, apsm_first_particles(b.ctx, &b.cohort, &o, J, b.state.P));
+    same_bytes(&a, &b, 1);
+    cohort_end(&a);
+    cohort_end(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -155,6 +170,7 @@ int main(void)
         cmocka_unit_test(an_interruption_does_not_matter),
         cmocka_unit_test(minibatches_are_reproducible),
         cmocka_unit_test(particles_are_on_the_surface),
+        cmocka_unit_test(first_particles_do_not_depend_on_alpha),
     };
     return cmocka_run_group_tests_name("invariance", tests, NULL, NULL);
 }

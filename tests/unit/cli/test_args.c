@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "apsm/options.h"
 #include "args.h"
 #include "folder.h"
 #include "help.h"
@@ -68,6 +69,21 @@ static void a_whole_command_is_understood(void **state)
     expect_pair(&a, "exclude", "^x");
     expect_pair(&a, "template", "t");
     expect_pair(&a, "seed", "18446744073709551615");
+    cli_args_free(&a);
+}
+
+/* --method sets other options: those that are given as well stay, whatever the order. */
+static void the_method_comes_first(void **state)
+{
+    (void)state;
+    cli_args a = understood("run x -o m --gamma 0.3 --stage1-epochs 9 --method xu2023");
+    apsm_options o = apsm_options_defaults();
+    for (size_t i = 0; i < a.n_set; i++)
+        assert_int_equal(apsm_options_set(ctx, &o, a.set[i].key, a.set[i].value), APSM_OK);
+    assert_int_equal(o.method, APSM_METHOD_XU2023);
+    assert_int_equal(o.stage1_epochs, 9);
+    assert_int_equal(o.stage2_epochs, 50);
+    assert_true(o.gamma > 0.29 && o.gamma < 0.31);
     cli_args_free(&a);
 }
 
@@ -281,6 +297,7 @@ int main(void)
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_whole_command_is_understood),
+        cmocka_unit_test(the_method_comes_first),
         cmocka_unit_test(short_and_long_forms_are_the_same),
         cmocka_unit_test(steps_take_their_folder_either_way),
         cmocka_unit_test(help_and_version_need_nothing_else),

@@ -328,12 +328,15 @@ static void test_xu2023_is_a_set_of_options(void **unused)
     assert_int_equal(o.snap, APSM_SNAP_NONE);
     assert_false(o.geodesic_correspondence);
     if (o.gamma != 0.1) fail_msg("gamma %g", o.gamma);
+    assert_int_equal(o.stage1_epochs + o.stage2_epochs, 100);
+    if (o.alpha != 10 || o.beta != 0.02) fail_msg("alpha %g, beta %g", o.alpha, o.beta);
     assert_int_equal(apsm_options_set(NULL, &o, "gamma", "0.2"), APSM_OK);
     assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
     if (o.gamma != 0.2) fail_msg("gamma %g was overwritten", o.gamma);
     assert_int_equal(apsm_options_set(NULL, &o, "method", "adaptive"), APSM_OK);
     assert_int_equal(o.correspondence, APSM_CORRES_NEIGHBOURHOOD);
     if (o.gamma != gamma) fail_msg("gamma %g", o.gamma);
+    assert_int_equal(o.stage1_epochs, apsm_options_defaults().stage1_epochs);
 }
 
 int main(void)
