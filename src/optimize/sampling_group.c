@@ -2,7 +2,8 @@
  *
  * Weights are wrong by about 2e-6 of the largest, rounding and cut alike; the mean over a
  * particle's points is known to some per cent only (R/J = 16 points, drawn anew every epoch).
- * Block by block over all points, so that a block's particles and sums stay in registers. */
+ * One particle against all points of the group at a time: its 16 distances are whole registers, and
+ * sums over particles need nothing across them. */
 #include "optimize/sampling_group.h"
 
 #include <math.h>
@@ -11,134 +12,125 @@
 #include "core/exp.h"
 #include "core/kernel.h"
 
-enum { LANES = SAMPLING_LANES, GROUP = SAMPLING_GROUP };
+enum { GROUP = SAMPLING_GROUP, HALF = GROUP / 2 };
 
-size_t sampling_group_lay_out(size_t blocks, sampling_group *s, double *work)
+size_t sampling_group_lay_out(size_t J, sampling_group *s, double *work)
 {
-    const size_t pair = (size_t)GROUP * LANES;
-    const size_t floats = blocks * (3 * LANES + 4 * LANES + 2 * pair + GROUP);
-    const size_t bytes = floats * sizeof(float) + blocks * (GROUP + 1);
+    const size_t floats = J * (3 + 4 + 2 * GROUP), bytes = 4 * (floats + J);
     if (work) {
         float *next = (float *)work;
-        s->p = (float(*)[3][LANES])next;
-        s->grad = (float(*)[4][LANES])(next += blocks * 3 * LANES);
-        s->k = (float(*)[LANES])(next += blocks * 4 * LANES);
-        s->e = (float(*)[LANES])(next += blocks * pair);
-        s->least = (float(*)[GROUP])(next += blocks * pair);
-        s->near = (uint8_t(*)[GROUP])(next += blocks * GROUP);
-        s->count = (uint8_t *)(s->near + blocks);
+        s->k = (float(*)[GROUP])next;
+        s->e = (float(*)[GROUP])(next += J * GROUP);
+        s->p = (float(*)[3])(next += J * GROUP);
+        s->grad = (float(*)[4])(next += J * 3);
+        s->near = (uint32_t *)(next + J * 4);
     }
     return (bytes + sizeof(double) - 1) / sizeof(double);
 }
 
-/* Squared distances of all points to a block's particles, and the least for each point. */
-KERNEL_INLINE void block_distances(const sampling_group *s, size_t i)
+/* Squared distances of all points to particle p, and the least so far for each point. */
+KERNEL_INLINE void distances(const float x[restrict 3][GROUP], const float p[restrict 3],
+                             float *restrict d2, float *restrict least)
 {
-    const float *restrict px = s->p[i][0], *restrict py = s->p[i][1], *restrict pz = s->p[i][2];
+#pragma omp simd
     for (size_t q = 0; q < GROUP; q++) {
-        const float a = s->x[0][q], b = s->x[1][q], c = s->x[2][q];
-        float *restrict d2 = s->k[i * GROUP + q], least = INFINITY;
-#pragma omp simd reduction(min : least)
-        for (size_t l = 0; l < LANES; l++) {
-            const float x = px[l] - a, y = py[l] - b, z = pz[l] - c, d = x * x + y * y + z * z;
-            d2[l] = d;
-            least = d < least ? d : least;
-        }
-        s->least[i][q] = least;
+        const float a = x[0][q] - p[0], b = x[1][q] - p[1], c = x[2][q] - p[2];
+        const float d = a * a + b * b + c * c;
+        d2[q] = d;
+        least[q] = d < least[q] ? d : least[q];
     }
 }
 
-/* kmin, and what a block's least squared distance may be at most. */
-KERNEL_INLINE void nearest_of_points(const sampling_group *s, float kmin[GROUP], float limit[GROUP])
+/* kmin from the least squared distances, and what a squared distance may be at most to matter. */
+KERNEL_INLINE void find_limits(float reach, float kmin[restrict GROUP], float limit[restrict GROUP])
 {
-    for (size_t q = 0; q < GROUP; q++) kmin[q] = INFINITY;
-    for (size_t i = 0; i < s->found; i++)
-#pragma omp simd
-        for (size_t q = 0; q < GROUP; q++)
-            kmin[q] = s->least[i][q] < kmin[q] ? s->least[i][q] : kmin[q];
 #pragma omp simd
     for (size_t q = 0; q < GROUP; q++) {
         kmin[q] = sqrtf(kmin[q]);
-        const float far = (kmin[q] + s->reach) * 1.000001f;
+        const float far = (kmin[q] + reach) * 1.000001f;
         limit[q] = far * far;
     }
 }
 
-/* k, the weight e of (3) without its denominator, and the lanes' sums of e and e (k - kmin). */
-KERNEL_INLINE void soften(float *restrict k, float *restrict e, float kmin, float reach,
-                          float sharpness, float *restrict s0, float *restrict s1)
+/* Notes in near the particles that matter to any of the points; returns their number. */
+KERNEL_INLINE size_t keep_near(const sampling_group *s, const float limit[GROUP])
+{
+    size_t n = 0;
+    for (size_t j = 0; j < s->found; j++) {
+        const float *restrict d2 = s->k[j];
+        float over = INFINITY;
+#pragma omp simd reduction(min : over)
+        for (size_t q = 0; q < GROUP; q++) {
+            const float beyond = d2[q] - limit[q];
+            over = beyond < over ? beyond : over;
+        }
+        s->near[n] = (uint32_t)j;
+        n += over <= 0.0f;
+    }
+    return n;
+}
+
+/* k, the weight e of (3) without its denominator, and the points' sums of e and e (k - kmin). */
+KERNEL_INLINE void soften(float *restrict k, float *restrict e, const float *restrict kmin,
+                          float reach, float sharpness, float *restrict s0, float *restrict s1)
 {
 #pragma omp simd
-    for (size_t l = 0; l < LANES; l++) {
-        const float r = sqrtf(k[l]), beyond = r - kmin, w = apsm_expf(-beyond * sharpness);
+    for (size_t q = 0; q < GROUP; q++) {
+        const float r = sqrtf(k[q]), beyond = r - kmin[q], w = apsm_expf(-beyond * sharpness);
         const float v = beyond <= reach ? w : 0.0f;
-        k[l] = r;
-        e[l] = v;
-        s0[l] += v;
-        s1[l] += v * beyond;
+        k[q] = r;
+        e[q] = v;
+        s0[q] += v;
+        s1[q] += v * beyond;
     }
 }
 
-KERNEL_INLINE float sum_lanes(const float v[LANES])
+/* The second half is added to the first, then as a tree. */
+KERNEL_INLINE float sum_points(const float v[GROUP])
 {
-    return ((v[0] + v[1]) + (v[2] + v[3])) + ((v[4] + v[5]) + (v[6] + v[7]));
-}
-
-/* Adds the share of point x in a block's gradient and mass. */
-KERNEL_INLINE void pull(const float p[restrict 3][LANES], const float x[3], const float *restrict k,
-                        const float *restrict e, float kbar, float share, float sharpness,
-                        float sum[restrict 4][LANES])
-{
-    const float a = x[0], b = x[1], c = x[2];
+    float h[HALF];
 #pragma omp simd
-    for (size_t l = 0; l < LANES; l++) {
-        const float r = k[l], w = share * e[l], t = w * (1.0f - (r - kbar) * sharpness);
-        const float f = t / (r > 0.0f ? r : 1.0f); /* at 0 it meets p - x = 0 */
-        sum[0][l] += f * (p[0][l] - a);
-        sum[1][l] += f * (p[1][l] - b);
-        sum[2][l] += f * (p[2][l] - c);
-        sum[3][l] += w;
-    }
+    for (size_t q = 0; q < HALF; q++) h[q] = v[q] + v[q + HALF];
+    return ((h[0] + h[1]) + (h[2] + h[3])) + ((h[4] + h[5]) + (h[6] + h[7]));
 }
 
-/* A block's gradient and mass from the points near it; share = g / sum of weights. */
-KERNEL_INLINE void pull_block(const sampling_group *s, size_t i, const float kbar[GROUP],
-                              const float share[GROUP], float sharpness)
+/* The points' shares in a particle's gradient and mass; share = g / sum of weights. */
+KERNEL_INLINE void pull(const float x[restrict 3][GROUP], const float p[restrict 3],
+                        const float *restrict k, const float *restrict e,
+                        const float *restrict kbar, const float *restrict share, float sharpness,
+                        float grad[restrict 4])
 {
-    float p[3][LANES], sum[4][LANES] = { { 0 } };
-    memcpy(p, s->p[i], sizeof p);
-    for (size_t n = 0; n < s->count[i]; n++) {
-        const size_t q = s->near[i][n], at = i * GROUP + q;
-        const float x[3] = { s->x[0][q], s->x[1][q], s->x[2][q] };
-        pull((const float(*)[LANES])p, x, s->k[at], s->e[at], kbar[q], share[q], sharpness, sum);
+    float part[4][GROUP];
+#pragma omp simd
+    for (size_t q = 0; q < GROUP; q++) {
+        const float r = k[q], w = share[q] * e[q], t = w * (1.0f - (r - kbar[q]) * sharpness);
+        const float f = t / (r > 0.0f ? r : 1.0f); /* at 0 it meets p - x = 0 */
+        part[0][q] = f * (p[0] - x[0][q]);
+        part[1][q] = f * (p[1] - x[1][q]);
+        part[2][q] = f * (p[2] - x[2][q]);
+        part[3][q] = w;
     }
-    memcpy(s->grad[i], sum, sizeof sum);
+    for (size_t a = 0; a < 4; a++) grad[a] = sum_points(part[a]);
 }
 
 APSM_KERNEL void sampling_group_run(sampling_group *s)
 {
     const float sharpness = 1.0f / s->tau;
-    float kmin[GROUP], limit[GROUP], s0[GROUP][LANES] = { 0 }, s1[GROUP][LANES] = { 0 };
-    float share[GROUP];
-    for (size_t i = 0; i < s->found; i++) block_distances(s, i);
-    nearest_of_points(s, kmin, limit);
-    for (size_t i = 0; i < s->found; i++) {
-        uint8_t n = 0;
-        for (size_t q = 0; q < GROUP; q++) {
-            s->near[i][n] = (uint8_t)q;
-            n = (uint8_t)(n + (s->least[i][q] <= limit[q]));
-        }
-        s->count[i] = n;
-        for (size_t m = 0; m < n; m++) {
-            const size_t q = s->near[i][m];
-            soften(s->k[i * GROUP + q], s->e[i * GROUP + q], kmin[q], s->reach, sharpness, s0[q],
-                   s1[q]);
-        }
-    }
+    const float(*x)[GROUP] = (const float(*)[GROUP])s->x;
+    float kmin[GROUP], limit[GROUP], share[GROUP], s0[GROUP] = { 0 }, s1[GROUP] = { 0 };
+    for (size_t q = 0; q < GROUP; q++) kmin[q] = INFINITY;
+    for (size_t j = 0; j < s->found; j++) distances(x, s->p[j], s->k[j], kmin);
+    find_limits(s->reach, kmin, limit);
+    const size_t near = keep_near(s, limit);
+    for (size_t n = 0; n < near; n++)
+        soften(s->k[s->near[n]], s->e[s->near[n]], kmin, s->reach, sharpness, s0, s1);
     for (size_t q = 0; q < GROUP; q++) {
-        const float sum = sum_lanes(s0[q]);
-        s->kbar[q] = kmin[q] + sum_lanes(s1[q]) / sum;
-        share[q] = s->g[q] / sum;
+        s->kbar[q] = kmin[q] + s1[q] / s0[q];
+        share[q] = s->g[q] / s0[q];
     }
-    for (size_t i = 0; i < s->found; i++) pull_block(s, i, s->kbar, share, sharpness);
+    memset(s->grad, 0, s->found * sizeof *s->grad);
+    for (size_t n = 0; n < near; n++) {
+        const size_t j = s->near[n];
+        pull(x, s->p[j], s->k[j], s->e[j], s->kbar, share, sharpness, s->grad[j]);
+    }
 }

@@ -9,9 +9,9 @@
  *
  * Only particles within cut tau of a point's nearest have a weight worth adding.  Particles and
  * points are sorted along a Morton curve; 8 particles in a row make a block, 16 points a group,
- * each with a bounding sphere.  A group meets the blocks that may hold such particles, and each of
- * its points skips the blocks that do not.  Sums run in 8 lanes, in an order that the input
- * alone decides. */
+ * each with a bounding sphere.  A group meets the blocks that may hold such particles; in double
+ * each of its points skips the blocks that do not, in single precision the group skips the
+ * particles that do not matter to it.  Sums run in an order that the input alone decides. */
 #include "apsm/sampling_loss.h"
 
 #include <math.h>
@@ -22,13 +22,7 @@
 #include "core/kernel.h"
 #include "optimize/sampling_group.h"
 
-enum {
-    LANES = SAMPLING_LANES,
-    GROUP = SAMPLING_GROUP,
-    AXIS_BITS = 7,
-    RADIX_BITS = 11,
-    RADIX = 1 << RADIX_BITS
-};
+enum { LANES = 8, GROUP = SAMPLING_GROUP, AXIS_BITS = 7, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
 
 apsm_sampling_options apsm_sampling_defaults(void)
 {
@@ -83,6 +77,7 @@ typedef struct cells {
     uint32_t *order2;     /* max(J, R) */
     uint32_t *block;      /* nb: blocks of the group */
     uint32_t *near;       /* nb: which of these a point needs */
+    uint32_t *found;      /* Jp: particles of a group */
     uint32_t *count;      /* RADIX */
     double lo[3], cell;   /* the curve's box */
     sampling_group group; /* scratch in single precision */
@@ -92,7 +87,7 @@ typedef struct cells {
 static size_t lay_out(size_t J, size_t R, cells *c, double *work)
 {
     const size_t Jp = padded(J), nb = Jp / LANES, most = J > R ? J : R;
-    const size_t doubles = 10 * Jp + 4 * nb, ints = Jp + R + 3 * most + 2 * nb + RADIX;
+    const size_t doubles = 10 * Jp + 4 * nb, ints = 2 * Jp + R + 3 * most + 2 * nb + RADIX;
     if (c) {
         *c = (cells){ .J = J, .Jp = Jp, .nb = nb, .R = R };
         c->p = work;
@@ -109,10 +104,11 @@ static size_t lay_out(size_t J, size_t R, cells *c, double *work)
         c->order2 = c->key2 + most;
         c->block = c->order2 + most;
         c->near = c->block + nb;
-        c->count = c->near + nb;
-        sampling_group_lay_out(nb, &c->group, work + doubles + (ints + 1) / 2);
+        c->found = c->near + nb;
+        c->count = c->found + Jp;
+        sampling_group_lay_out(Jp, &c->group, work + doubles + (ints + 1) / 2);
     }
-    return doubles + (ints + 1) / 2 + sampling_group_lay_out(nb, NULL, NULL);
+    return doubles + (ints + 1) / 2 + sampling_group_lay_out(Jp, NULL, NULL);
 }
 
 size_t apsm_sampling_work_size(size_t J, size_t R)
@@ -203,14 +199,16 @@ static double bounding_sphere(size_t count, size_t stride, const double *x, doub
     for (size_t a = 0; a < 3; a++) {
         double lo = x[a * stride], hi = lo;
         for (size_t i = 1; i < count; i++) {
-            lo = fmin(lo, x[a * stride + i]);
-            hi = fmax(hi, x[a * stride + i]);
+            const double at = x[a * stride + i];
+            lo = at < lo ? at : lo;
+            hi = at > hi ? at : hi;
         }
         m[a] = lo + 0.5 * (hi - lo);
     }
     for (size_t i = 0; i < count; i++) {
         const double dx = x[i] - m[0], dy = x[stride + i] - m[1], dz = x[2 * stride + i] - m[2];
-        radius2 = fmax(radius2, dx * dx + dy * dy + dz * dz);
+        const double d2 = dx * dx + dy * dy + dz * dz;
+        radius2 = d2 > radius2 ? d2 : radius2;
     }
     return sqrt(radius2);
 }
@@ -246,8 +244,10 @@ KERNEL_INLINE void squared_distances(size_t n, size_t stride, const double *rest
 }
 
 /* The blocks (ascending, their number returned) that may hold a particle within reach of the
- * nearest one, for any point of the sphere (m, rho). */
-APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, double reach)
+ * nearest one, for any point of the sphere (m, rho); such particles are nearer to m than *within.
+ */
+APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, double reach,
+                                      double *within)
 {
     double *d = c->d2, least = INFINITY;
     size_t nearest = 0, found = 0;
@@ -260,9 +260,9 @@ APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, d
         least = fmin(least, d2);
     }
     /* Every point's nearest is within sqrt(least) + rho; a trifle more for rounding. */
-    const double within = (sqrt(least) + 2.0 * rho + reach) * (1.0 + 1e-12);
+    *within = (sqrt(least) + 2.0 * rho + reach) * (1.0 + 1e-12);
     for (size_t b = 0; b < c->nb; b++) {
-        const double r = within + c->radius[b];
+        const double r = *within + c->radius[b];
         c->block[found] = (uint32_t)b;
         found += d[b] <= r * r;
     }
@@ -382,7 +382,23 @@ static float relative(double x, double centre)
     return (float)(x - centre);
 }
 
-/* The group about the centre m; far-away fillers stay far. */
+/* The particles of the blocks that are nearer to m than within; returns their number. */
+APSM_KERNEL static size_t find_particles(cells *c, size_t blocks, const double m[3], double within)
+{
+    size_t found = 0;
+    for (size_t i = 0; i < blocks; i++) {
+        const size_t first = (size_t)c->block[i] * LANES;
+        double d2[LANES];
+        squared_distances(LANES, c->Jp, c->p + first, m, d2);
+        for (size_t l = 0; l < LANES; l++) {
+            c->found[found] = (uint32_t)(first + l);
+            found += d2[l] <= within * within;
+        }
+    }
+    return found;
+}
+
+/* The group about the centre m. */
 static void load_group(cells *c, size_t found, size_t count, const double X[3 * GROUP],
                        const double *g, const double m[3])
 {
@@ -394,26 +410,21 @@ static void load_group(cells *c, size_t found, size_t count, const double X[3 * 
         for (size_t a = 0; a < 3; a++) s->x[a][q] = relative(X[a * GROUP + from], m[a]);
     }
     for (size_t i = 0; i < found; i++)
-        for (size_t a = 0; a < 3; a++) {
-            const double *p = c->p + a * c->Jp + (size_t)c->block[i] * LANES;
-            for (size_t l = 0; l < LANES; l++) s->p[i][a][l] = relative(p[l], m[a]);
-        }
+        for (size_t a = 0; a < 3; a++) s->p[i][a] = relative(c->p[a * c->Jp + c->found[i]], m[a]);
 }
 
-static void do_group_single(cells *c, size_t found, size_t count, const double X[3 * GROUP],
-                            const double *g, const double m[3], double tau, double reach,
-                            double *kbar)
+static void do_group_single(cells *c, size_t blocks, size_t count, const double X[3 * GROUP],
+                            const double *g, const double m[3], double within,
+                            const apsm_sampling_options *o, double *kbar)
 {
     sampling_group *s = &c->group;
+    const size_t found = find_particles(c, blocks, m, within);
     load_group(c, found, count, X, g, m);
-    s->tau = (float)tau;
-    s->reach = (float)reach;
+    s->tau = (float)o->tau;
+    s->reach = (float)(o->cut * o->tau);
     sampling_group_run(s);
     for (size_t i = 0; i < found; i++)
-        for (size_t a = 0; a < 4; a++) {
-            double *grad = c->grad + a * c->Jp + (size_t)c->block[i] * LANES;
-            for (size_t l = 0; l < LANES; l++) grad[l] += (double)s->grad[i][a][l];
-        }
+        for (size_t a = 0; a < 4; a++) c->grad[a * c->Jp + c->found[i]] += (double)s->grad[i][a];
     for (size_t q = 0; q < count; q++) kbar[q] = (double)s->kbar[q];
 }
 
@@ -433,11 +444,12 @@ static double do_points(cells *c, const double *B, const double *g, const apsm_s
             weight[i] = g ? g[r[i]] : 1.0;
         }
         const double rho = bounding_sphere(count, GROUP, X, m);
-        const size_t found = find_blocks(c, m, rho, reach);
+        double within;
+        const size_t blocks = find_blocks(c, m, rho, reach, &within);
         if (o->single)
-            do_group_single(c, found, count, X, weight, m, o->tau, reach, k);
+            do_group_single(c, blocks, count, X, weight, m, within, o, k);
         else
-            do_group(c, found, count, X, weight, o->tau, reach, k);
+            do_group(c, blocks, count, X, weight, o->tau, reach, k);
         for (size_t i = 0; i < count; i++) {
             total += weight[i] * k[i];
             if (kbar) kbar[r[i]] = k[i];
