@@ -42,7 +42,8 @@ typedef struct aligner {
     bool oriented;    /* nearly all do */
     double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
     bool *fits;       /* n: whether that one fits about as well as the best */
-    const apsm_medoid_plan *plan;
+    apsm_medoid_plan *plan;
+    size_t part;      /* of the plan's shapes, or all of them */
     double *R;        /* plan's candidates x shapes */
     apsm_cloud dense; /* of the template */
 } aligner;
@@ -298,6 +299,7 @@ static apsm_status pair_task(apsm_context *ctx, size_t k, int worker, void *user
     const bool exact = plan->candidates == plan->shapes;
     (void)ctx;
     if (i == j || (exact && i > j)) return APSM_OK;
+    if (!exact && (plan->out[row] || column % APSM_MEDOID_PARTS != a->part)) return APSM_OK;
     const apsm_surface moving = { a->bvh[j], &a->cloud[j] }, fixed = { a->bvh[i], &a->cloud[i] };
     apsm_icp_options icp = icp_options(a);
     double M[16], residual;
@@ -322,7 +324,11 @@ static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
     APSM_TRY(hold_trees(ctx, a, plan.shapes, plan.shape));
     a->plan = &plan;
     a->R = R;
-    APSM_TRY(apsm_parallel_for(ctx, plan.candidates * plan.shapes, pair_task, a, NULL));
+    const size_t parts = plan.candidates == plan.shapes ? 1 : APSM_MEDOID_PARTS;
+    for (a->part = 0; a->part < parts; a->part++) {
+        APSM_TRY(apsm_parallel_for(ctx, plan.candidates * plan.shapes, pair_task, a, NULL));
+        if (a->part + 1 < parts) apsm_medoid_drop(&plan, a->part + 1, R);
+    }
     *medoid = apsm_medoid_pick(&plan, R);
     return APSM_OK;
 }

@@ -1,6 +1,7 @@
 /* The medoid: the shape of least mean residual to the others (METHOD section 7a).  Exact up to 32
  * shapes; beyond, the best of 32 drawn candidates judged on 64 drawn shapes, so that the number
- * of comparisons does not grow with the cohort. */
+ * of comparisons does not grow with the cohort, in a race: part by part of the shapes, whoever is
+ * clearly worse than the best so far drops out. */
 #include "groom/medoid.h"
 
 #include <math.h>
@@ -28,6 +29,7 @@ static void draw(size_t n, size_t *index, size_t m, apsm_random *rng, size_t *ou
 
 void apsm_medoid_draw(size_t n, size_t *eligible, uint64_t seed, apsm_medoid_plan *plan)
 {
+    memset(plan->out, 0, sizeof plan->out);
     if (n <= APSM_MEDOID_CANDIDATES) {
         plan->candidates = plan->shapes = n;
         memcpy(plan->candidate, eligible, n * sizeof *eligible);
@@ -41,19 +43,63 @@ void apsm_medoid_draw(size_t n, size_t *eligible, uint64_t seed, apsm_medoid_pla
     draw(n, eligible, plan->shapes, &rng, plan->shape);
 }
 
+/* Of candidate a to the other shapes of parts 0 to `parts` - 1. */
+static double mean_residual(const apsm_medoid_plan *plan, size_t parts, const double *R, size_t a)
+{
+    double sum = 0.0;
+    size_t others = 0;
+    for (size_t b = 0; b < plan->shapes; b++) {
+        if (b % APSM_MEDOID_PARTS >= parts || plan->shape[b] == plan->candidate[a]) continue;
+        sum += R[a * plan->shapes + b];
+        others++;
+    }
+    return others > 0 ? sum / (double)others : 0.0;
+}
+
+/* How much worse candidate a is than c, by the shapes of the parts that both were compared with:
+ * the mean difference of their residuals in its standard errors; 0 if they are too few to tell. */
+static double behind(const apsm_medoid_plan *plan, size_t parts, const double *R, size_t a,
+                     size_t c)
+{
+    enum { LEAST = 8 };
+    double n = 0.0, sum = 0.0, squares = 0.0;
+    for (size_t b = 0; b < plan->shapes; b++) {
+        const size_t shape = plan->shape[b];
+        if (b % APSM_MEDOID_PARTS >= parts) continue;
+        if (shape == plan->candidate[a] || shape == plan->candidate[c]) continue;
+        const double d = R[a * plan->shapes + b] - R[c * plan->shapes + b];
+        n += 1.0;
+        sum += d;
+        squares += d * d;
+    }
+    if (n < LEAST || !(sum > 0.0)) return 0.0;
+    const double mean = sum / n, variance = fmax(squares / n - mean * mean, 0.0) / (n - 1.0);
+    return mean / sqrt(variance); /* INFINITY if all differ by the same */
+}
+
+/* Against the best alone: then a candidate that leads by chance drops none that is as good. */
+void apsm_medoid_drop(apsm_medoid_plan *plan, size_t parts, const double *R)
+{
+    static const double chance = 2.5; /* standard errors */
+    size_t best = 0;
+    double least = INFINITY;
+    for (size_t a = 0; a < plan->candidates; a++) {
+        const double mean = plan->out[a] ? INFINITY : mean_residual(plan, parts, R, a);
+        if (mean < least) {
+            least = mean;
+            best = a;
+        }
+    }
+    for (size_t a = 0; a < plan->candidates; a++)
+        plan->out[a] |= a != best && behind(plan, parts, R, a, best) > chance;
+}
+
 size_t apsm_medoid_pick(const apsm_medoid_plan *plan, const double *R)
 {
     size_t best = 0;
     double least = INFINITY;
     for (size_t a = 0; a < plan->candidates; a++) {
-        double sum = 0.0;
-        size_t others = 0;
-        for (size_t b = 0; b < plan->shapes; b++) {
-            if (plan->shape[b] == plan->candidate[a]) continue;
-            sum += R[a * plan->shapes + b];
-            others++;
-        }
-        const double mean = others > 0 ? sum / (double)others : 0.0;
+        const double mean = plan->out[a] ? INFINITY : mean_residual(plan, APSM_MEDOID_PARTS, R, a);
         if (mean < least) {
             least = mean;
             best = a;

@@ -75,6 +75,31 @@ static void ties_go_to_the_first(void **state)
     assert_int_equal(apsm_medoid_pick(&plan, R), 3);
 }
 
+/* Candidate 1 is as good as 0, being better and worse in turns; 2 is worse by 1 with a scatter of
+ * 1; 3 by 0.1, which may be chance. */
+static void the_beaten_drop_out(void **state)
+{
+    (void)state;
+    enum { SHAPES = 32 };
+    apsm_medoid_plan plan = { .candidates = 4, .shapes = SHAPES, .candidate = { 40, 41, 42, 43 } };
+    double R[4 * SHAPES];
+    for (size_t b = 0; b < SHAPES; b++) {
+        const double turn = b / APSM_MEDOID_PARTS % 2 ? 1.0 : -1.0;
+        plan.shape[b] = b;
+        R[b] = 10.0 + (double)(b % 5);
+        R[SHAPES + b] = R[b] + 0.01 + 0.5 * turn;
+        R[2 * SHAPES + b] = R[b] + 1.0 + turn;
+        R[3 * SHAPES + b] = R[b] + 0.1 + turn;
+    }
+    apsm_medoid_drop(&plan, 1, R); /* of four shapes */
+    for (size_t a = 0; a < 4; a++) assert_false(plan.out[a]);
+    apsm_medoid_drop(&plan, 4, R);
+    assert_true(plan.out[2]);
+    assert_false(plan.out[0] || plan.out[1] || plan.out[3]);
+    plan.out[0] = true;
+    assert_int_equal(apsm_medoid_pick(&plan, R), 41);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -82,6 +107,7 @@ int main(void)
         cmocka_unit_test(large_cohorts_are_drawn_from),
         cmocka_unit_test(middle_is_picked),
         cmocka_unit_test(ties_go_to_the_first),
+        cmocka_unit_test(the_beaten_drop_out),
     };
     return cmocka_run_group_tests_name("align_medoid", tests, NULL, NULL);
 }
