@@ -19,7 +19,7 @@ typedef struct apsm_closest {
 } apsm_closest;
 
 /* mesh is borrowed: it must outlive the tree, unchanged and in its place.  O(nf log nf) time, about
- * 300 bytes a face.  The tree depends on the mesh alone, so queries are reproducible, and exactly
+ * 140 bytes a face.  The tree depends on the mesh alone, so queries are reproducible, and exactly
  * 2^k as large on a mesh 2^k as large.  APSM_ERR_GEOMETRY: no faces, or an index out of range;
  * APSM_ERR_NONFINITE: a coordinate is; APSM_ERR_MEMORY. */
 apsm_status apsm_bvh_build(const apsm_mesh *mesh, apsm_bvh **bvh) APSM_NODISCARD;

@@ -74,20 +74,20 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
  * benchmarks/rates measures; they only serve a forecast. */
 static double groom_seconds(const apsm_options *o)
 {
-    return 0.18 * (double)o->faces / 10000;
+    return 0.15 * (double)o->faces / 10000;
 }
 
 /* The pairs that the template is chosen from (docs/method.md, Initialisation). */
 static double template_seconds(double I)
 {
-    enum { ALL = 32, CANDIDATES = 24, COMPARED = 96 };
-    const double pairs = I <= ALL ? I * I / 2 : CANDIDATES * fmin(I, COMPARED);
+    enum { ALL = 32, COMPARED = 64 }; /* beyond ALL it is a race that half of the pairs run */
+    const double pairs = 0.5 * fmin(I, ALL) * fmin(I, COMPARED);
     return 0.002 * pairs;
 }
 
 static double initialize_seconds(double J)
 {
-    return 0.06 + 5.5e-4 * J;
+    return 0.06 + 2.5e-4 * J;
 }
 
 /* Bytes of the factor of a shape's RBF-shape that stage 2 keeps (docs/method.md, RBF-shape); 0: a
@@ -153,8 +153,8 @@ static double optimize_seconds(const apsm_options *o, double I)
 /* Of a finished shape: mesh, trees, tables, and its distance field unless the method has none. */
 static double shape_bytes(const apsm_options *o)
 {
-    const double field = o->method == APSM_METHOD_PSM ? 0 : 8.7e3 * (double)o->particles;
-    return 370 * (double)o->faces + field;
+    const double field = o->method == APSM_METHOD_PSM ? 0 : 4.7e3 * (double)o->particles;
+    return 270 * (double)o->faces + field;
 }
 
 static double other_bytes(const apsm_options *o, double I, double threads)
