@@ -191,6 +191,8 @@ static apsm_status store_options(apsm_run *run)
 static apsm_status settle_options(apsm_run *run, const apsm_run_settings *s)
 {
     run->options = apsm_options_defaults();
+    /* A model made anew from inputs owes nothing to the one that it replaces. */
+    if (run->overwrite && run->n_inputs > 0) apsm_project_clear(&run->project, "apsm");
     APSM_TRY(take_stored(run));
     const apsm_options before = run->options;
     const bool goes_on = run->resume && apsm_project_get(&run->project, "apsm", "version");

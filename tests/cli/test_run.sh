@@ -153,6 +153,7 @@ expect 2 "give a number with a unit" run cohort -o never --memory lots
 snapshot model >before
 expect 1 "--resume" run cohort -o model "${quick[@]}"
 snapshot model | cmp -s - before || fail "a refused run changed the model"
+expect 0 "128 particles each" run cohort -o model --overwrite --dry-run
 expect 0 "" run cohort -o model "${quick[@]}" --overwrite
 same_folder model two "--overwrite"
 expect 0 "" run -o model --resume
