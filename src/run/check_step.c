@@ -117,7 +117,7 @@ static double pass_seconds(double J)
 static double round_seconds(const apsm_options *o)
 {
     const double unknowns = 2 * (double)o->particles;
-    return 0.023 + (double)o->fidelity_points * unknowns * unknowns * 5e-11;
+    return 0.007 + (double)o->fidelity_points * unknowns * unknowns * 4e-11;
 }
 
 static double evaluate_seconds(double J)
