@@ -213,6 +213,9 @@ static apsm_status save(groom_work *w)
     APSM_TRY(status);
     stage_undo(run, "groom");
     APSM_TRY(manifest_write(run));
+    /* particles of the shapes before */
+    APSM_TRY(run_remove(run, run_path(run, RUN_INITIAL)));
+    APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
     APSM_TRY(apsm_parallel_for(run->ctx, w->in.list.n, write_mesh, w, NULL));
     APSM_TRY(remove_other_shapes(w));
     APSM_TRY(describe_project(w));
