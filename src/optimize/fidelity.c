@@ -13,7 +13,6 @@
 
 #include "apsm/correspondence_loss.h"
 #include "apsm/linalg.h"
-#include "apsm/snap.h"
 #include "geometry/vec3.h"
 #include "optimize/fidelity_shape.h"
 
@@ -293,13 +292,17 @@ static bool descend(const round_task *t, size_t i, double limit, fidelity_work *
 static void return_half_way(const apsm_fidelity *f, size_t i, const double *P0, const bool *named,
                             double *P)
 {
+    const apsm_shape *shape = &f->cohort->shape[i];
     for (size_t j = 0; j < f->J; j++) {
         bool returns = named[j];
         for (size_t q = 0; q < APSM_NEIGHBOURS; q++)
             returns |= named[f->N6[APSM_NEIGHBOURS * j + q]];
         if (!returns) continue;
+        double normal[3];
+        apsm_surface_point on;
+        apsm_shape_look_up(shape, 1, P + 3 * j, &on, NULL, normal);
         for (size_t c = 3 * j; c < 3 * j + 3; c++) P[c] = 0.5 * P[c] + 0.5 * P0[c];
-        apsm_snap_closest(f->cohort->shape[i].bvh, 1, P + 3 * j, NULL, NULL);
+        fidelity_land(shape, normal, P + 3 * j, &on);
     }
 }
 

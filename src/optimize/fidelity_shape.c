@@ -483,9 +483,8 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, c
 
 /* ---- moves ---- */
 
-/* Back to the surface, on the side where the particle was. */
-static void land(const apsm_shape *shape, const double normal[3], double x[3],
-                 apsm_surface_point *on)
+void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
+                   apsm_surface_point *on)
 {
     apsm_closest c;
     apsm_bvh_closest_facing(shape->bvh, x, normal, 0, INFINITY, &c);
@@ -506,7 +505,7 @@ void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_st
         const double scale = f->h * (length > most ? most / length : 1);
         memcpy(x, from->P + 3 * j, 3 * sizeof *x);
         vec3_add_scaled(x, scale, d);
-        land(shape, from->N + 3 * j, x, &to->S[j]);
+        fidelity_land(shape, from->N + 3 * j, x, &to->S[j]);
         apsm_surface_normal(&shape->mesh, shape->VN, &to->S[j], to->N + 3 * j);
     }
 }

@@ -86,6 +86,9 @@ double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidel
 /* Adds the quadratic terms to w->H and w->g. */
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
                             const fidelity_state *s, fidelity_work *w);
+/* x <- the closest point of the surface, on the side that looks the way of the normal. */
+void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
+                   apsm_surface_point *on);
 /* to->P (with N, S) = from->P moved along the surface by t times the tangential step w->g, in h. */
 void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_state *from,
                    fidelity_state *to, fidelity_work *w);

@@ -235,6 +235,23 @@ static void test_sides_of_sheets(void **state)
     }
     print_message("%zu of %zu on the wrong side\n", wrong, w.a.pulls);
     assert_true(20 * wrong < w.a.pulls); /* rims */
+
+    /* what lands from beyond the middle of the sheet lands on its own side */
+    size_t turned = 0;
+    const size_t nv = shape->mesh.nv;
+    for (size_t v = 0; v < nv; v++) {
+        const double *n = shape->VN + 3 * v;
+        double x[3], is[3], cosine = 0;
+        apsm_surface_point on;
+        for (size_t c = 0; c < 3; c++)
+            x[c] = shape->mesh.V[3 * v + c] - 1.4 * shape->half_thickness * n[c];
+        fidelity_land(shape, n, x, &on);
+        apsm_surface_normal(&shape->mesh, shape->VN, &on, is);
+        for (size_t c = 0; c < 3; c++) cosine += is[c] * n[c];
+        turned += cosine < 0;
+    }
+    print_message("%zu of %zu landed on the other side\n", turned, nv);
+    assert_true(8 * turned < nv); /* rims; without sides more than half */
     fidelity_work_free(&w);
     apsm_fidelity_free(f);
     free_scene(&s);
