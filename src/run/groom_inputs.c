@@ -39,15 +39,26 @@ static apsm_status resolve_inputs(apsm_run *run)
     return status;
 }
 
+static apsm_status refuse_labels_of_meshes(const apsm_run *run, const groom_inputs *in)
+{
+    if (in->labels.n == 0) return APSM_OK;
+    for (size_t i = 0; i < in->list.n; i++)
+        if (in->list.cases[i].kind != APSM_INPUT_MESH) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_ARG,
+                     "--label %s: all %zu inputs are meshes, which have no labels; drop the option",
+                     apsm_run_text(run, "labels"), in->list.n);
+}
+
 apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
 {
     APSM_TRY(resolve_inputs(run));
     if (run->n_inputs == 0)
         return apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
     APSM_TRY(apsm_labels_parse(run->ctx, apsm_run_text(run, "labels"), &in->labels));
-    return apsm_input_expand(run->ctx, run->n_inputs, (const char *const *)run->inputs,
-                             apsm_run_text(run, "exclude"), apsm_run_text(run, "reflect_match"),
-                             &in->list);
+    APSM_TRY(apsm_input_expand(run->ctx, run->n_inputs, (const char *const *)run->inputs,
+                               apsm_run_text(run, "exclude"), apsm_run_text(run, "reflect_match"),
+                               &in->list));
+    return refuse_labels_of_meshes(run, in);
 }
 
 apsm_status groom_inputs_compare(apsm_run *run)

@@ -149,6 +149,7 @@ for step in initialize optimize evaluate; do expect 0 "" $step -o steps --memory
 same_particles model steps "step by step with --memory"
 expect 2 "give a number with a unit" run cohort -o never --memory lots
 [ -e never ] && fail "a wrong --memory made a folder"
+expect 2 "are meshes, which have no labels" run cohort -o labelled --label 1,2
 
 snapshot model >before
 expect 1 "--resume" run cohort -o model "${quick[@]}"
