@@ -40,6 +40,21 @@ static inline double *bench_doubles(size_t n)
     return bench_alloc(n * sizeof(double));
 }
 
+/* Adds as many random modes to the particles P (I x n) as there are shapes, with standard
+ * deviations that fall as k^-exponent; mode (n) is scratch. */
+static inline void bench_add_modes(size_t I, size_t n, double exponent, double *P, double *mode)
+{
+    apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
+    for (size_t k = 0; k < I; k++) {
+        const double sd = pow((double)(k + 1), -exponent);
+        for (size_t c = 0; c < n; c++) mode[c] = apsm_random_normal(&rng);
+        for (size_t i = 0; i < I; i++) {
+            const double b = sd * apsm_random_normal(&rng);
+            for (size_t c = 0; c < n; c++) P[i * n + c] += b * mode[c];
+        }
+    }
+}
+
 /* CPU time of this thread. */
 static inline double bench_now(void)
 {

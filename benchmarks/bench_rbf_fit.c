@@ -24,8 +24,8 @@ static void fit(void *user)
 static void refit(void *user)
 {
     bench *b = user;
-    bench_must(apsm_rbf_refit(&b->factor, b->s.P2, b->s.N, b->s.s, true, 1e-3, 50, &b->shape,
-                              &b->iterations, b->work));
+    bench_must(apsm_rbf_refit(&b->factor, b->s.P2, b->s.N, b->s.s, true, APSM_RBF_TOLERANCE, 50,
+                              &b->shape, &b->iterations, b->work));
 }
 
 static void measure(size_t J, double sqrt32, double stream)

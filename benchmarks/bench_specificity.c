@@ -17,17 +17,9 @@ typedef struct bench {
 
 static double *make_cohort(size_t I, size_t J, double exponent)
 {
-    apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
     const size_t n = 3 * J;
     double *P = bench_doubles(I * n), *mode = bench_doubles(n);
-    for (size_t k = 0; k < I; k++) {
-        const double sd = pow((double)(k + 1), -exponent);
-        for (size_t c = 0; c < n; c++) mode[c] = apsm_random_normal(&rng);
-        for (size_t i = 0; i < I; i++) {
-            const double b = sd * apsm_random_normal(&rng);
-            for (size_t c = 0; c < n; c++) P[i * n + c] += b * mode[c];
-        }
-    }
+    bench_add_modes(I, n, exponent, P, mode);
     free(mode);
     return P;
 }

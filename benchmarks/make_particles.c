@@ -8,7 +8,7 @@
 
 #include "apsm/context.h"
 #include "apsm/particles_file.h"
-#include "apsm/random.h"
+#include "bench.h"
 
 /* J places on an ellipsoid, spread by the golden angle. */
 static void place(size_t J, double *x)
@@ -20,19 +20,6 @@ static void place(size_t J, double *x)
         x[3 * j] = half[0] * r * cos(angle);
         x[3 * j + 1] = half[1] * r * sin(angle);
         x[3 * j + 2] = half[2] * z;
-    }
-}
-
-static void add_modes(size_t I, size_t n, double exponent, double *P, double *mode)
-{
-    apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
-    for (size_t k = 0; k < I; k++) {
-        const double sd = pow((double)(k + 1), -exponent);
-        for (size_t c = 0; c < n; c++) mode[c] = apsm_random_normal(&rng);
-        for (size_t i = 0; i < I; i++) {
-            const double b = sd * apsm_random_normal(&rng);
-            for (size_t c = 0; c < n; c++) P[i * n + c] += b * mode[c];
-        }
     }
 }
 
@@ -59,7 +46,7 @@ int main(int argc, char **argv)
     double *P = malloc(I * J * 3 * sizeof *P), *mode = malloc(J * 3 * sizeof *mode);
     if (!ctx || !P || !mode) return 1;
     for (size_t i = 0; i < I; i++) place(J, P + i * J * 3);
-    add_modes(I, J * 3, argc > 4 ? strtod(argv[4], NULL) : 1.0, P, mode);
+    bench_add_modes(I, J * 3, argc > 4 ? strtod(argv[4], NULL) : 1.0, P, mode);
     const apsm_status status = write_all(ctx, argv[1], I, J, P);
     if (status != APSM_OK) fprintf(stderr, "make_particles: %s\n", apsm_error_text(ctx));
     free(P);

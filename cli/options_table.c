@@ -41,8 +41,7 @@ static const cli_option own[] = {
       "leave out the inputs whose file name matches", NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS, "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
-      "best (default "
-      "auto)",
+      "best (default auto)",
       NULL },
     { "original-frame", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, NULL, "original_frame", "true",
       "also write particles in the frame of the input files, with mirrored shapes mirrored back",

@@ -80,6 +80,11 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const ap
                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch,
                           void *user) APSM_NODISCARD;
 
+/* Bytes of the factor that an adaptive stage keeps for each of I shapes with J particles; 0: new
+ * ones are made in every epoch, as where all of them are more than anyone's memory.  No other limit
+ * decides, for it decides the result. */
+double apsm_kept_factor_bytes(const apsm_options *options, size_t I, size_t J);
+
 /* Spreads the particles P (J x 3, in/out, on the surface) of shape i evenly, by the sampling
  * loss alone with falling steps. */
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,

@@ -3,6 +3,7 @@
 #define APSM_PROJECTION_H
 
 #include "apsm/bvh.h"
+#include "apsm/registration.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -27,6 +28,13 @@ apsm_projection_options apsm_projection_defaults(double h);
 void apsm_project_particles(const apsm_bvh *bvh, size_t J, const double *X, const double *N,
                             const apsm_projection_options *options, apsm_surface_point *S,
                             double *P, size_t *close);
+
+/* Where J particles X (J x 3) of a reference, with unit normals N (J x 3) and mean neighbour
+ * distance h, go on another surface (mesh and its tree): registered to it without rigidity, then
+ * projected as above.  P (J x 3, out).  APSM_ERR_GEOMETRY: the surface lies in a point. */
+apsm_status apsm_register_particles(const apsm_registration *registration, const apsm_mesh *mesh,
+                                    const apsm_bvh *bvh, size_t J, const double *X, const double *N,
+                                    double h, double *P) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -39,6 +39,9 @@ apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double 
                          double *factor_store, apsm_polyharmonic *factor, apsm_rbf_shape *shape,
                          double *work) APSM_NODISCARD;
 
+/* Residual of refits, relative to s, that does for the weights E (4). */
+#define APSM_RBF_TOLERANCE 1e-2
+
 /* As above, after small moves, with the factor of an earlier fit as preconditioner: a third (J =
  * 128) to a quarter (J = 1024) of the time; single, with floats alone, a tenth.  *iterations:
  * conjugate gradient steps taken.  Errors as apsm_polyharmonic_resolve: fit anew then. */

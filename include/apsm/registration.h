@@ -9,6 +9,9 @@
 extern "C" {
 #endif
 
+/* Points of either surface that registration is made for: apsm_cloud_spread. */
+#define APSM_REGISTRATION_POINTS 400
+
 /* A reference surface from which others are reached.  Read-only once made. */
 typedef struct apsm_registration apsm_registration;
 

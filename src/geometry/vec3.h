@@ -3,6 +3,7 @@
 #define APSM_GEOMETRY_VEC3_H
 
 #include <math.h>
+#include <stddef.h>
 
 static inline double vec3_dot(const double a[3], const double b[3])
 {
@@ -46,6 +47,19 @@ static inline double vec3_normalise(double a[3])
     if (r > 0.0)
         for (int c = 0; c < 3; c++) a[c] /= r;
     return r;
+}
+
+/* Mean distance of n points (n x 3) from their nearest ones.  O(n^2). */
+static inline double vec3_mean_spacing(size_t n, const double *x)
+{
+    double sum = 0;
+    for (size_t i = 0; i < n; i++) {
+        double least = INFINITY;
+        for (size_t k = 0; k < n; k++)
+            if (k != i) least = fmin(least, vec3_distance2(x + 3 * i, x + 3 * k));
+        sum += sqrt(least);
+    }
+    return sum / (double)n;
 }
 
 #endif

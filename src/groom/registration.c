@@ -130,19 +130,6 @@ static void normalise(const apsm_registration *r, size_t n, const double *x, dou
     for (size_t k = 0; k < 3 * n; k++) y[k] = (x[k] - r->centre[k % 3]) / r->radius;
 }
 
-/* Mean distance of the points from their nearest ones. */
-static double mean_spacing(size_t n, const double *y)
-{
-    double sum = 0;
-    for (size_t i = 0; i < n; i++) {
-        double least = INFINITY;
-        for (size_t k = 0; k < n; k++)
-            if (k != i) least = fmin(least, vec3_distance2(y + 3 * i, y + 3 * k));
-        sum += sqrt(least);
-    }
-    return sum / (double)n;
-}
-
 apsm_status apsm_registration_new(const apsm_cloud *cloud, apsm_registration **registration)
 {
     *registration = NULL;
@@ -161,7 +148,7 @@ apsm_status apsm_registration_new(const apsm_cloud *cloud, apsm_registration **r
         normalise(r, r->M, cloud->x, r->y);
         memcpy(r->n, cloud->normal, 3 * r->M * sizeof *r->n);
         memcpy(r->w, cloud->w, r->M * sizeof *r->w);
-        r->spacing = mean_spacing(r->M, r->y);
+        r->spacing = vec3_mean_spacing(r->M, r->y);
         status = make_prior(r);
     }
     if (status != APSM_OK) {

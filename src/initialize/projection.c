@@ -4,6 +4,8 @@
 #include "apsm/projection.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "geometry/vec3.h"
 
@@ -100,4 +102,27 @@ void apsm_project_particles(const apsm_bvh *bvh, size_t J, const double *X, cons
     for (int round = 0; left > 0 && round <= options->rounds; round++)
         left = separate(bvh, J, X, N, options, S, P, round < options->rounds);
     if (close) *close = left;
+}
+
+apsm_status apsm_register_particles(const apsm_registration *registration, const apsm_mesh *mesh,
+                                    const apsm_bvh *bvh, size_t J, const double *X, const double *N,
+                                    double h, double *P)
+{
+    const apsm_projection_options po = apsm_projection_defaults(h);
+    apsm_cloud cloud;
+    APSM_TRY(apsm_cloud_spread(mesh, APSM_REGISTRATION_POINTS, &cloud));
+    const size_t n = 3 * J, size = apsm_registration_work_size(registration, cloud.n);
+    double *moved = malloc((2 * n + size) * sizeof *moved);
+    apsm_surface_point *S = malloc(J * sizeof *S);
+    apsm_status status = moved && S ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        memcpy(moved, X, n * sizeof *X);
+        memcpy(moved + n, N, n * sizeof *N);
+        status = apsm_registration_move(registration, &cloud, J, moved, moved + n, moved + 2 * n);
+    }
+    if (status == APSM_OK) apsm_project_particles(bvh, J, moved, moved + n, &po, S, P, NULL);
+    free(moved);
+    free(S);
+    apsm_cloud_free(&cloud);
+    return status;
 }

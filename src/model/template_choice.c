@@ -16,7 +16,7 @@
 #include "geometry/vec3.h"
 
 enum { CANDIDATES = 10, OTHERS = 6, MOST = CANDIDATES + OTHERS };
-enum { POINTS = 128, CLOUD = 400, VERTICES = 500 };
+enum { POINTS = 128, VERTICES = 500 };
 static const double worth = 0.98;
 
 /* A shape in the common frame. */
@@ -84,19 +84,6 @@ static apsm_status choose_entrants(size_t n, const double *residual, const bool 
 
 /* ---- points on all of them ---- */
 
-/* Mean distance to the closest other point. */
-static double spacing(size_t n, const double *X)
-{
-    double sum = 0;
-    for (size_t j = 0; j < n; j++) {
-        double least = INFINITY;
-        for (size_t k = 0; k < n; k++)
-            if (k != j) least = fmin(least, vec3_distance2(X + 3 * j, X + 3 * k));
-        sum += sqrt(least) / (double)n;
-    }
-    return sum;
-}
-
 static apsm_status open_entrant(const contest *c, entrant *e)
 {
     APSM_TRY(apsm_mesh_copy(c->meshes[e->shape], &e->mesh));
@@ -104,36 +91,15 @@ static apsm_status open_entrant(const contest *c, entrant *e)
     return apsm_bvh_build_unsigned(&e->mesh, &e->bvh);
 }
 
-static apsm_status carry(const contest *c, entrant *e, const apsm_cloud *cloud)
-{
-    const apsm_projection_options po = apsm_projection_defaults(c->h);
-    const size_t size = apsm_registration_work_size(c->registration, cloud->n);
-    double *X = malloc((6 * POINTS + size) * sizeof *X), *N = X + 3 * POINTS;
-    apsm_surface_point *S = malloc(POINTS * sizeof *S);
-    apsm_status status = X && S ? APSM_OK : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        memcpy(X, c->X, sizeof c->X);
-        memcpy(N, c->N, sizeof c->N);
-        status = apsm_registration_move(c->registration, cloud, c->points, X, N, N + 3 * POINTS);
-    }
-    if (status == APSM_OK) apsm_project_particles(e->bvh, c->points, X, N, &po, S, e->P, NULL);
-    free(X);
-    free(S);
-    return status;
-}
-
 static apsm_status prepare_entrant(apsm_context *ctx, size_t k, int worker, void *user)
 {
     (void)ctx, (void)worker;
     const contest *c = user;
     entrant *e = &c->e[k];
-    apsm_cloud cloud;
     if (k == 0) return APSM_OK; /* the typical shape */
     APSM_TRY(open_entrant(c, e));
-    APSM_TRY(apsm_cloud_spread(&e->mesh, CLOUD, &cloud));
-    const apsm_status status = carry(c, e, &cloud);
-    apsm_cloud_free(&cloud);
-    return status;
+    return apsm_register_particles(c->registration, &e->mesh, e->bvh, c->points, c->X, c->N, c->h,
+                                   e->P);
 }
 
 static apsm_status prepare_typical(contest *c)
@@ -141,12 +107,12 @@ static apsm_status prepare_typical(contest *c)
     entrant *e = &c->e[0];
     apsm_cloud cloud;
     APSM_TRY(open_entrant(c, e));
-    APSM_TRY(apsm_cloud_spread(&e->mesh, CLOUD, &cloud));
+    APSM_TRY(apsm_cloud_spread(&e->mesh, APSM_REGISTRATION_POINTS, &cloud));
     /* points of a cloud are each the farthest from those before, so the first are spread as well */
     c->points = cloud.n < POINTS ? cloud.n : POINTS;
     memcpy(c->X, cloud.x, 3 * c->points * sizeof *c->X);
     memcpy(c->N, cloud.normal, 3 * c->points * sizeof *c->N);
-    c->h = spacing(c->points, c->X);
+    c->h = vec3_mean_spacing(c->points, c->X);
     memcpy(e->P, c->X, sizeof c->X);
     const apsm_status status = apsm_registration_new(&cloud, &c->registration);
     apsm_cloud_free(&cloud);

@@ -260,6 +260,7 @@ void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const
 {
     enum { TURNS = 2 };
     static const double most = 4;
+    if (!(q->prior > 0)) return;
     const double usual = sqrt(8 / 3.14159265358979323846) * q->noise; /* mean norm of a Gaussian */
     for (size_t j = 0; j < f->J; j++) w->v[j] = 1;
     make_precision(f, q, w);

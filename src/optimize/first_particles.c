@@ -12,7 +12,7 @@
 #include "apsm/projection.h"
 #include "apsm/registration.h"
 
-enum { SPREAD_EPOCHS = 60, REGISTERED = 400 };
+enum { SPREAD_EPOCHS = 60 };
 
 /* The vertex farthest from the surface's centroid: the same whatever the order of the vertices,
  * but for ties. */
@@ -77,26 +77,6 @@ static void project(const carry *c, const apsm_shape *shape, const double *X, co
     apsm_project_particles(shape->bvh, c->J, X, N, &po, S, P, NULL);
 }
 
-/* Projects what registration has brought near. */
-static apsm_status register_shape(const carry *c, size_t i, apsm_surface_point *S, double *P)
-{
-    const apsm_shape *shape = &c->cohort->shape[i];
-    apsm_cloud cloud;
-    APSM_TRY(apsm_cloud_spread(&shape->mesh, REGISTERED, &cloud));
-    const size_t n = 3 * c->J, size = apsm_registration_work_size(c->registration, cloud.n);
-    double *X = malloc((2 * n + size) * sizeof *X);
-    apsm_status status = X ? APSM_OK : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        memcpy(X, c->T, n * sizeof *X);
-        memcpy(X + n, c->TN, n * sizeof *X);
-        status = apsm_registration_move(c->registration, &cloud, c->J, X, X + n, X + 2 * n);
-    }
-    if (status == APSM_OK) project(c, shape, X, X + n, S, P);
-    free(X);
-    apsm_cloud_free(&cloud);
-    return status;
-}
-
 /* The paper's way: the shape's own samples get the names of the projected reference particles. */
 static apsm_status match(apsm_context *ctx, const carry *c, const apsm_shape *shape,
                          apsm_surface_point *S, double *P)
@@ -129,12 +109,13 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
         return APSM_OK;
     }
     const apsm_shape *shape = &c->cohort->shape[i];
+    if (c->registration)
+        return apsm_register_particles(c->registration, &shape->mesh, shape->bvh, c->J, c->T, c->TN,
+                                       c->h, P);
     apsm_surface_point *S = malloc(c->J * sizeof *S);
     if (!S) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
-    if (c->registration)
-        status = register_shape(c, i, S, P);
-    else if (c->options->initialize == APSM_INIT_PROJECTION)
+    if (c->options->initialize == APSM_INIT_PROJECTION)
         project(c, shape, c->T, c->TN, S, P);
     else
         status = match(ctx, c, shape, S, P);
@@ -169,7 +150,7 @@ static apsm_status prepare_registration(carry *c)
 {
     const size_t t = c->cohort->template_index;
     apsm_cloud cloud;
-    APSM_TRY(apsm_cloud_spread(&c->cohort->shape[t].mesh, REGISTERED, &cloud));
+    APSM_TRY(apsm_cloud_spread(&c->cohort->shape[t].mesh, APSM_REGISTRATION_POINTS, &cloud));
     const apsm_status status = apsm_registration_new(&cloud, &c->registration);
     apsm_cloud_free(&cloud);
     return status;

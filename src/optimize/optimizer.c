@@ -154,18 +154,22 @@ static apsm_phi kernel_of(const apsm_options *o)
     return o->kernel == 0 ? APSM_PHI_R : APSM_PHI_R3;
 }
 
-/* E is a weight: an error of f of 1e-3 s does not show in it.  Its gradient needs more. */
+/* E is a weight: an error of f of 1e-2 s does not show in it.  Its gradient needs more. */
 static bool is_single(const apsm_options *o)
 {
     return o->precision == 0 && o->kernel == 0 && o->error_gradient == APSM_ERROR_CONSTANT;
 }
 
-/* Whether a factor serves for several epochs: not if I of them are more than anyone's memory.  No
- * other limit decides, for it decides the result. */
+double apsm_kept_factor_bytes(const apsm_options *options, size_t I, size_t J)
+{
+    const double most = 0x1p30, each = 8.0 * (double)apsm_polyharmonic_store_size(3 * J, true);
+    return is_single(options) && (double)I * each <= most ? each : 0;
+}
+
+/* Whether a factor serves for several epochs. */
 static bool keeps_factors(const optimizer *op)
 {
-    const double most = 0x1p30, each = 8.0 * (double)apsm_polyharmonic_store_size(3 * op->J, true);
-    return is_single(op->o) && op->w.c > 0 && (double)op->I * each <= most;
+    return op->w.c > 0 && apsm_kept_factor_bytes(op->o, op->I, op->J) > 0;
 }
 
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
@@ -368,12 +372,12 @@ static apsm_status fit_again(const optimizer *op, size_t i, const double *P, con
                              worker *w, apsm_rbf_shape *rbf, apsm_polyharmonic *spare)
 {
     enum { MOST_ITERATIONS = 24 };
-    const double tolerance = 1e-2, s = dipole_length(op, &op->cohort->shape[i]);
+    const double s = dipole_length(op, &op->cohort->shape[i]);
     const apsm_polyharmonic *factor;
     size_t iterations;
     APSM_TRY(factor_at_own(op, i, w, rbf, spare, &factor));
-    const apsm_status status = apsm_rbf_refit(factor, P, N, s, true, tolerance, MOST_ITERATIONS,
-                                              rbf, &iterations, w->rbf_work);
+    const apsm_status status = apsm_rbf_refit(factor, P, N, s, true, APSM_RBF_TOLERANCE,
+                                              MOST_ITERATIONS, rbf, &iterations, w->rbf_work);
     return status == APSM_OK ? status : fit_anew(op, i, P, N, w, w->factor_store, rbf, spare);
 }
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/polyharmonic.h"
+#include "apsm/optimizer.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -90,15 +90,11 @@ static double initialize_seconds(double J)
     return 0.06 + 2.5e-4 * J;
 }
 
-/* Bytes of the factor of a shape's RBF-shape that stage 2 keeps (docs/method.md, RBF-shape); 0: a
- * new one is made in every epoch. */
+/* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
 static double kept_bytes(const apsm_options *o, double I)
 {
-    const double each = 8 * (double)apsm_polyharmonic_store_size(3 * (size_t)o->particles, true);
-    const bool kept = o->method != APSM_METHOD_PSM && o->precision == 0 && o->kernel == 0 &&
-                      o->error_gradient == APSM_ERROR_CONSTANT && o->adaptivity > 0 &&
-                      o->stage2_epochs > 0 && I * each <= 0x1p30;
-    return kept ? each : 0;
+    const bool adaptive = o->method != APSM_METHOD_PSM && o->adaptivity > 0 && o->stage2_epochs > 0;
+    return adaptive ? apsm_kept_factor_bytes(o, (size_t)I, (size_t)o->particles) : 0;
 }
 
 /* factors: made in an epoch, for a shape. */

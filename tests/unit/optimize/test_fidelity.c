@@ -135,77 +135,95 @@ static fidelity_weights some_weights(const apsm_fidelity_prior *prior, size_t i)
                                .noise = sqrt(prior->noise[fold]) };
 }
 
+/* A stage with a prior of two modes and scratch for it. */
+typedef struct prior_scene {
+    scene s;
+    apsm_fidelity *f;
+    apsm_fidelity_prior prior;
+    fidelity_work w;
+} prior_scene;
+
+static void make_prior_scene(prior_scene *p)
+{
+    const apsm_fidelity_options o = apsm_fidelity_defaults();
+    make_scene(&p->s, SYNTHETIC_BUMP, 4, 1);
+    p->f = new_stage(&p->s, &o);
+    assert_int_equal(apsm_fidelity_prior_fit(p->s.ctx, I, J, p->s.P, p->f->h, 2, NULL, &p->prior),
+                     APSM_OK);
+    assert_int_equal(p->prior.modes, 2);
+    assert_int_equal(fidelity_work_alloc(p->f, p->prior.modes, &p->w), APSM_OK);
+}
+
+static void free_prior_scene(prior_scene *p)
+{
+    fidelity_work_free(&p->w);
+    apsm_fidelity_prior_free(&p->prior);
+    apsm_fidelity_free(p->f);
+    free_scene(&p->s);
+}
+
 /* The gradient that Gauss-Newton takes is that of the value, and the matrix that of the quadratic
  * terms. */
 static void test_gradient(void **state)
 {
     (void)state;
-    scene s;
-    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
-    apsm_fidelity_options o = apsm_fidelity_defaults();
-    apsm_fidelity *f = new_stage(&s, &o);
-    apsm_fidelity_prior prior;
-    fidelity_work w;
+    prior_scene p;
+    make_prior_scene(&p);
+    const apsm_fidelity *f = p.f;
     const size_t i = 3;
     double d[2 * J], P0[3 * J];
-    assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, NULL, &prior), APSM_OK);
-    assert_int_equal(prior.modes, 2);
-    assert_int_equal(fidelity_work_alloc(f, prior.modes, &w), APSM_OK);
-    fidelity_weights q = some_weights(&prior, i);
-    memcpy(w.a.P, s.P + i * J * 3, sizeof P0);
-    fidelity_set_prior(f, &q, w.a.P, &w);
-    for (size_t x = 0; x < 3 * J; x++) P0[x] = w.a.P[x] + f->h * 0.1 * noise(x + 7);
-    apsm_shape_look_up(&s.cohort.shape[i], J, w.a.P, w.a.S, NULL, w.a.N);
-    fidelity_measure(f, i, 0, &w.a, &w);
-    assert_true(fidelity_linearise(f, &w.a, &w) > 0);
-    fidelity_add_quadratic(f, &q, P0, &w.a, &w);
+    fidelity_weights q = some_weights(&p.prior, i);
+    memcpy(p.w.a.P, p.s.P + i * J * 3, sizeof P0);
+    fidelity_set_prior(f, &q, p.w.a.P, &p.w);
+    for (size_t x = 0; x < 3 * J; x++) P0[x] = p.w.a.P[x] + f->h * 0.1 * noise(x + 7);
+    apsm_shape_look_up(&p.s.cohort.shape[i], J, p.w.a.P, p.w.a.S, NULL, p.w.a.N);
+    fidelity_measure(f, i, 0, &p.w.a, &p.w);
+    assert_true(fidelity_linearise(f, &p.w.a, &p.w) > 0);
+    fidelity_add_quadratic(f, &q, P0, &p.w.a, &p.w);
     for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
     double slope = 0, curve = 0, value[2];
     for (size_t x = 0; x < 2 * J; x++) {
-        slope += w.g[x] * d[x];
-        for (size_t y = 0; y < x; y++) curve += 2 * w.H[x * 2 * J + y] * d[x] * d[y];
-        curve += w.H[x * 2 * J + x] * d[x] * d[x];
+        slope += p.w.g[x] * d[x];
+        for (size_t y = 0; y < x; y++) curve += 2 * p.w.H[x * 2 * J + y] * d[x] * d[y];
+        curve += p.w.H[x * 2 * J + x] * d[x] * d[x];
     }
     const double t = 1e-6;
     for (int k = 0; k < 2; k++) {
-        shift(f, &w.a, w.tangent, d, k ? t : -t, w.b.P);
-        fidelity_measure(f, i, 0, &w.b, &w);
-        fidelity_value(f, &q, P0, &w.b, &w);
-        value[k] = w.b.value;
+        shift(f, &p.w.a, p.w.tangent, d, k ? t : -t, p.w.b.P);
+        fidelity_measure(f, i, 0, &p.w.b, &p.w);
+        fidelity_value(f, &q, P0, &p.w.b, &p.w);
+        value[k] = p.w.b.value;
     }
     const double difference = (value[1] - value[0]) / (2 * t);
     if (!(fabs(difference - slope) < 1e-4 * fabs(slope)))
         fail_msg("slope %.9g by differences, %.9g by the gradient", difference, slope);
 
     /* the order of the particles does take part in that */
-    const double ordered = w.b.value;
+    const double ordered = p.w.b.value;
     q.order = 0;
-    fidelity_value(f, &q, P0, &w.b, &w);
-    assert_true(w.b.value < 0.99 * ordered);
+    fidelity_value(f, &q, P0, &p.w.b, &p.w);
+    assert_true(p.w.b.value < 0.99 * ordered);
 
     /* quadratic terms alone: H by second differences, exactly */
     double quadratic[3];
-    memset(w.H, 0, 4 * J * J * sizeof *w.H);
-    memset(w.g, 0, 2 * J * sizeof *w.g);
-    fidelity_add_quadratic(f, &q, P0, &w.a, &w);
+    memset(p.w.H, 0, 4 * J * J * sizeof *p.w.H);
+    memset(p.w.g, 0, 2 * J * sizeof *p.w.g);
+    fidelity_add_quadratic(f, &q, P0, &p.w.a, &p.w);
     curve = 0;
     for (size_t x = 0; x < 2 * J; x++) {
-        for (size_t y = 0; y < x; y++) curve += 2 * w.H[x * 2 * J + y] * d[x] * d[y];
-        curve += w.H[x * 2 * J + x] * d[x] * d[x];
+        for (size_t y = 0; y < x; y++) curve += 2 * p.w.H[x * 2 * J + y] * d[x] * d[y];
+        curve += p.w.H[x * 2 * J + x] * d[x] * d[x];
     }
     for (int k = 0; k < 3; k++) {
-        shift(f, &w.a, w.tangent, d, 0.01 * (k - 1), w.b.P);
-        w.b.n = 0;
-        fidelity_value(f, &q, P0, &w.b, &w);
-        quadratic[k] = w.b.value;
+        shift(f, &p.w.a, p.w.tangent, d, 0.01 * (k - 1), p.w.b.P);
+        p.w.b.n = 0;
+        fidelity_value(f, &q, P0, &p.w.b, &p.w);
+        quadratic[k] = p.w.b.value;
     }
     const double second = (quadratic[0] - 2 * quadratic[1] + quadratic[2]) / 1e-4;
     if (!(fabs(second - curve) < 1e-6 * curve))
         fail_msg("curvature %.9g by differences, %.9g by the matrix", second, curve);
-    fidelity_work_free(&w);
-    apsm_fidelity_prior_free(&prior);
-    apsm_fidelity_free(f);
-    free_scene(&s);
+    free_prior_scene(&p);
 }
 
 /* A plate that lies two thirds of its thickness off is matched side by side, not with the side that
@@ -344,16 +362,11 @@ static double prior_alone(const apsm_fidelity *f, const fidelity_weights *q, con
 static void test_prior_counts_distances(void **state)
 {
     (void)state;
-    scene s;
-    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
-    apsm_fidelity_options o = apsm_fidelity_defaults();
-    apsm_fidelity *f = new_stage(&s, &o);
-    apsm_fidelity_prior prior;
-    fidelity_work w;
+    prior_scene p;
+    make_prior_scene(&p);
+    const apsm_fidelity *f = p.f;
     double P[3 * J], e[3 * J];
-    assert_int_equal(apsm_fidelity_prior_fit(s.ctx, I, J, s.P, f->h, 2, NULL, &prior), APSM_OK);
-    assert_int_equal(fidelity_work_alloc(f, prior.modes, &w), APSM_OK);
-    fidelity_weights q = some_weights(&prior, 2);
+    fidelity_weights q = some_weights(&p.prior, 2);
     q.stay = q.smooth = q.order = 0;
     q.prior = 2;
     /* the mean, scores on both modes, one particle far off, the others by what is usual */
@@ -363,33 +376,30 @@ static void test_prior_counts_distances(void **state)
             e[x] = 2 * q.mode[x] - 1.5 * q.mode[3 * J + x] + (j == 5 ? 20 : 1) * q.noise * noise(x);
             P[x] = f->h * (q.mean[x] + e[x]);
         }
-    fidelity_set_prior(f, &q, P, &w);
-    assert_true(w.v[5] <= 0.25 + 1e-12);
+    fidelity_set_prior(f, &q, P, &p.w);
+    assert_true(p.w.v[5] <= 0.25 + 1e-12);
     size_t usual = 0;
     for (size_t j = 0; j < J; j++) {
-        assert_true(w.v[j] >= 0.25 - 1e-12 && w.v[j] <= 4 + 1e-12);
-        usual += w.v[j] > 0.5;
+        assert_true(p.w.v[j] >= 0.25 - 1e-12 && p.w.v[j] <= 4 + 1e-12);
+        usual += p.w.v[j] > 0.5;
     }
     assert_true(2 * usual > J);
-    const double value = prior_alone(f, &q, P, &w);
+    const double value = prior_alone(f, &q, P, &p.w);
     double b[2] = { 0, 0 }, least = INFINITY;
     for (double a = -1, n = 4001, k = 0; k < n; k++) /* the scores by search, in turns */
         for (size_t m = 0; m < 2; m++) {
             const double at = b[m], step = a * pow(0.99, k);
-            const double here = with_scores(&q, w.v, e, b);
+            const double here = with_scores(&q, p.w.v, e, b);
             b[m] = at + step;
-            const double up = with_scores(&q, w.v, e, b);
+            const double up = with_scores(&q, p.w.v, e, b);
             b[m] = at - step;
-            const double down = with_scores(&q, w.v, e, b);
+            const double down = with_scores(&q, p.w.v, e, b);
             b[m] = up < here && up <= down ? at + step : down < here ? at - step : at;
             least = fmin(least, fmin(here, fmin(up, down)));
         }
     if (!(fabs(value - least) < 1e-6 * least))
         fail_msg("%.12g is not the least: %.12g", value, least);
-    fidelity_work_free(&w);
-    apsm_fidelity_prior_free(&prior);
-    apsm_fidelity_free(f);
-    free_scene(&s);
+    free_prior_scene(&p);
 }
 
 /* ---- the stage ---- */
