@@ -7,7 +7,7 @@ list(SORT vtk_headers COMPARE NATURAL ORDER DESCENDING)
 
 # The newest version of which both headers and libraries are there.
 set(vtk_names CommonCore CommonMisc CommonMath CommonDataModel CommonExecutionModel FiltersCore IOXML
-    RenderingCore RenderingFreeType)
+    RenderingCore RenderingFreeType sys)
 foreach(folder ${vtk_headers})
   string(REGEX MATCH "[0-9]+\\.[0-9]+$" ApsmVTK_VERSION "${folder}")
   set(ApsmVTK_LIBRARIES)
