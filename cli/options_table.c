@@ -95,6 +95,7 @@ static const struct {
     { "alpha", 0, CLI_GROUP_MODEL },         { "beta", 0, CLI_GROUP_MODEL },
     { "gamma", 0, CLI_GROUP_MODEL },         { "stage1_epochs", 0, CLI_GROUP_MODEL },
     { "stage2_epochs", 0, CLI_GROUP_MODEL }, { "align", 0, CLI_GROUP_INPUT },
+    { "cuts", 0, CLI_GROUP_INPUT },
 };
 
 static void dashed(const char *prefix, const char *key, char name[48])

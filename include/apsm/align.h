@@ -110,6 +110,13 @@ typedef struct apsm_align_options {
 } apsm_align_options;
 apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0 */
 
+/* Where a shape was cut off. */
+typedef struct apsm_cut {
+    size_t shape;
+    double plane[4]; /* n, d in the world, with the pose `sized`: the shape lies where n.x <= d */
+    double radius;   /* of the shape, there */
+} apsm_cut;
+
 /* Owns its arrays; zero-initialise with {0}. */
 typedef struct apsm_alignment {
     size_t n, template_index;
@@ -122,6 +129,10 @@ typedef struct apsm_alignment {
                                 provisional template, which has INFINITY itself */
     bool *mirrored;          /* n: looks mirrored, compared with the given template or with most
                                 shapes */
+    size_t cuts;             /* places where shapes were cut off, in the order of the shapes */
+    apsm_cut *cut;
+    double *sized; /* n x 16: as M, and shapes made the template's size by what they share, if any
+                      was cut; else as M */
 } apsm_alignment;
 
 /* Aligns n >= 1 meshes (borrowed, each in its own frame; names, for messages, may be NULL) to a
@@ -140,6 +151,11 @@ typedef struct apsm_alignment {
 apsm_status apsm_align_cohort(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
                               const char *const *names, const apsm_align_options *opt,
                               apsm_alignment *alignment) APSM_NODISCARD;
+/* M and residual anew from the M that alignment has, for meshes that have been cropped since: what
+ * was cut off counts no more.  opt as for the first time; its template and mirror do not matter. */
+apsm_status apsm_align_cropped(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
+                               const char *const *names, const apsm_align_options *opt,
+                               apsm_alignment *alignment) APSM_NODISCARD;
 void apsm_alignment_free(apsm_alignment *alignment);
 
 #ifdef __cplusplus

@@ -46,6 +46,10 @@ extern "C" {
     BOOL(largest_component, true, "keep only the largest component of every shape")                \
     ENUM(align, "rigid|similarity|none", "pose (and size) removed before the model is made")       \
     ENUM(mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")                \
+    ENUM(cuts, "auto|crop|keep",                                                                   \
+         "where shapes were cut off at different places, by the edge of an image: crop all to "    \
+         "what all of them hold, keep them as they are, or (auto) crop if at least a fifth of "    \
+         "them, and two, were cut")                                                                \
     REAL(field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")                 \
     /* initialize */                                                                               \
     ENUM(initialize, "registration|projection|fps",                                                \
@@ -167,6 +171,7 @@ typedef struct apsm_options {
 enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
 enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
+enum { APSM_CUTS_AUTO, APSM_CUTS_CROP, APSM_CUTS_KEEP };
 enum { APSM_INIT_REGISTRATION, APSM_INIT_PROJECTION, APSM_INIT_FPS };
 /* sampling_scale, rotation, neighbour_norm, kernel: apsm/optimizer.h maps them to the kernels'
  * own names. */

@@ -16,6 +16,7 @@
 
 #include "apsm/affine.h"
 #include "apsm/align.h"
+#include "geometry/vec3.h"
 #include "groom/icp.h"
 #include "groom/medoid.h"
 
@@ -41,6 +42,7 @@ typedef struct aligner {
     double common[9]; /* rotation from the orientation in which most shapes come to base */
     bool oriented;    /* nearly all do */
     double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
+    bool any_cut;     /* some shape was cut off */
     bool *fits;       /* n: whether that one fits about as well as the best */
     apsm_medoid_plan *plan;
     size_t part;      /* of the plan's shapes, or all of them */
@@ -344,21 +346,22 @@ static void to_world(const aligner *a, double M[16])
 
 /* Registers shape i to the template from M: on the sample, then on all vertices until it rests, so
  * that the pose is that of the surfaces and not of the points drawn or the way there. */
-static apsm_status register_shape(const aligner *a, const apsm_surface *moving, size_t i,
-                                  double M[16], double *work)
+static apsm_status register_shape(const aligner *a, const apsm_surface *moving, size_t i, bool size,
+                                  double M[16], double *residual, double *work)
 {
     const apsm_surface fixed = { a->bvh[a->out->template_index],
                                  &a->cloud[a->out->template_index] };
     apsm_icp_options icp = icp_options(a);
     apsm_cloud dense;
+    icp.scale |= size;
     roughly(&icp);
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[i], moving->cloud, &dense));
-    apsm_icp(moving, &fixed, &icp, M, &a->out->residual[i], work);
+    apsm_icp(moving, &fixed, &icp, M, residual, work);
     icp.points = 0;
     icp.tolerance = at_rest;
     if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
     apsm_icp_to_rest(&(apsm_surface){ moving->bvh, &dense },
-                     &(apsm_surface){ fixed.bvh, &a->dense }, &icp, M, &a->out->residual[i], work);
+                     &(apsm_surface){ fixed.bvh, &a->dense }, &icp, M, residual, work);
     apsm_cloud_free(&dense);
     return APSM_OK;
 }
@@ -369,20 +372,43 @@ static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *
     const size_t t = a->out->template_index;
     apsm_surface moving;
     apsm_bvh *own;
-    double *M = a->out->M + 16 * i;
+    double unused, *M = a->out->M + 16 * i, *sized = a->out->sized + 16 * i;
     apsm_affine_identity(M);
+    apsm_affine_identity(sized);
     a->out->residual[i] = 0.0;
     if (i != t) {
         APSM_TRY(open_surface(ctx, a, i, &own, &moving));
         between(a, i, t, M);
-        const apsm_status status = register_shape(a, &moving, i, M, scratch(a, worker));
+        apsm_status status =
+            register_shape(a, &moving, i, false, M, &a->out->residual[i], scratch(a, worker));
+        memcpy(sized, M, 16 * sizeof *M);
+        if (status == APSM_OK && a->any_cut && a->opt->mode == APSM_ALIGN_RIGID)
+            status = register_shape(a, &moving, i, true, sized, &unused, scratch(a, worker));
         apsm_bvh_free(own);
         if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
     }
     to_world(a, M);
+    to_world(a, sized);
     if (!isfinite(a->out->residual[i]))
         return fail(ctx, a, i, APSM_ERR_NONFINITE, "alignment left the finite numbers");
     return APSM_OK;
+}
+
+/* The planes, moved along with the shapes. */
+static void tell_cuts(const aligner *a)
+{
+    for (size_t i = 0; i < a->n; i++)
+        for (size_t c = 0; c < a->cloud[i].cuts; c++) {
+            const double *plane = a->cloud[i].cut[c], *M = a->out->sized + 16 * i;
+            apsm_cut *cut = &a->out->cut[a->out->cuts++];
+            double x[3];
+            for (size_t k = 0; k < 3; k++) x[k] = plane[3] * plane[k];
+            apsm_affine_apply(M, 1, x, x);
+            apsm_affine_apply_normals(M, 1, plane, cut->plane);
+            cut->plane[3] = vec3_dot(cut->plane, x);
+            cut->shape = i;
+            cut->radius = a->cloud[i].radius * cbrt(fabs(apsm_affine_det(M)));
+        }
 }
 
 static void report_cuts(apsm_context *ctx, const aligner *a)
@@ -466,9 +492,12 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
     a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
+    a->out->sized = malloc(16 * n * sizeof *a->out->sized);
+    a->out->cut = malloc(APSM_MOST_CUTS * n * sizeof *a->out->cut);
     const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->given && a->fits &&
                         a->list && a->work && a->out->M && a->out->residual &&
-                        a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored;
+                        a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
+                        a->out->cut && a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
         a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
@@ -508,12 +537,53 @@ static apsm_status align(apsm_context *ctx, aligner *a)
         APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
     if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
     judge_mirrored(a);
+    for (size_t i = 0; i < a->n; i++) a->any_cut |= a->cloud[i].cuts > 0;
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
     APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
+    tell_cuts(a);
     report(ctx, a);
     return APSM_OK;
+}
+
+/* Registers all to the template from the poses they have. */
+static apsm_status align_again(apsm_context *ctx, aligner *a, const double *M)
+{
+    const size_t t = a->base;
+    a->out->template_index = t;
+    memcpy(a->P, M, 16 * a->n * sizeof *M);
+    APSM_TRY(apsm_parallel_for(ctx, a->n, sample_task, a, NULL));
+    for (size_t i = 0; i < a->n; i++) a->cloud[i].cuts = 0;
+    APSM_TRY(hold_trees(ctx, a, 1, &t));
+    APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
+    return apsm_parallel_for(ctx, a->n, register_task, a, NULL);
+}
+
+apsm_status apsm_align_cropped(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
+                               const char *const *names, const apsm_align_options *opt,
+                               apsm_alignment *alignment)
+{
+    apsm_alignment again = { 0 };
+    aligner a = { .n = n,
+                  .mesh = meshes,
+                  .names = names,
+                  .opt = opt,
+                  .out = &again,
+                  .base = alignment->template_index };
+    APSM_TRY(check(ctx, n, opt));
+    apsm_status status = allocate(ctx, &a);
+    if (status == APSM_OK)
+        status = align_again(ctx, &a, alignment->M);
+    else
+        status = apsm_fail(ctx, status, "align: out of memory for %zu shapes", n);
+    if (status == APSM_OK) {
+        memcpy(alignment->M, again.M, 16 * n * sizeof *again.M);
+        memcpy(alignment->residual, again.residual, n * sizeof *again.residual);
+    }
+    release(&a);
+    apsm_alignment_free(&again);
+    return status;
 }
 
 apsm_status apsm_align_cohort(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,
@@ -540,5 +610,7 @@ void apsm_alignment_free(apsm_alignment *alignment)
     free(alignment->runner_up_ratio);
     free(alignment->mirror_ratio);
     free(alignment->mirrored);
+    free(alignment->cut);
+    free(alignment->sized);
     *alignment = (apsm_alignment){ 0 };
 }

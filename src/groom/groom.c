@@ -6,6 +6,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "groom/repair.h"
+
 apsm_groom_options apsm_groom_defaults(void)
 {
     return (apsm_groom_options){ .fill_cavities = true,
@@ -71,8 +73,8 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_rep
                  r->genus == 1 ? "" : "s");
 }
 
-static apsm_status remesh_repaired(apsm_context *ctx, const char *name, apsm_mesh *mesh,
-                                   const apsm_remesh_options *opt, apsm_remesh_report *report)
+apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
+                         const apsm_remesh_options *opt, apsm_remesh_report *report)
 {
     apsm_bvh *tree;
     apsm_mesh fine = *mesh;
@@ -100,7 +102,7 @@ apsm_status apsm_groom_mesh(apsm_context *ctx, const char *name, const apsm_mesh
     say_repair(ctx, name, r);
     if (!opt.remesh) return APSM_OK;
     const apsm_status status =
-        remesh_repaired(ctx, name, mesh_out, &opt.remesh_options, report ? &r->remesh : NULL);
+        groom_remesh(ctx, name, mesh_out, &opt.remesh_options, report ? &r->remesh : NULL);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
     return status;
 }

@@ -33,6 +33,10 @@ apsm_status repair_slivers(repair *r) APSM_NODISCARD;
 /* Removes the faces with drop[f] != 0 (their order is kept) and vertices without a face. */
 apsm_status repair_drop(apsm_mesh *mesh, const unsigned char *drop) APSM_NODISCARD;
 
+/* Remeshes a closed surface in place. */
+apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
+                         const apsm_remesh_options *opt, apsm_remesh_report *report) APSM_NODISCARD;
+
 /* Area vector (twice the area times the normal) of face f. */
 void repair_area_vector(const apsm_mesh *mesh, size_t f, double n[3]);
 double repair_face_area(const apsm_mesh *mesh, size_t f);

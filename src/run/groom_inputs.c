@@ -127,18 +127,25 @@ static apsm_status move_to_store(apsm_context *ctx, const groom_inputs *in, apsm
     return in->store ? store_put(ctx, in->store, &arrays) : APSM_OK;
 }
 
-/* In the store a mesh can only be read: its mirror image is another. */
+/* In the store a mesh can only be read, not changed. */
+apsm_status groom_inputs_replace(apsm_context *ctx, const groom_inputs *in, size_t i,
+                                 apsm_mesh *mesh)
+{
+    APSM_TRY(move_to_store(ctx, in, mesh));
+    run_free_mesh(&in->mesh[i], in->store != NULL);
+    in->mesh[i] = *mesh;
+    *mesh = (apsm_mesh){ 0 };
+    return APSM_OK;
+}
+
 apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i)
 {
     apsm_mesh mesh;
     APSM_TRY(apsm_mesh_copy(&in->mesh[i], &mesh));
     reflect(&mesh, in->reflection[i]);
-    const apsm_status status = move_to_store(ctx, in, &mesh);
-    run_free_mesh(status == APSM_OK ? &in->mesh[i] : &mesh, status == APSM_OK && in->store);
-    if (status == APSM_OK) {
-        in->mesh[i] = mesh;
-        in->reflected[i] = true;
-    }
+    const apsm_status status = groom_inputs_replace(ctx, in, i, &mesh);
+    apsm_mesh_free(&mesh);
+    if (status == APSM_OK) in->reflected[i] = true;
     return status;
 }
 

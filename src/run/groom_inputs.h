@@ -32,6 +32,11 @@ void groom_inputs_free(groom_inputs *in);
 /* SHA-256 of a file, or of a folder with a DICOM series. */
 apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65]);
 
+/* Puts mesh, which it takes over (in an error the caller keeps it), in the place of the groomed
+ * one. */
+apsm_status groom_inputs_replace(apsm_context *ctx, const groom_inputs *in, size_t i,
+                                 apsm_mesh *mesh);
+
 /* Mirrors a groomed mesh; its coordinates stay float32 numbers, as in the file. */
 apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i);
 

@@ -8,6 +8,7 @@
 #include "apsm/affine.h"
 #include "apsm/align.h"
 #include "apsm/template_choice.h"
+#include "run/crop_ends.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -58,11 +59,12 @@ static apsm_status find_template(const groom_work *w, size_t *index)
  * rotation, and so the mesh is mirrored in its own frame instead. */
 static apsm_status move_mirror_to_mesh(groom_work *w, size_t i)
 {
-    double *M = w->alignment.M + 16 * i, inverse[16];
+    double *M = w->alignment.M + 16 * i, *sized = w->alignment.sized + 16 * i, inverse[16];
     if (apsm_affine_det(M) > 0) return APSM_OK;
     APSM_TRY(groom_inputs_reflect(w->run->ctx, &w->in, i));
     APSM_TRY(apsm_affine_invert(w->in.reflection[i], inverse));
     apsm_affine_multiply(M, inverse, M);
+    apsm_affine_multiply(sized, inverse, sized);
     return APSM_OK;
 }
 
@@ -72,6 +74,7 @@ static apsm_status align(groom_work *w)
     const size_t n = w->in.list.n;
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
     const char **names = calloc(n, sizeof *names);
+    bool cropped = false;
     apsm_align_options ao = apsm_align_defaults();
     ao.mode = run->options.align;
     ao.mirror = run->options.mirror_check;
@@ -82,6 +85,9 @@ static apsm_status align(groom_work *w)
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
+    if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
+    if (status == APSM_OK && cropped)
+        status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
     if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
                                       ao.mirror == APSM_MIRROR_FIX ? NULL : w->alignment.mirrored,

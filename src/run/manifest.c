@@ -102,6 +102,13 @@ apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *name
     return failed ? no_memory(run) : APSM_OK;
 }
 
+apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped)
+{
+    json_object_del(run->manifest, "cropped");
+    if (!cropped) return APSM_OK;
+    return json_object_set_new(run->manifest, "cropped", cropped) ? no_memory(run) : APSM_OK;
+}
+
 const char *manifest_input_sha256(const apsm_run *run, const char *name)
 {
     size_t i;

@@ -2,6 +2,8 @@
 #ifndef APSM_RUN_MANIFEST_H
 #define APSM_RUN_MANIFEST_H
 
+#include <jansson.h>
+
 #include "run/session.h"
 
 /* Reads the folder's manifest, or begins one. */
@@ -13,6 +15,8 @@ void manifest_close(apsm_run *run);
 apsm_status manifest_set_options(apsm_run *run);
 apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *names,
                                 const char *const *paths, char (*sha256)[65]);
+/* What groom cropped (takes the reference over), or NULL: nothing. */
+apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped);
 /* The stored SHA-256 of a named input, or NULL. */
 const char *manifest_input_sha256(const apsm_run *run, const char *name);
 

@@ -1,10 +1,11 @@
 #!/bin/bash
 # The program from shapes to a model: what is written, that it depends on nothing but shapes and
 # options, that an interrupted run goes on, and what happens with shapes that are hard or broken.
-# $1 is the program, $2 make_synthetic.
+# $1 is the program, $2 make_synthetic, $3 make_anatomy.
 set -u -m # -m: background jobs must not ignore SIGINT
 apsm=$1
 synthetic=$2
+anatomy=$3
 folder=$(mktemp -d)
 trap 'chmod -R u+w "$folder"; rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -150,6 +151,18 @@ same_particles model steps "step by step with --memory"
 expect 2 "give a number with a unit" run cohort -o never --memory lots
 [ -e never ] && fail "a wrong --memory made a folder"
 expect 2 "are meshes, which have no labels" run cohort -o labelled --label 1,2
+
+# ---- bones cut off at different heights are cropped alike ----
+"$anatomy" femur bones count 5 cut 1 coarse 2 fine 2 || exit 1
+expect 0 "all are cropped there to what" run bones/shapes -o bones/a "${quick[@]}" --threads 1
+grep -q '"cropped":' bones/a/manifest.json || fail "the manifest does not tell what was cropped"
+expect 0 "" run bones/shapes -o bones/b "${quick[@]}" --threads 4 --memory 64M
+same_particles bones/a bones/b "cropped, threads and --memory"
+diff -rq bones/a/groomed bones/b/groomed || fail "cropped meshes depend on threads or --memory"
+expect 0 "" groom bones/shapes -o bones/b "${quick[@]}" --cuts keep --overwrite
+grep -q "cropped" said bones/b/manifest.json && fail "--cuts keep crops"
+diff -rq bones/a/groomed bones/b/groomed >/dev/null && fail "cropping changes no mesh"
+expect 2 "auto|crop|keep" groom bones/shapes -o never --cuts short
 
 snapshot model >before
 expect 1 "--resume" run cohort -o model "${quick[@]}"

@@ -538,6 +538,7 @@ function fillProvenance() {
   const sum = (key) => stages.reduce((a, [, s]) => a + (s[key] ?? 0), 0);
   body.append(
     el("p", {}, `Made by apsm ${m.apsm}, seed ${m.options?.seed ?? "0"}, ${plural(m.inputs.length, "input")}.`),
+    ...(m.cropped?.ends ?? []).map((e) => el("p", {}, `${e.cut} of ${m.inputs.length} shapes were cut off at one end, by the edge of an image perhaps. All are cropped there to what ${e.shortest}, the shortest, holds; shapes lose ${show(100 * m.cropped.mean_loss)}\u00a0% of their surface on average, ${m.cropped.loser} ${show(100 * m.cropped.most_loss)}\u00a0%.`)),
     table(["step", "wall clock", "processor", "memory so far", "threads"],
       stages.map(([name, s]) => [name, seconds(s.wall_seconds), seconds(s.cpu_seconds), `${Math.round(s.peak_memory_mb)} MB`, String(s.threads)])
         .concat([["together", seconds(sum("wall_seconds")), seconds(sum("cpu_seconds")), "", ""]]), [1, 2, 3, 4]),
