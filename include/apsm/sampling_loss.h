@@ -39,8 +39,8 @@ double apsm_sampling_weights(size_t R, const double *f, const double *D, double 
 /* Loss (6) and gradient (7), E constant, of particles P (J x 3, J >= 1) for points B (R x 3) with
  * weights g (R; NULL: all 1).  Out: loss; grad (J x 3), overwritten; kbar (R) soft distance of each
  * point; mass (J) sum_r w_rj g_r.  Each may be NULL.  work: apsm_sampling_work_size(J, R) doubles.
- * Points are taken in the order of a grid's cells, each with the particles within reach of the
- * cell: O(R + pairs within cut tau).  Deterministic.  APSM_ERR_ARG leaves outputs untouched;
+ * Points are taken along a space-filling curve, in groups that meet the particles within reach:
+ * O(R + pairs within cut tau).  Deterministic.  APSM_ERR_ARG leaves outputs untouched;
  * APSM_ERR_NONFINITE if anything is not finite. */
 size_t apsm_sampling_work_size(size_t J, size_t R);
 apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double *B,

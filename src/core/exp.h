@@ -51,4 +51,23 @@ static inline float apsm_expf(float x)
     return y;
 }
 
+/* 2^x in single precision, for -126 <= x <= 126 (less counts as -126): x = n + r, |r| <= 1/2, and
+ * the polynomial of degree 5 with p(0) = 1 that errs least, by 9e-8 of 2^r; the result is good to 2
+ * units in the last place.  Two thirds of the operations of apsm_expf. */
+static inline float apsm_exp2f(float x)
+{
+    const float shift = 0x1.8p23f;
+    x = x > -126.0f ? x : -126.0f;
+    const float t = x + shift, n = t - shift, r = x - n, r2 = r * r;
+    const float a = 0x1.ebf9bcp-3f + r * 0x1.c6b752p-5f, b = 0x1.3cea8ap-7f + r * 0x1.5bba16p-10f;
+    const float p = 1.0f + (r * 0x1.62e42ap-1f + r2 * (a + r2 * b));
+    uint32_t bits, power;
+    memcpy(&bits, &p, sizeof bits);
+    memcpy(&power, &t, sizeof power);
+    bits += power << 23;
+    float y;
+    memcpy(&y, &bits, sizeof y);
+    return y;
+}
+
 #endif

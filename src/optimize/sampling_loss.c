@@ -8,10 +8,10 @@
  *   kbar_r = sum_j w_rj k_rj
  *
  * Only particles within cut tau of a point's nearest have a weight worth adding.  Particles and
- * points are sorted along a Morton curve; 8 particles in a row make a block, 16 points a group,
- * each with a bounding sphere.  A group meets the blocks that may hold such particles; in double
- * each of its points skips the blocks that do not, in single precision the group skips the
- * particles that do not matter to it.  Sums run in an order that the input alone decides. */
+ * points are sorted along Hilbert's curve; 8 particles in a row make a block, 16 points a group (64
+ * in single precision), each with a bounding sphere.  A group meets the blocks that may hold such
+ * particles; each of its points skips those that do not.  Sums run in an order that the input alone
+ * decides.  In single precision: sampling_patch.c. */
 #include "apsm/sampling_loss.h"
 
 #include <math.h>
@@ -20,9 +20,15 @@
 
 #include "core/exp.h"
 #include "core/kernel.h"
-#include "optimize/sampling_group.h"
+#include "optimize/sampling_patch.h"
 
-enum { LANES = 8, GROUP = SAMPLING_GROUP, AXIS_BITS = 7, RADIX_BITS = 11, RADIX = 1 << RADIX_BITS };
+enum {
+    LANES = 8,
+    GROUP = 16,
+    PATCH = SAMPLING_PATCH,
+    MOST_BITS = 8,
+    RADIX = 1 << (3 * MOST_BITS / 2)
+};
 
 apsm_sampling_options apsm_sampling_defaults(void)
 {
@@ -79,8 +85,9 @@ typedef struct cells {
     uint32_t *near;       /* nb: which of these a point needs */
     uint32_t *found;      /* Jp: particles of a group */
     uint32_t *count;      /* RADIX */
-    double lo[3], cell;   /* the curve's box */
-    sampling_group group; /* scratch in single precision */
+    double lo[3], extent; /* the curve's box */
+    int bits;             /* of the curve's keys, an axis */
+    sampling_patch patch; /* scratch in single precision */
 } cells;
 
 /* Doubles of work; binds the arrays if c is given. */
@@ -106,9 +113,9 @@ static size_t lay_out(size_t J, size_t R, cells *c, double *work)
         c->near = c->block + nb;
         c->found = c->near + nb;
         c->count = c->found + Jp;
-        sampling_group_lay_out(Jp, &c->group, work + doubles + (ints + 1) / 2);
+        sampling_patch_lay_out(Jp, &c->patch, work + doubles + (ints + 1) / 2);
     }
-    return doubles + (ints + 1) / 2 + sampling_group_lay_out(Jp, NULL, NULL);
+    return doubles + (ints + 1) / 2 + sampling_patch_lay_out(Jp, NULL, NULL);
 }
 
 size_t apsm_sampling_work_size(size_t J, size_t R)
@@ -118,31 +125,80 @@ size_t apsm_sampling_work_size(size_t J, size_t R)
 
 /* ---- the curve ---- */
 
-static bool all_finite(size_t n, const double *x)
+APSM_KERNEL static bool all_finite(size_t n, const double *x)
 {
     double sum = 0.0;
+#pragma omp simd reduction(+ : sum)
     for (size_t i = 0; i < n; i++) sum += x[i] - x[i]; /* 0, or NaN */
     return sum == 0.0;
 }
 
-/* The box of both sets. */
+/* Widens the box lo, hi to hold X (n x 3). */
+APSM_KERNEL static void widen(size_t n, const double *restrict X, double lo[3], double hi[3])
+{
+    double a = lo[0], b = lo[1], c = lo[2], d = hi[0], e = hi[1], f = hi[2];
+#pragma omp simd reduction(min : a, b, c) reduction(max : d, e, f)
+    for (size_t i = 0; i < n; i++) {
+        const double x = X[3 * i], y = X[3 * i + 1], z = X[3 * i + 2];
+        a = x < a ? x : a;
+        b = y < b ? y : b;
+        c = z < c ? z : c;
+        d = x > d ? x : d;
+        e = y > e ? y : e;
+        f = z > f ? z : f;
+    }
+    memcpy(lo, (double[3]){ a, b, c }, 3 * sizeof *lo);
+    memcpy(hi, (double[3]){ d, e, f }, 3 * sizeof *hi);
+}
+
+/* The box of both sets, and keys so fine that a cell holds about two points. */
 static void bound(cells *c, const double *P, const double *B)
 {
-    double hi[3], extent = 0.0;
-    for (size_t a = 0; a < 3; a++) c->lo[a] = hi[a] = P[a];
-    for (size_t i = 0; i < c->J + c->R; i++) {
-        const double *x = i < c->J ? P + 3 * i : B + 3 * (i - c->J);
-        for (size_t a = 0; a < 3; a++) {
-            c->lo[a] = x[a] < c->lo[a] ? x[a] : c->lo[a];
-            hi[a] = x[a] > hi[a] ? x[a] : hi[a];
-        }
+    double hi[3];
+    memcpy(c->lo, P, sizeof c->lo);
+    memcpy(hi, P, sizeof hi);
+    widen(c->J, P, c->lo, hi);
+    widen(c->R, B, c->lo, hi);
+    c->extent = fmax(hi[0] - c->lo[0], fmax(hi[1] - c->lo[1], hi[2] - c->lo[2]));
+    c->bits = 3;
+    while (c->bits < MOST_BITS && (size_t)2 << 2 * c->bits < c->R) c->bits++;
+}
+
+/* Steps along the three axes of some points. */
+enum { CHUNK = 128 };
+typedef struct steps {
+    uint32_t x[CHUNK], y[CHUNK], z[CHUNK];
+} steps;
+
+KERNEL_INLINE uint32_t step_of(double x, double lo, double per_length, int32_t last)
+{
+    const int32_t i = (int32_t)((x - lo) * per_length);
+    return (uint32_t)(i < last ? i : last);
+}
+
+KERNEL_INLINE void find_steps(const cells *c, size_t n, const double *restrict X, steps *restrict s)
+{
+    const int32_t last = (1 << c->bits) - 1;
+    const double per_length = c->extent > 0.0 ? (last + 1) / c->extent : 0.0;
+    const double x = c->lo[0], y = c->lo[1], z = c->lo[2];
+#pragma omp simd
+    for (size_t i = 0; i < n; i++) {
+        s->x[i] = step_of(X[3 * i], x, per_length, last);
+        s->y[i] = step_of(X[3 * i + 1], y, per_length, last);
+        s->z[i] = step_of(X[3 * i + 2], z, per_length, last);
     }
-    for (size_t a = 0; a < 3; a++) extent = fmax(extent, hi[a] - c->lo[a]);
-    c->cell = extent / (1 << AXIS_BITS);
+}
+
+/* Where the bit is set in u, inverts the lower bits of x; elsewhere swaps those of u and x. */
+KERNEL_INLINE void turn(uint32_t bit, uint32_t *x, uint32_t *u)
+{
+    const uint32_t lower = bit - 1, set = (*u & bit) ? lower : 0, swap = (*x ^ *u) & (lower & ~set);
+    *x ^= swap | set;
+    *u ^= swap;
 }
 
 /* Spreads the bits to every third place. */
-static uint32_t spread(uint32_t x)
+KERNEL_INLINE uint32_t spread(uint32_t x)
 {
     x = (x | x << 16) & 0x030000ffu;
     x = (x | x << 8) & 0x0300f00fu;
@@ -150,30 +206,60 @@ static uint32_t spread(uint32_t x)
     return (x | x << 2) & 0x09249249u;
 }
 
-static uint32_t curve_key(const cells *c, const double *x)
+/* Places on Hilbert's curve: Skilling, "Programming the Hilbert curve", AIP Conf. Proc. 707, 2004.
+ */
+KERNEL_INLINE void find_places(int bits, size_t n, steps *restrict s, uint32_t *restrict key)
 {
-    uint32_t key = 0;
-    for (size_t a = 0; a < 3; a++) {
-        const double u = c->cell > 0.0 ? (x[a] - c->lo[a]) / c->cell : 0.0;
-        const uint32_t i = u < (1 << AXIS_BITS) - 1 ? (uint32_t)u : (1 << AXIS_BITS) - 1;
-        key |= spread(i) << a;
+    for (uint32_t bit = (uint32_t)1 << (bits - 1); bit > 1; bit >>= 1) {
+#pragma omp simd
+        for (size_t i = 0; i < n; i++) {
+            uint32_t x = s->x[i], y = s->y[i], z = s->z[i];
+            x ^= (x & bit) ? bit - 1 : 0;
+            turn(bit, &x, &y);
+            turn(bit, &x, &z);
+            s->x[i] = x;
+            s->y[i] = y;
+            s->z[i] = z;
+        }
     }
-    return key;
+#pragma omp simd
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t x = s->x[i], y = s->y[i] ^ x, z = s->z[i] ^ y; /* Gray code */
+        uint32_t above = z; /* parity of z's higher bits */
+        above ^= above >> 1;
+        above ^= above >> 2;
+        above ^= above >> 4;
+        above >>= 1;
+        key[i] = spread(x ^ above) << 2 | spread(y ^ above) << 1 | spread(z ^ above);
+    }
 }
 
-/* One stable pass over the digit at `shift`. */
-static void radix_pass(size_t n, int shift, const uint32_t *key, const uint32_t *order,
+/* Places of X (n x 3) on the curve. */
+APSM_KERNEL static void find_keys(const cells *c, size_t n, const double *restrict X,
+                                  uint32_t *restrict key)
+{
+    steps s;
+    for (size_t first = 0; first < n; first += CHUNK) {
+        const size_t count = n - first < CHUNK ? n - first : CHUNK;
+        find_steps(c, count, X + 3 * first, &s);
+        find_places(c->bits, count, &s, key + first);
+    }
+}
+
+/* One stable pass over the digit of so many bits at `shift`. */
+static void radix_pass(size_t n, int shift, int bits, const uint32_t *key, const uint32_t *order,
                        uint32_t *key_out, uint32_t *order_out, uint32_t *count)
 {
-    memset(count, 0, RADIX * sizeof *count);
-    for (size_t i = 0; i < n; i++) count[key[i] >> shift & (RADIX - 1)]++;
-    for (uint32_t d = 0, sum = 0; d < RADIX; d++) {
+    const uint32_t digits = (uint32_t)1 << bits;
+    memset(count, 0, digits * sizeof *count);
+    for (size_t i = 0; i < n; i++) count[key[i] >> shift & (digits - 1)]++;
+    for (uint32_t d = 0, sum = 0; d < digits; d++) {
         const uint32_t here = count[d];
         count[d] = sum;
         sum += here;
     }
     for (size_t i = 0; i < n; i++) {
-        const uint32_t to = count[key[i] >> shift & (RADIX - 1)]++;
+        const uint32_t to = count[key[i] >> shift & (digits - 1)]++;
         key_out[to] = key[i];
         order_out[to] = order[i];
     }
@@ -182,12 +268,11 @@ static void radix_pass(size_t n, int shift, const uint32_t *key, const uint32_t 
 /* order (n, out): X (n x 3) along the curve, ties by index. */
 static void sort_along_curve(const cells *c, size_t n, const double *X, uint32_t *order)
 {
-    for (size_t i = 0; i < n; i++) {
-        c->key[i] = curve_key(c, X + 3 * i);
-        order[i] = (uint32_t)i;
-    }
-    radix_pass(n, 0, c->key, order, c->key2, c->order2, c->count);
-    radix_pass(n, RADIX_BITS, c->key2, c->order2, c->key, order, c->count);
+    const int half = (3 * c->bits + 1) / 2;
+    find_keys(c, n, X, c->key);
+    for (size_t i = 0; i < n; i++) order[i] = (uint32_t)i;
+    radix_pass(n, 0, half, c->key, order, c->key2, c->order2, c->count);
+    radix_pass(n, half, half, c->key2, c->order2, c->key, order, c->count);
 }
 
 /* ---- blocks ---- */
@@ -218,7 +303,7 @@ static double bounding_sphere(size_t count, size_t stride, const double *x, doub
 static void make_blocks(cells *c, const double *P, double reach)
 {
     const size_t Jp = c->Jp;
-    const double far = c->lo[0] + 4.0 * (c->cell * (1 << AXIS_BITS) + reach);
+    const double far = c->lo[0] + 4.0 * (c->extent + reach);
     sort_along_curve(c, c->J, P, c->p_order);
     for (size_t i = 0; i < Jp; i++)
         for (size_t a = 0; a < 3; a++)
@@ -243,30 +328,32 @@ KERNEL_INLINE void squared_distances(size_t n, size_t stride, const double *rest
     }
 }
 
-/* The blocks (ascending, their number returned) that may hold a particle within reach of the
- * nearest one, for any point of the sphere (m, rho); such particles are nearer to m than *within.
- */
-APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double rho, double reach,
-                                      double *within)
+/* The blocks (ascending, their number returned) with a sphere of which some part is within that
+ * distance of m; d2 (nb, scratch): squared distances of their centres. */
+APSM_KERNEL static size_t find_blocks(cells *c, const double m[3], double within,
+                                      double *restrict d2)
 {
-    double *d = c->d2, least = INFINITY;
-    size_t nearest = 0, found = 0;
-    squared_distances(c->nb, c->nb, c->centre, m, d);
-    for (size_t b = 0; b < c->nb; b++)
-        if (d[b] < d[nearest]) nearest = b;
-    for (size_t i = 0; i < LANES; i++) {
-        double d2;
-        squared_distances(1, c->Jp, c->p + nearest * LANES + i, m, &d2);
-        least = fmin(least, d2);
-    }
-    /* Every point's nearest is within sqrt(least) + rho; a trifle more for rounding. */
-    *within = (sqrt(least) + 2.0 * rho + reach) * (1.0 + 1e-12);
+    size_t found = 0;
+    squared_distances(c->nb, c->nb, c->centre, m, d2);
     for (size_t b = 0; b < c->nb; b++) {
-        const double r = *within + c->radius[b];
+        const double r = within + c->radius[b];
         c->block[found] = (uint32_t)b;
-        found += d[b] <= r * r;
+        found += d2[b] <= r * r;
     }
     return found;
+}
+
+/* The distance from m of one of the particles nearest to it. */
+APSM_KERNEL static double near_distance(cells *c, const double m[3])
+{
+    double *d2 = c->d2, least = INFINITY;
+    size_t nearest = 0;
+    squared_distances(c->nb, c->nb, c->centre, m, d2);
+    for (size_t b = 0; b < c->nb; b++)
+        if (d2[b] < d2[nearest]) nearest = b;
+    squared_distances(LANES, c->Jp, c->p + nearest * LANES, m, d2);
+    for (size_t i = 0; i < LANES; i++) least = fmin(least, d2[i]);
+    return sqrt(least);
 }
 
 /* ---- one point ---- */
@@ -375,62 +462,7 @@ APSM_KERNEL static void do_group(const cells *c, size_t found, size_t count,
     }
 }
 
-/* ---- a group in single precision ---- */
-
-static float relative(double x, double centre)
-{
-    return (float)(x - centre);
-}
-
-/* The particles of the blocks that are nearer to m than within; returns their number. */
-APSM_KERNEL static size_t find_particles(cells *c, size_t blocks, const double m[3], double within)
-{
-    size_t found = 0;
-    for (size_t i = 0; i < blocks; i++) {
-        const size_t first = (size_t)c->block[i] * LANES;
-        double d2[LANES];
-        squared_distances(LANES, c->Jp, c->p + first, m, d2);
-        for (size_t l = 0; l < LANES; l++) {
-            c->found[found] = (uint32_t)(first + l);
-            found += d2[l] <= within * within;
-        }
-    }
-    return found;
-}
-
-/* The group about the centre m. */
-static void load_group(cells *c, size_t found, size_t count, const double X[3 * GROUP],
-                       const double *g, const double m[3])
-{
-    sampling_group *s = &c->group;
-    s->found = found;
-    for (size_t q = 0; q < GROUP; q++) {
-        const size_t from = q < count ? q : 0;
-        s->g[q] = q < count ? (float)g[q] : 0.0f;
-        for (size_t a = 0; a < 3; a++) s->x[a][q] = relative(X[a * GROUP + from], m[a]);
-    }
-    for (size_t i = 0; i < found; i++)
-        for (size_t a = 0; a < 3; a++) s->p[i][a] = relative(c->p[a * c->Jp + c->found[i]], m[a]);
-}
-
-static void do_group_single(cells *c, size_t blocks, size_t count, const double X[3 * GROUP],
-                            const double *g, const double m[3], double within,
-                            const apsm_sampling_options *o, double *kbar)
-{
-    sampling_group *s = &c->group;
-    const size_t found = find_particles(c, blocks, m, within);
-    load_group(c, found, count, X, g, m);
-    s->tau = (float)o->tau;
-    s->reach = (float)(o->cut * o->tau);
-    sampling_group_run(s);
-    for (size_t i = 0; i < found; i++)
-        for (size_t a = 0; a < 4; a++) c->grad[a * c->Jp + c->found[i]] += (double)s->grad[i][a];
-    for (size_t q = 0; q < count; q++) kbar[q] = (double)s->kbar[q];
-}
-
-/* ---- the loss ---- */
-
-/* All groups; returns sum_r g_r kbar_r. */
+/* Groups of points; returns sum_r g_r kbar_r. */
 static double do_points(cells *c, const double *B, const double *g, const apsm_sampling_options *o,
                         double *kbar)
 {
@@ -444,12 +476,9 @@ static double do_points(cells *c, const double *B, const double *g, const apsm_s
             weight[i] = g ? g[r[i]] : 1.0;
         }
         const double rho = bounding_sphere(count, GROUP, X, m);
-        double within;
-        const size_t blocks = find_blocks(c, m, rho, reach, &within);
-        if (o->single)
-            do_group_single(c, blocks, count, X, weight, m, within, o, k);
-        else
-            do_group(c, blocks, count, X, weight, o->tau, reach, k);
+        /* Every point's nearest is within near_distance + rho of it; a trifle more for rounding. */
+        const double within = (near_distance(c, m) + 2.0 * rho + reach) * (1.0 + 1e-12);
+        do_group(c, find_blocks(c, m, within, c->d2), count, X, weight, o->tau, reach, k);
         for (size_t i = 0; i < count; i++) {
             total += weight[i] * k[i];
             if (kbar) kbar[r[i]] = k[i];
@@ -457,6 +486,80 @@ static double do_points(cells *c, const double *B, const double *g, const apsm_s
     }
     return total;
 }
+
+/* ---- single precision ---- */
+
+/* The particles of the blocks, no fillers, that are nearer to m than within; their number. */
+APSM_KERNEL static size_t find_particles(cells *c, size_t blocks, const double m[3], double within)
+{
+    size_t found = 0;
+    for (size_t i = 0; i < blocks; i++) {
+        const size_t first = (size_t)c->block[i] * LANES;
+        double d2[LANES];
+        squared_distances(LANES, c->Jp, c->p + first, m, d2);
+        for (size_t l = 0; l < LANES; l++) {
+            c->found[found] = (uint32_t)(first + l);
+            found += (d2[l] <= within * within) & (first + l < c->J);
+        }
+    }
+    return found;
+}
+
+/* Coordinates x (n, of those numbered in `of` if given), from m on, in a patch's units. */
+static void convert(size_t n, const double *x, const uint32_t *of, double m, double per_unit,
+                    float *to)
+{
+    for (size_t i = 0; i < n; i++) to[i] = (float)((x[of ? of[i] : i] - m) * per_unit);
+}
+
+/* Meets the points of the patch, in the sphere (m, rho), with the particles around.  Neighbouring
+ * patches have similar kmin: the last one's, and a little more, is thought to bound them.  Where it
+ * does not, it is doubled. */
+static void meet(cells *c, const double m[3], double rho, double unit)
+{
+    sampling_patch *s = &c->patch;
+    for (;; s->bound *= 2.0f) {
+        const double within = (rho + (double)(s->bound + s->reach) * unit) * (1.0 + 1e-5);
+        s->found = find_particles(c, find_blocks(c, m, within, c->d2), m, within);
+        for (size_t a = 0; a < 3; a++)
+            convert(s->found, c->p + a * c->Jp, c->found, m[a], 1.0 / unit, s->p[a]);
+        if (sampling_patch_run(s)) break;
+    }
+    s->bound = s->most > 1.0f ? 1.25f * s->most : 1.25f;
+}
+
+/* As do_points, in patches. */
+static double do_patches(cells *c, const double *B, const double *g, const apsm_sampling_options *o,
+                         double *kbar)
+{
+    const double ln2 = 0x1.62e42fefa39efp-1, unit = o->tau * ln2;
+    sampling_patch *s = &c->patch;
+    double total = 0.0, X[3 * PATCH], m[3];
+    s->reach = s->bound = (float)(o->cut / ln2);
+    for (size_t first = 0; first < c->R; first += PATCH) {
+        const uint32_t *r = c->b_order + first;
+        s->count = c->R - first < PATCH ? c->R - first : PATCH;
+        for (size_t i = 0; i < s->count; i++) {
+            for (size_t a = 0; a < 3; a++) X[a * PATCH + i] = B[3 * (size_t)r[i] + a];
+            s->g[i] = g ? (float)g[r[i]] : 1.0f;
+        }
+        const double rho = bounding_sphere(s->count, PATCH, X, m);
+        for (size_t a = 0; a < 3; a++)
+            convert(s->count, X + a * PATCH, NULL, m[a], 1.0 / unit, s->x[a]);
+        meet(c, m, rho, unit);
+        for (size_t i = 0; i < s->found; i++)
+            for (size_t a = 0; a < 4; a++)
+                c->grad[a * c->Jp + c->found[i]] += (double)s->grad[i][a];
+        for (size_t i = 0; i < s->count; i++) {
+            const double k = unit * (double)s->kbar[i];
+            total += (g ? g[r[i]] : 1.0) * k;
+            if (kbar) kbar[r[i]] = k;
+        }
+    }
+    return total;
+}
+
+/* ---- the loss ---- */
 
 /* Back to the caller's order. */
 static void hand_out(const cells *c, double scale, double *grad, double *mass)
@@ -486,7 +589,8 @@ apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double
     make_blocks(&c, P, reach);
     sort_along_curve(&c, R, B, c.b_order);
     memset(c.grad, 0, 4 * c.Jp * sizeof *c.grad);
-    const double total = do_points(&c, B, g, opt, kbar);
+    const double total =
+        opt->single ? do_patches(&c, B, g, opt, kbar) : do_points(&c, B, g, opt, kbar);
     hand_out(&c, scale, grad, mass);
     if (loss) *loss = scale * total;
     return isfinite(total) ? APSM_OK : APSM_ERR_NONFINITE;

@@ -45,6 +45,20 @@ static void expf_is_good_to_two_ulp(void **state)
     assert_true(apsm_expf(-INFINITY) == apsm_expf(-87.0f) && apsm_expf(-87.0f) > 0.0f);
 }
 
+static void exp2f_is_good_to_two_ulp(void **state)
+{
+    (void)state;
+    for (int i = 0; i <= 400000; i++) {
+        const float x =
+            i < 200000 ? -126.0f * (float)i / 200000 : 22.0f * (float)(i - 300000) / 1e5f;
+        const double want = exp2((double)x), got = (double)apsm_exp2f(x);
+        if (!(fabs(got - want) <= 2.0 * (double)FLT_EPSILON * want))
+            fail_msg("exp2f(%.9g) = %.9g, expected %.9g", (double)x, got, want);
+    }
+    for (int n = -126; n <= 126; n++) assert_true(apsm_exp2f((float)n) == ldexpf(1.0f, n));
+    assert_true(apsm_exp2f(-INFINITY) == 0x1p-126f);
+}
+
 /* ---- the definition, written down plainly ---- */
 
 typedef struct result {
@@ -419,6 +433,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(exp_is_good_to_one_ulp),
         cmocka_unit_test(expf_is_good_to_two_ulp),
+        cmocka_unit_test(exp2f_is_good_to_two_ulp),
         cmocka_unit_test(equals_the_plain_definition),
         cmocka_unit_test(equals_golden),
         cmocka_unit_test(softmin_row_equals_golden),
