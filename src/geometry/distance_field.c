@@ -13,8 +13,8 @@
  * of reach lies beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they
  * are not kept.  Nodes out of reach are NaN, which poisons whatever is computed from them.
  *
- * Draw: for each cube of 2^3 cells `least` bounds |D| in it from below, in steps of a quarter
- * voxel: most trials outside the band end at one look there.
+ * Draw: for each cube of 2^3 cells of the whole grid (more where it is very sparse) `least` bounds
+ * |D| from below, in steps of a quarter voxel: most trials outside the band end at one look there.
  *
  * Sample: from the 4^3 nodes about x, t in [0,1)^3 the place in the middle cell,
  *   D   = sum over the 8 corners of w(t) v                                         trilinear
@@ -32,11 +32,13 @@
 #include "geometry/vec3.h"
 
 enum {
-    BRICK = 8,
+    BRICK_BITS = 3,
+    BRICK = 1 << BRICK_BITS,
     BLOCK = 4,
     NODES = BRICK * BRICK * BRICK,
-    CUBES = NODES / 8,
-    STEPS = 4, /* of `least`, a voxel */
+    STEPS = 4,         /* of `least`, a voxel */
+    FAR = 255,         /* of `least`: at least so far, or unknown */
+    MOST_CUBES = 4096, /* a brick */
     MOST_NODES = 1 << 20,
     PATIENCE = 4096
 };
@@ -44,10 +46,13 @@ enum {
 struct apsm_field {
     const apsm_bvh *bvh;
     double origin[3], voxel, band;
-    int64_t n[3];            /* nodes from 0 to n - 1 cover all within reach */
-    float (*bricks)[NODES];  /* bricks[0]: all NaN, stands for those left out */
-    uint64_t *brick_key;     /* of each brick */
-    uint8_t (*least)[CUBES]; /* of each brick: |D| in its cubes of 2^3 cells is at least this */
+    double per_voxel;       /* 1 / voxel */
+    int64_t n[3];           /* nodes from 0 to n - 1 cover all within reach */
+    float (*bricks)[NODES]; /* bricks[0]: all NaN, stands for those left out */
+    uint64_t *brick_key;    /* of each brick */
+    uint8_t *least;         /* |D| in each cube of (2^cube)^3 cells is at least this */
+    int64_t cubes[3];       /* along each axis */
+    unsigned cube;
     size_t brick_count, brick_room;
     uint32_t *table; /* open-addressing hash of keys; 0: empty */
     unsigned table_bits;
@@ -168,13 +173,14 @@ static size_t hash(uint64_t key, unsigned bits)
     return (size_t)((key * 0x9e3779b97f4a7c15u) >> (64 - bits)); /* Fibonacci hashing */
 }
 
-/* The number of the brick of that key, or 0: the brick of NaNs. */
+/* The number of the brick of that key, or 0: the brick of NaNs.  Whether there is one cannot be
+ * foreseen, that it stands where it should can: one branch asks for both. */
 static uint32_t brick_number(const apsm_field *field, uint64_t key)
 {
     const size_t mask = ((size_t)1 << field->table_bits) - 1;
     size_t i = hash(key, field->table_bits);
-    uint32_t b;
-    while ((b = field->table[i]) != 0 && field->brick_key[b] != key) i = (i + 1) & mask;
+    uint32_t b = field->table[i];
+    while ((b != 0) & (field->brick_key[b] != key)) b = field->table[i = (i + 1) & mask];
     return b;
 }
 
@@ -302,9 +308,9 @@ static apsm_status place_grid(apsm_context *ctx, apsm_field *field, double reach
     return APSM_OK;
 }
 
-/* Least |D| of the cells of brick b's cube from cell lo on: D is trilinear in a cell, so it is
- * that of a node if all have one sign, else 0.  NaN, beyond reach, counts as far. */
-static uint8_t least_of_cube(const apsm_field *field, uint32_t b, const int64_t lo[3])
+/* Least |D| of the cells of brick b from cell lo on, 2^3 of them: D is trilinear in a cell, so it
+ * is that of a node if all have one sign, else 0.  NaN, beyond reach, counts as far. */
+static uint8_t least_of_cells(const apsm_field *field, uint32_t b, const int64_t lo[3])
 {
     const uint64_t key = field->brick_key[b];
     const int64_t at[3] = { (int64_t)(key & 0xfffff), (int64_t)(key >> 20 & 0xfffff),
@@ -320,18 +326,45 @@ static uint8_t least_of_cube(const apsm_field *field, uint32_t b, const int64_t 
         most = v > most ? v : most;
     }
     const float nearest = least > 0.0f ? least : most < 0.0f ? -most : 0.0f;
-    return nearest < 255.0f / STEPS ? (uint8_t)(nearest * STEPS) : 255;
+    return nearest < (float)FAR / STEPS ? (uint8_t)(nearest * STEPS) : FAR;
+}
+
+static size_t cube_count(const apsm_field *field)
+{
+    return (size_t)(field->cubes[0] * field->cubes[1] * field->cubes[2]);
+}
+
+/* The finest cubes that are not too many. */
+static void choose_cubes(apsm_field *field)
+{
+    double count = INFINITY;
+    for (field->cube = 0; !(count <= (double)MOST_CUBES * (double)field->brick_count);) {
+        field->cube++;
+        count = 1.0;
+        for (int c = 0; c < 3; c++) {
+            field->cubes[c] = (field->n[c] >> field->cube) + 1;
+            count *= (double)field->cubes[c];
+        }
+    }
 }
 
 static apsm_status make_least(apsm_field *field)
 {
-    field->least = malloc(field->brick_count * sizeof *field->least);
+    choose_cubes(field);
+    field->least = malloc(cube_count(field));
     if (!field->least) return APSM_ERR_MEMORY;
-    memset(field->least[0], 255, sizeof field->least[0]);
+    memset(field->least, FAR, cube_count(field));
     for (uint32_t b = 1; b < field->brick_count; b++)
-        for (int k = 0; k < CUBES; k++) {
+        for (int k = 0; k < NODES / 8; k++) {
             const int64_t lo[3] = { 2 * (k & 3), 2 * (k >> 2 & 3), 2 * (k >> 4) };
-            field->least[b][k] = least_of_cube(field, b, lo);
+            const uint64_t key = field->brick_key[b];
+            const int64_t x = (BRICK * (int64_t)(key & 0xfffff) + lo[0]) >> field->cube,
+                          y = (BRICK * (int64_t)(key >> 20 & 0xfffff) + lo[1]) >> field->cube,
+                          z = (BRICK * (int64_t)(key >> 40) + lo[2]) >> field->cube;
+            if (x >= field->cubes[0] || y >= field->cubes[1] || z >= field->cubes[2]) continue;
+            uint8_t *least = field->least + x + field->cubes[0] * (y + field->cubes[1] * z);
+            const uint8_t here = least_of_cells(field, b, lo);
+            *least = here < *least ? here : *least;
         }
     return APSM_OK;
 }
@@ -361,6 +394,7 @@ apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxe
     if (!field) return apsm_fail(ctx, APSM_ERR_MEMORY, "distance field: out of memory");
     field->bvh = bvh;
     field->voxel = voxel;
+    field->per_voxel = 1.0 / voxel;
     field->band = band;
     const apsm_status status = build(ctx, field);
     if (status == APSM_OK) {
@@ -378,7 +412,7 @@ void field_arrays(apsm_field *field, array_list *list)
 {
     arrays_add(list, &field->bricks, field->brick_count * sizeof *field->bricks);
     arrays_add(list, &field->brick_key, field->brick_count * sizeof *field->brick_key);
-    arrays_add(list, &field->least, field->brick_count * sizeof *field->least);
+    arrays_add(list, &field->least, cube_count(field));
     arrays_add(list, &field->table, ((size_t)1 << field->table_bits) * sizeof *field->table);
 }
 
@@ -394,8 +428,8 @@ void apsm_field_free(apsm_field *field)
 
 size_t apsm_field_bytes(const apsm_field *field)
 {
-    const size_t brick = sizeof *field->bricks + sizeof *field->brick_key + sizeof *field->least;
-    return sizeof *field + field->brick_room * brick +
+    const size_t brick = sizeof *field->bricks + sizeof *field->brick_key;
+    return sizeof *field + field->brick_room * brick + cube_count(field) +
            ((size_t)1 << field->table_bits) * sizeof *field->table;
 }
 
@@ -414,7 +448,7 @@ double apsm_field_band(const apsm_field *field)
 static bool find_cell(const apsm_field *field, const double x[3], int64_t cell[3], double t[3])
 {
     for (int c = 0; c < 3; c++) {
-        const double u = (x[c] - field->origin[c]) / field->voxel;
+        const double u = (x[c] - field->origin[c]) * field->per_voxel;
         if (!(u >= 1.0 && u < (double)(field->n[c] - 2))) return false;
         cell[c] = (int64_t)u;
         t[c] = u - (double)cell[c];
@@ -458,24 +492,55 @@ static void sample_exact(const apsm_field *field, const double x[3], double *D, 
     if (!(vec3_normalise(N) > 0.0)) N[2] = 1.0;
 }
 
+static inline uint32_t brick_of(const apsm_field *field, const int64_t cell[3])
+{
+    return brick_number(
+        field, brick_key(cell[0] >> BRICK_BITS, cell[1] >> BRICK_BITS, cell[2] >> BRICK_BITS));
+}
+
+static inline size_t place_in_brick(const int64_t cell[3])
+{
+    const uint64_t x = (uint64_t)cell[0], y = (uint64_t)cell[1], z = (uint64_t)cell[2];
+    return x % BRICK + BRICK * (y % BRICK) + BRICK * BRICK * (z % BRICK);
+}
+
+/* The 8 nodes of a cell of brick b on its upper rim, some of them other bricks'. */
+static void gather_rim(const apsm_field *field, uint32_t b, const int64_t cell[3], float v[8])
+{
+    int64_t at[3][2], brick[3][2];
+    for (int c = 0; c < 3; c++)
+        for (int k = 0; k < 2; k++) {
+            at[c][k] = (cell[c] + k) & (BRICK - 1);
+            brick[c][k] = (cell[c] + k) >> BRICK_BITS;
+        }
+    for (int k = 0; k < 8; k++) {
+        const int x = k & 1, y = k >> 1 & 1, z = k >> 2;
+        const int rim = (x & (at[0][1] == 0)) | (y & (at[1][1] == 0)) | (z & (at[2][1] == 0));
+        const uint32_t there =
+            rim ? brick_number(field, brick_key(brick[0][x], brick[1][y], brick[2][z])) : b;
+        v[k] = field->bricks[there][at[0][x] + BRICK * (at[1][y] + BRICK * at[2][z])];
+    }
+}
+
 /* D / voxel at place t of a cell of brick b, NaN where the field does not know it. */
 static inline double cell_distance(const apsm_field *field, uint32_t b, const int64_t cell[3],
                                    const double t[3])
 {
-    const int64_t x = cell[0] % BRICK, y = cell[1] % BRICK, z = cell[2] % BRICK;
-    if (x == BRICK - 1 || y == BRICK - 1 || z == BRICK - 1) { /* nodes of other bricks too */
-        double d;
-        stencil v = { 0 };
-        gather(field, cell, 1, v);
-        interpolate(v, t, &d, NULL);
-        return d;
+    const float *v = field->bricks[b] + place_in_brick(cell);
+    int64_t row = BRICK, layer = BRICK * BRICK;
+    float rim[8];
+    if (((cell[0] + 1) & (BRICK - 1)) == 0 || ((cell[1] + 1) & (BRICK - 1)) == 0 ||
+        ((cell[2] + 1) & (BRICK - 1)) == 0) {
+        gather_rim(field, b, cell, rim);
+        v = rim;
+        row = 2;
+        layer = 4;
     }
-    const float *v = field->bricks[b] + x + BRICK * (y + BRICK * z);
     double p[2];
     for (int k = 0; k < 2; k++) {
-        const float *q = v + BRICK * BRICK * k;
+        const float *q = v + layer * k;
         const double near = (1.0 - t[0]) * (double)q[0] + t[0] * (double)q[1],
-                     far = (1.0 - t[0]) * (double)q[BRICK] + t[0] * (double)q[BRICK + 1];
+                     far = (1.0 - t[0]) * (double)q[row] + t[0] * (double)q[row + 1];
         p[k] = (1.0 - t[1]) * near + t[1] * far;
     }
     return (1.0 - t[2]) * p[0] + t[2] * p[1];
@@ -486,8 +551,7 @@ static double stored_distance(const apsm_field *field, const double x[3])
     int64_t cell[3];
     double t[3];
     if (!find_cell(field, x, cell, t)) return NAN;
-    const uint64_t key = brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK);
-    return cell_distance(field, brick_number(field, key), cell, t) * field->voxel;
+    return cell_distance(field, brick_of(field, cell), cell, t) * field->voxel;
 }
 
 static void sample_point(const apsm_field *field, const double x[3], double *D, double *N)
@@ -525,115 +589,123 @@ void apsm_field_sample(const apsm_field *field, size_t n, const double *X, doubl
 
 /* ---- draw ----------------------------------------------------------------------------------- */
 
-/* What all points of a draw share, in voxels. */
+/* What all trials of a draw share, in voxels. */
 typedef struct trials {
     const apsm_field *field;
-    double from[3], size[3]; /* the mesh's box, widened by the band; from the grid's origin */
+    uint64_t seed;
+    double from[3], step[3]; /* the mesh's box, widened by the band, in 2^21 steps an axis */
     double band;             /* of points */
-    double least;            /* cubes of more hold none */
+    int least;               /* cubes of more hold none */
     bool beyond;             /* the field's own band is narrower: what it does not know may do */
+    bool exact;              /* the field does not serve */
 } trials;
 
-static trials make_trials(const apsm_field *field, double band)
+static trials make_trials(const apsm_field *field, uint64_t seed, double band)
 {
-    trials a = { field, .band = band, .least = STEPS * (1.0 + 1e-6) * band / field->voxel,
+    const double least = STEPS * (1.0 + 1e-6) * band / field->voxel;
+    trials a = { field, .seed = seed, .band = band, .least = least < 255.0 ? (int)least : 255,
                  .beyond = band > field->band };
     for (int c = 0; c < 3; c++) {
         a.from[c] = (field->lo[c] - band - field->origin[c]) / field->voxel;
-        a.size[c] = (field->size[c] + 2.0 * band) / field->voxel;
+        a.step[c] = 0x1p-21 * (field->size[c] + 2.0 * band) / field->voxel;
     }
     return a;
 }
 
-/* A trial's cell and place in it; returns its brick, or 0. */
-static inline uint32_t try_place(const trials *a, apsm_random *rng, int64_t cell[3], double t[3])
+/* The cell of a trial and the place in it: three times 21 bits of one random number. */
+static inline void find_place(const trials *a, uint64_t trial, int64_t cell[3], double t[3])
 {
+    uint64_t x = a->seed + trial * 0x9e3779b97f4a7c15u;
+    const uint64_t bits = random_splitmix(&x), mask = ((uint64_t)1 << 21) - 1;
     for (int c = 0; c < 3; c++) {
-        const double u = a->from[c] + a->size[c] * random_uniform(rng);
+        const double u = a->from[c] + a->step[c] * ((double)(int64_t)(bits >> 21 * c & mask) + 0.5);
         cell[c] = (int64_t)u;
         t[c] = u - (double)cell[c];
     }
-    return brick_number(a->field, brick_key(cell[0] / BRICK, cell[1] / BRICK, cell[2] / BRICK));
 }
 
-static inline bool may_hold(const trials *a, uint32_t b, const int64_t cell[3])
+enum { AT_ONCE = 64 };
+
+/* Which of the trials from `first` on may lie in the band; returns their number.  *known: how many
+ * lie where the field knows something. */
+static size_t pick_trials(const trials *a, uint64_t first, uint64_t picked[AT_ONCE], size_t *known)
 {
-    const int64_t k =
-        (cell[0] % BRICK / 2) + 4 * (cell[1] % BRICK / 2) + 16 * (cell[2] % BRICK / 2);
-    return a->field->least[b][k] <= a->least;
+    const apsm_field *field = a->field;
+    const int limit = a->exact && a->least < FAR ? FAR - 1 : a->least;
+    const bool all = a->beyond;
+    size_t n = 0, near_surface = 0;
+    for (uint64_t trial = first; trial < first + AT_ONCE; trial++) {
+        int64_t cell[3];
+        double t[3];
+        find_place(a, trial, cell, t);
+        const int64_t x = cell[0] >> field->cube, y = cell[1] >> field->cube,
+                      z = cell[2] >> field->cube;
+        const int least = all ? 0 : field->least[x + field->cubes[0] * (y + field->cubes[1] * z)];
+        picked[n] = trial;
+        n += least <= limit;
+        near_surface += least < FAR;
+    }
+    *known = near_surface;
+    return n;
 }
 
-/* A point under way. */
+/* A place that may do. */
 typedef struct candidate {
-    apsm_random rng;
-    size_t i;
-    int trial;
-    uint32_t b;
+    double x[3], t[3];
     int64_t cell[3];
-    double t[3];
+    uint32_t b; /* its brick, or 0 */
 } candidate;
 
-/* Goes on to the next place that may do, and fetches what its D needs. */
-static inline void next_place(const trials *a, candidate *c)
+static inline void prepare(const trials *a, uint64_t trial, candidate *c)
 {
-    for (;;) {
-        c->b = try_place(a, &c->rng, c->cell, c->t);
-        if (a->beyond) break;
-        if (c->b == 0) continue;
-        if (c->trial >= PATIENCE) return;
-        if (may_hold(a, c->b, c->cell)) break;
-        c->trial++;
-    }
+    const apsm_field *field = a->field;
+    int64_t cell[3];
+    double t[3];
+    find_place(a, trial, cell, t);
+    for (int k = 0; k < 3; k++)
+        c->x[k] = field->origin[k] + field->voxel * ((double)cell[k] + t[k]);
+    const bool known = find_cell(field, c->x, c->cell, c->t);
+    c->b = known ? brick_of(field, c->cell) : 0;
 #ifdef __GNUC__
-    const int64_t at =
-        c->cell[0] % BRICK + BRICK * (c->cell[1] % BRICK) + BRICK * BRICK * (c->cell[2] % BRICK);
-    __builtin_prefetch(a->field->bricks[c->b] + at);
-    if (at + BRICK * BRICK < NODES) __builtin_prefetch(a->field->bricks[c->b] + at + BRICK * BRICK);
+    const float *v = field->bricks[c->b];
+    if (known) v += place_in_brick(c->cell);
+    __builtin_prefetch(v);
+    __builtin_prefetch(v + BRICK * BRICK);
 #endif
 }
 
-/* Whether the place is in the band.  With the field's D; where that never comes near 0 (a sheet
- * thinner than a voxel), after PATIENCE trials within bricks with the exact one. */
-static inline bool in_band(const trials *a, candidate *c, double x[3], double *d)
+/* Whether the place is in the band, by the field's D if that serves. */
+static inline bool in_band(const trials *a, const candidate *c, double *d)
 {
-    const apsm_field *field = a->field;
-    const bool patient = c->trial < PATIENCE;
-    for (int k = 0; k < 3; k++)
-        x[k] = field->origin[k] + field->voxel * ((double)c->cell[k] + c->t[k]);
-    *d = patient ? stored_distance(field, x) : NAN;
-    if (!patient || (a->beyond && isnan(*d))) *d = apsm_bvh_signed_distance(field->bvh, x, NULL);
-    c->trial += patient;
+    *d = c->b && !a->exact ? cell_distance(a->field, c->b, c->cell, c->t) * a->field->voxel : NAN;
+    if (a->exact || (a->beyond && isnan(*d)))
+        *d = apsm_bvh_signed_distance(a->field->bvh, c->x, NULL);
     return fabs(*d) <= a->band;
 }
 
-/* Every point has a stream of its own and is found by its place in space: a rounding that lets one
- * trial in or out changes that point alone, not all that follow.  Several are under way at a time
- * so that their memory arrives while others are looked at. */
+/* Trials are places in space, one after the other, and those in the band are the points: a rounding
+ * that lets one in or out changes that point and the last, and the order of the others.  Several
+ * are under way at a time so that their memory arrives while others are looked at.  Where the
+ * field's D does not come near 0 (a sheet thinner than a voxel), PATIENCE trials near the surface
+ * without a point tell, and the exact D is taken. */
 void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, size_t n, double *B,
                      double *D)
 {
-    enum { AT_ONCE = 16 };
-    const uint64_t seed = random_next(rng);
-    const trials a = make_trials(field, band);
+    trials a = make_trials(field, random_next(rng), band);
+    uint64_t picked[AT_ONCE];
     candidate c[AT_ONCE];
-    size_t under_way = 0, begun = 0;
-    for (; under_way < AT_ONCE && begun < n; under_way++, begun++) {
-        c[under_way] = (candidate){ random_stream(seed, APSM_STREAM_BAND, begun, 0), .i = begun };
-        next_place(&a, &c[under_way]);
-    }
-    while (under_way > 0)
-        for (size_t k = 0; k < under_way; k++) {
-            double x[3], d;
-            if (in_band(&a, &c[k], x, &d)) {
-                memcpy(B + 3 * c[k].i, x, sizeof x);
-                if (D) D[c[k].i] = d;
-                if (begun == n) {
-                    c[k--] = c[--under_way];
-                    continue;
-                }
-                c[k] = (candidate){ random_stream(seed, APSM_STREAM_BAND, begun, 0), .i = begun };
-                begun++;
-            }
-            next_place(&a, &c[k]);
+    size_t found = 0, known, in_vain = 0;
+    for (uint64_t first = 0; found < n; first += AT_ONCE) {
+        const size_t before = found, may = pick_trials(&a, first, picked, &known);
+        for (size_t k = 0; k < may; k++) prepare(&a, picked[k], &c[k]);
+        for (size_t k = 0; k < may && found < n; k++) {
+            double d;
+            const bool in = in_band(&a, &c[k], &d);
+            memcpy(B + 3 * found, c[k].x, sizeof c[k].x);
+            if (D) D[found] = d;
+            found += in;
         }
+        in_vain = found > before ? 0 : in_vain + known;
+        a.exact = a.exact || (in_vain >= PATIENCE && !a.beyond);
+    }
 }

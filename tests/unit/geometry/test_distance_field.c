@@ -368,6 +368,43 @@ static void draws_are_uniform(void **state)
     drop(f);
 }
 
+/* A thin rod across a large box: the field's memory follows the rod all the same, and points lie
+ * evenly along it and on both sides. */
+static void draws_are_uniform_on_a_rod_across(void **state)
+{
+    (void)state;
+    enum { COUNT = 20000, PARTS = 16 };
+    static double X[3 * COUNT], D[COUNT];
+    apsm_mesh rod = shape_box((size_t[3]){ 1, 1, 1 }, (double[3]){ 20.0, 0.1, 0.1 });
+    const double s = 1.0 / sqrt(2.0), r = 1.0 / sqrt(3.0), q = s * r;
+    for (size_t v = 0; v < rod.nv; v++) { /* x along (1,1,-1) */
+        double *x = rod.V + 3 * v;
+        const double a = x[0], b = x[1], c = x[2];
+        x[0] = r * a + s * b + q * c;
+        x[1] = r * a - s * b + q * c;
+        x[2] = 2.0 * q * c - r * a;
+    }
+    fixture *f = make(rod, 0.02, 0.05);
+    assert_true(apsm_field_bytes(f->field) < 20000000);
+    apsm_random rng = apsm_random_stream(9, APSM_STREAM_TEST, 0, 0);
+    double part[PARTS] = { 0 }, side[2] = { 0 }, share[PARTS];
+    int drawn = 0;
+    apsm_field_draw(f->field, &rng, 0.05, COUNT, X, D);
+    for (int i = 0; i < COUNT; i++) {
+        const double *x = X + 3 * i, along = r * (x[0] + x[1] - x[2]);
+        assert_near(D[i], apsm_bvh_signed_distance(f->bvh, x, NULL), 0.02);
+        if (fabs(along) >= 9.0) continue;
+        part[(int)((along + 9.0) / 18.0 * PARTS)] += 1.0;
+        side[x[0] + x[1] + x[2] > along * r] += 1.0;
+        drawn++;
+    }
+    for (int k = 0; k < PARTS; k++) share[k] = 1.0 / PARTS;
+    assert_true(drawn > COUNT / 2);
+    check_uniform(PARTS, part, share);
+    check_uniform(2, side, (double[2]){ 0.5, 0.5 });
+    drop(f);
+}
+
 static void draws_repeat_with_the_stream(void **state)
 {
     (void)state;
@@ -483,6 +520,7 @@ int main(void)
         cmocka_unit_test(draws_reach_beyond_the_band),
         cmocka_unit_test(outside_the_band_is_exact),
         cmocka_unit_test(draws_are_uniform),
+        cmocka_unit_test(draws_are_uniform_on_a_rod_across),
         cmocka_unit_test(draws_repeat_with_the_stream),
         cmocka_unit_test(memory_follows_the_surface),
         cmocka_unit_test(field_scales_and_shifts_with_the_shape),
