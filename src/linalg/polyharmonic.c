@@ -11,7 +11,8 @@
  *   u  = A'22^-1 ((H^T v)_2 - A'21 w1)          by Cholesky of s A'22
  *   c  = R^-1 ((H^T v)_1 - A'11 w1 - A'12 u)
  * Half the work of LU, and no pivoting.  A' = A - V W^T - W V^T with W = Z - V S/2, Z = A V T,
- * S = T^T V^T Z: one sweep over A. */
+ * S = T^T V^T Z.  A is swept twice, for A V and for A', and each time made anew row by row: square
+ * roots cost less than memory. */
 #include "apsm/polyharmonic.h"
 
 #include <math.h>
@@ -20,7 +21,7 @@
 #include "apsm/linalg.h"
 #include "core/kernel.h"
 
-enum { LANES = 16 };
+enum { LANES = 16, WIDTH = 4 };
 
 static double sign_of(apsm_phi phi)
 {
@@ -28,6 +29,11 @@ static double sign_of(apsm_phi phi)
 }
 
 /* ---- sizes ---- */
+
+static size_t padded(size_t n)
+{
+    return (n + WIDTH - 1) / WIDTH * WIDTH;
+}
 
 size_t apsm_polyharmonic_store_size(size_t n, bool single)
 {
@@ -37,7 +43,8 @@ size_t apsm_polyharmonic_store_size(size_t n, bool single)
 
 size_t apsm_polyharmonic_factor_work_size(size_t n)
 {
-    return n * n + 15 * n; /* A, x, W, W^T, V^T */
+    return 7 * n + 8 * padded(n) +
+           6 * padded(n); /* x, W, W^T, V^T; a row, or x, W^T, V^T in floats */
 }
 
 size_t apsm_polyharmonic_solve_work_size(size_t n, size_t m)
@@ -47,9 +54,8 @@ size_t apsm_polyharmonic_solve_work_size(size_t n, size_t m)
 
 size_t apsm_polyharmonic_resolve_work_size(size_t n)
 {
-    /* A and so on; V; v, u, r, z, p, A p; scratch of the preconditioner */
-    return apsm_polyharmonic_factor_work_size(n) + 4 * n + 7 * n +
-           apsm_polyharmonic_solve_work_size(n, 1);
+    /* A, x, Q; V; v, u, r, z, p, A p and one more; scratch of the preconditioner */
+    return n * n + 7 * n + 4 * n + 7 * n + apsm_polyharmonic_solve_work_size(n, 1);
 }
 
 /* ---- the unit box ---- */
@@ -157,6 +163,190 @@ static void reflect(const apsm_polyharmonic *f, bool transposed, size_t m, doubl
 
 /* ---- the matrix ---- */
 
+/* Row i of A, up to the diagonal. */
+KERNEL_INLINE void kernel_row(apsm_phi phi, size_t n, const double *restrict x, size_t i,
+                              double *restrict row)
+{
+    const double *X = x, *Y = x + n, *Z = x + 2 * n, xi = X[i], yi = Y[i], zi = Z[i];
+    if (phi == APSM_PHI_R) {
+#pragma omp simd
+        for (size_t j = 0; j <= i; j++) {
+            const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
+            row[j] = sqrt(dx * dx + dy * dy + dz * dz);
+        }
+        return;
+    }
+#pragma omp simd
+    for (size_t j = 0; j <= i; j++) {
+        const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
+        const double d2 = dx * dx + dy * dy + dz * dz;
+        row[j] = d2 * sqrt(d2);
+    }
+}
+
+/* What row i of A's lower triangle, followed by zeros, adds to A V (4 x np, Z): its products with
+ * V's columns (4 x np) to place i, and V's row i times it to the others.  Returns its least entry
+ * off the diagonal. */
+KERNEL_INLINE double multiply_row(size_t np, size_t i, const double *restrict row,
+                                  const double *restrict V, double *restrict Z)
+{
+    const double *V1 = V + np, *V2 = V + 2 * np, *V3 = V + 3 * np;
+    double *Z1 = Z + np, *Z2 = Z + 2 * np, *Z3 = Z + 3 * np;
+    const double v0 = V[i], v1 = V1[i], v2 = V2[i], v3 = V3[i];
+    double s0[WIDTH] = { 0 }, s1[WIDTH] = { 0 }, s2[WIDTH] = { 0 }, s3[WIDTH] = { 0 };
+    double least[WIDTH] = { INFINITY, INFINITY, INFINITY, INFINITY };
+    for (size_t k = 0; k < i; k += WIDTH) {
+#pragma omp simd
+        for (size_t l = 0; l < WIDTH; l++) {
+            const size_t j = k + l;
+            const double a = row[j], off = j < i ? a : INFINITY;
+            least[l] = off < least[l] ? off : least[l];
+            s0[l] += a * V[j];
+            s1[l] += a * V1[j];
+            s2[l] += a * V2[j];
+            s3[l] += a * V3[j];
+            Z[j] += a * v0;
+            Z1[j] += a * v1;
+            Z2[j] += a * v2;
+            Z3[j] += a * v3;
+        }
+    }
+    Z[i] += (s0[0] + s0[2]) + (s0[1] + s0[3]);
+    Z1[i] += (s1[0] + s1[2]) + (s1[1] + s1[3]);
+    Z2[i] += (s2[0] + s2[2]) + (s2[1] + s2[3]);
+    Z3[i] += (s3[0] + s3[2]) + (s3[1] + s3[3]);
+    return fmin(fmin(least[0], least[2]), fmin(least[1], least[3]));
+}
+
+/* Z = A V (both 4 x np) for centres x (3 x n); returns A's least entry off the diagonal. */
+APSM_KERNEL static double multiply_matrix(apsm_phi phi, size_t n, const double *x, const double *V,
+                                          double *Z, double *row)
+{
+    const size_t np = padded(n);
+    double least = INFINITY;
+    memset(Z, 0, 4 * np * sizeof *Z);
+    for (size_t i = 0; i < n; i++) {
+        kernel_row(phi, n, x, i, row);
+        for (size_t j = i + 1; j % WIDTH > 0; j++) row[j] = 0.0;
+        least = fmin(least, multiply_row(np, i, row, V, Z));
+    }
+    return least;
+}
+
+/* Whether two centres are so close that the matrix is singular in the factor's precision: its
+ * least eigenvalue goes like their distance, or its cube.  Cholesky itself would not always
+ * notice, for rounding may leave a pivot positive. */
+static bool centres_coincide(const apsm_polyharmonic *f, double least)
+{
+    if (f->phi == APSM_PHI_R3) return !(least > 1e-15); /* 1e-5 of the box, cubed */
+    return !(least > (f->L32 ? 1e-6 : 1e-12));
+}
+
+/* M (4 x np, zeros behind each row) = the transpose of X (n x 4), and back. */
+static void to_rows(size_t n, const double *X, double *M)
+{
+    const size_t np = padded(n);
+    for (size_t i = 0; i < 4; i++)
+        for (size_t k = 0; k < np; k++) M[i * np + k] = k < n ? X[4 * k + i] : 0.0;
+}
+
+static void to_columns(size_t n, const double *M, double *X)
+{
+    for (size_t k = 0; k < n; k++)
+        for (size_t i = 0; i < 4; i++) X[4 * k + i] = M[i * padded(n) + k];
+}
+
+/* W (n x 4) from A V in W; Z (n x 4) is scratch. */
+static void update_vectors(const apsm_polyharmonic *f, double *W, double *Z)
+{
+    const size_t n = f->n;
+    double VZ[16], S[16];
+    apsm_gemm(0, 0, n, 4, 4, 1.0, W, 4, f->T, 4, 0.0, Z, 4);
+    apsm_gemm(1, 0, 4, 4, n, 1.0, f->V, 4, Z, 4, 0.0, VZ, 4);
+    apsm_gemm(1, 0, 4, 4, 4, 1.0, f->T, 4, VZ, 4, 0.0, S, 4);
+    memcpy(W, Z, 4 * n * sizeof *W);
+    apsm_gemm(0, 0, n, 4, 4, -0.5, f->V, 4, S, 4, 1.0, W, 4);
+}
+
+/* Row i of A to row i of A', up to the diagonal; V and W are 4 x np. */
+KERNEL_INLINE void project_row(size_t np, size_t i, const double *restrict W,
+                               const double *restrict V, double *restrict row)
+{
+    const double *W1 = W + np, *W2 = W + 2 * np, *W3 = W + 3 * np;
+    const double *V1 = V + np, *V2 = V + 2 * np, *V3 = V + 3 * np;
+    const double w0 = W[i], w1 = W1[i], w2 = W2[i], w3 = W3[i];
+    const double v0 = V[i], v1 = V1[i], v2 = V2[i], v3 = V3[i];
+#pragma omp simd
+    for (size_t j = 0; j <= i; j++)
+        row[j] -= (v0 * W[j] + v1 * W1[j] + v2 * W2[j] + v3 * W3[j]) +
+                  (w0 * V[j] + w1 * V1[j] + w2 * V2[j] + w3 * V3[j]);
+}
+
+/* A11 and C. */
+static void project_heads(apsm_polyharmonic *f, const double *x, const double *W, const double *V)
+{
+    const size_t n = f->n, np = padded(n);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j <= i && j < 4; j++) {
+            double d2 = 0.0, shift = 0.0;
+            for (size_t c = 0; c < 3; c++)
+                d2 += (x[c * n + j] - x[c * n + i]) * (x[c * n + j] - x[c * n + i]);
+            for (size_t c = 0; c < 4 * np; c += np)
+                shift += V[c + i] * W[c + j] + W[c + i] * V[c + j];
+            const double a = (f->phi == APSM_PHI_R ? sqrt(d2) : d2 * sqrt(d2)) - shift;
+            if (i < 4)
+                f->A11[4 * i + j] = f->A11[4 * j + i] = a;
+            else
+                f->C[4 * (i - 4) + j] = a;
+        }
+}
+
+/* The lower triangle of s A'22, in the factor's place. */
+APSM_KERNEL static void project_matrix(const apsm_polyharmonic *f, const double *x, const double *W,
+                                       const double *V, double *restrict row)
+{
+    const size_t n = f->n;
+    const double s = sign_of(f->phi);
+    for (size_t i = 4; i < n; i++) {
+        double *restrict to = f->L + (i - 4) * (n - 4);
+        kernel_row(f->phi, n, x, i, row);
+        project_row(padded(n), i, W, V, row);
+#pragma omp simd
+        for (size_t j = 4; j <= i; j++) to[j - 4] = s * row[j];
+    }
+}
+
+/* The same in single precision, for phi = r, with x, W and V as floats: what is lost is of the size
+ * of what the factor's precision loses. */
+APSM_KERNEL static void project_matrix_single(const apsm_polyharmonic *f, const float *restrict x,
+                                              const float *restrict W, const float *restrict V)
+{
+    const size_t n = f->n, np = padded(n);
+    const float *X = x, *Y = x + n, *Z = x + 2 * n;
+    const float *W1 = W + np, *W2 = W + 2 * np, *W3 = W + 3 * np;
+    const float *V1 = V + np, *V2 = V + 2 * np, *V3 = V + 3 * np;
+    for (size_t i = 4; i < n; i++) {
+        const float xi = X[i], yi = Y[i], zi = Z[i];
+        const float w0 = W[i], w1 = W1[i], w2 = W2[i], w3 = W3[i];
+        const float v0 = V[i], v1 = V1[i], v2 = V2[i], v3 = V3[i];
+        float *restrict to = f->L32 + (i - 4) * (n - 4);
+#pragma omp simd
+        for (size_t j = 4; j <= i; j++) {
+            const float dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
+            const float shift = (v0 * W[j] + v1 * W1[j] + v2 * W2[j] + v3 * W3[j]) +
+                                (w0 * V[j] + w1 * V1[j] + w2 * V2[j] + w3 * V3[j]);
+            to[j - 4] = shift - sqrtf(dx * dx + dy * dy + dz * dz);
+        }
+    }
+}
+
+static void to_floats(size_t n, const double *from, float *to)
+{
+    for (size_t i = 0; i < n; i++) to[i] = (float)from[i];
+}
+
+/* ---- the matrix itself ---- */
+
 /* A (n x n) for centres x (3 x n), all of it: rows are contiguous, so this is as fast as half. */
 APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *restrict x,
                                       double *restrict A)
@@ -176,73 +366,6 @@ APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *rest
     }
 }
 
-/* The least entry off A's diagonal. */
-APSM_KERNEL static double least_entry(size_t n, const double *restrict A)
-{
-    double least = INFINITY;
-    for (size_t i = 1; i < n; i++) {
-        const double *row = A + i * n;
-#pragma omp simd reduction(min : least)
-        for (size_t j = 0; j < i; j++) least = row[j] < least ? row[j] : least;
-    }
-    return least;
-}
-
-/* Whether two centres are so close that the matrix is singular in the factor's precision: its
- * least eigenvalue goes like their distance, or its cube.  Cholesky itself would not always
- * notice, for rounding may leave a pivot positive. */
-static bool centres_coincide(const apsm_polyharmonic *f, const double *A)
-{
-    const double least = least_entry(f->n, A);
-    if (f->phi == APSM_PHI_R3) return !(least > 1e-15); /* 1e-5 of the box, cubed */
-    return !(least > (f->L32 ? 1e-6 : 1e-12));
-}
-
-/* W (n x 4) of the file's head; Z (n x 4) is scratch. */
-static void update_vectors(const apsm_polyharmonic *f, const double *A, double *W, double *Z)
-{
-    const size_t n = f->n;
-    double VZ[16], S[16];
-    apsm_gemm(0, 0, n, 4, n, 1.0, A, n, f->V, 4, 0.0, W, 4);
-    apsm_gemm(0, 0, n, 4, 4, 1.0, W, 4, f->T, 4, 0.0, Z, 4);
-    apsm_gemm(1, 0, 4, 4, n, 1.0, f->V, 4, Z, 4, 0.0, VZ, 4);
-    apsm_gemm(1, 0, 4, 4, 4, 1.0, f->T, 4, VZ, 4, 0.0, S, 4);
-    memcpy(W, Z, 4 * n * sizeof *W);
-    apsm_gemm(0, 0, n, 4, 4, -0.5, f->V, 4, S, 4, 1.0, W, 4);
-}
-
-static void transpose4(size_t n, const double *M, double *Mt)
-{
-    for (size_t k = 0; k < n; k++)
-        for (size_t i = 0; i < 4; i++) Mt[i * n + k] = M[4 * k + i];
-}
-
-/* A <- A' in place, lower triangle only.  Wt and Vt are 4 x n. */
-APSM_KERNEL static void project_matrix(size_t n, const double *restrict Wt,
-                                       const double *restrict Vt, double *restrict A)
-{
-    const double *W1 = Wt + n, *W2 = Wt + 2 * n, *W3 = Wt + 3 * n;
-    const double *V1 = Vt + n, *V2 = Vt + 2 * n, *V3 = Vt + 3 * n;
-    for (size_t i = 0; i < n; i++) {
-        const double w0 = Wt[i], w1 = W1[i], w2 = W2[i], w3 = W3[i];
-        const double v0 = Vt[i], v1 = V1[i], v2 = V2[i], v3 = V3[i];
-        double *row = A + i * n;
-        for (size_t j = 0; j <= i; j++)
-            row[j] -= (v0 * Wt[j] + v1 * W1[j] + v2 * W2[j] + v3 * W3[j]) +
-                      (w0 * Vt[j] + w1 * V1[j] + w2 * V2[j] + w3 * V3[j]);
-    }
-}
-
-/* A11 and C = A'21 out of A'. */
-static void keep_blocks(apsm_polyharmonic *f, const double *A)
-{
-    const size_t n = f->n;
-    for (size_t i = 0; i < 4; i++)
-        for (size_t j = 0; j <= i; j++) f->A11[4 * i + j] = f->A11[4 * j + i] = A[i * n + j];
-    for (size_t k = 4; k < n; k++)
-        for (size_t i = 0; i < 4; i++) f->C[4 * (k - 4) + i] = A[k * n + i];
-}
-
 /* Reflections and A for centres X, in the box of f.  work begins with A. */
 static apsm_status assemble(apsm_polyharmonic *f, const double *X, double *work)
 {
@@ -252,17 +375,6 @@ static apsm_status assemble(apsm_polyharmonic *f, const double *X, double *work)
     APSM_TRY(reflections(f, x, Q));
     kernel_matrix(f->phi, n, x, work);
     return APSM_OK;
-}
-
-static void project(apsm_polyharmonic *f, double *work)
-{
-    const size_t n = f->n;
-    double *W = work + n * n + 3 * n, *Wt = W + 4 * n, *Vt = Wt + 4 * n;
-    update_vectors(f, work, W, Wt);
-    transpose4(n, W, Wt);
-    transpose4(n, f->V, Vt);
-    project_matrix(n, Wt, Vt, work);
-    keep_blocks(f, work);
 }
 
 /* ---- the matrix in single precision ---- */
@@ -290,35 +402,41 @@ static apsm_status assemble_single(apsm_polyharmonic *f, const double *X, double
     float *x32 = (float *)Q;
     scale_centres(f, X, x);
     APSM_TRY(reflections(f, x, Q));
-    for (size_t k = 0; k < 3 * n; k++) x32[k] = (float)x[k];
+    to_floats(3 * n, x, x32);
     kernel_matrix_single(n, x32, (float *)work);
     return APSM_OK;
 }
 
 /* ---- factor ---- */
 
-/* Factors s A'22 with f's ridge; A' stays. */
-static apsm_status factor_projected(apsm_polyharmonic *f, const double *A)
+/* Factors s A'22 with a ridge.  work as prepare leaves it. */
+static apsm_status factor_projected(apsm_polyharmonic *f, double ridge, double *work)
 {
-    const size_t n = f->n, m = n - 4;
-    const double s = sign_of(f->phi);
-    double mean = 0.0;
-    for (size_t k = 4; k < n; k++) mean += s * A[k * n + k] / (double)m;
+    const size_t n = f->n, m = n - 4, np = padded(n);
+    double *x = work, *W = x + 7 * n, *V = W + 4 * np, *row = V + 4 * np, mean = 0.0;
+    f->ridge = ridge;
+    project_heads(f, x, W, V);
+    if (f->L32) {
+        float *x32 = (float *)row, *W32 = x32 + 3 * n, *V32 = W32 + 4 * np;
+        to_floats(3 * n, x, x32);
+        to_floats(4 * np, W, W32);
+        to_floats(4 * np, V, V32);
+        project_matrix_single(f, x32, W32, V32);
+    } else {
+        project_matrix(f, x, W, V, row);
+    }
+    for (size_t i = 0; i < m; i++)
+        mean += (f->L32 ? (double)f->L32[i * m + i] : f->L[i * m + i]) / (double)m;
     for (size_t i = 0; i < m; i++) {
-        const double *row = A + (i + 4) * n + 4;
-        const double diagonal = s * row[i] + f->ridge * mean;
-        if (f->L32) {
-            for (size_t j = 0; j < i; j++) f->L32[i * m + j] = (float)(s * row[j]);
-            f->L32[i * m + i] = (float)diagonal;
-        } else {
-            for (size_t j = 0; j < i; j++) f->L[i * m + j] = s * row[j];
-            f->L[i * m + i] = diagonal;
-        }
+        if (f->L32)
+            f->L32[i * m + i] = (float)((double)f->L32[i * m + i] + ridge * mean);
+        else
+            f->L[i * m + i] += ridge * mean;
     }
     return f->L32 ? apsm_cholesky_f32(m, f->L32) : apsm_cholesky(m, f->L);
 }
 
-/* All but the Cholesky factor. */
+/* All but A': reflections, and in work x, W and V. */
 static apsm_status prepare(apsm_phi phi, size_t n, const double *X, bool single, double *store,
                            double *work, apsm_polyharmonic *f, bool *coincide)
 {
@@ -330,10 +448,16 @@ static apsm_status prepare(apsm_phi phi, size_t n, const double *X, bool single,
         f->L32 = (float *)L;
     else
         f->L = L;
+    double *x = work, *columns = x + 3 * n, *W = columns + 4 * n, *V = W + 4 * padded(n),
+           *row = V + 4 * padded(n);
     APSM_TRY(unit_box(n, X, f->centre, &f->scale));
-    APSM_TRY(assemble(f, X, work));
-    *coincide = centres_coincide(f, work);
-    project(f, work);
+    scale_centres(f, X, x);
+    APSM_TRY(reflections(f, x, columns));
+    to_rows(n, f->V, V);
+    *coincide = centres_coincide(f, multiply_matrix(phi, n, x, V, W, row));
+    to_columns(n, W, columns);
+    update_vectors(f, columns, W);
+    to_rows(n, columns, W);
     return APSM_OK;
 }
 
@@ -345,8 +469,7 @@ apsm_status apsm_polyharmonic_factor(apsm_phi phi, size_t n, const double *X, bo
     if (!(ridge >= 0.0)) return APSM_ERR_ARG;
     APSM_TRY(prepare(phi, n, X, single, store, work, f, &coincide));
     if (coincide && ridge == 0.0) return APSM_ERR_SINGULAR;
-    f->ridge = ridge;
-    return factor_projected(f, work);
+    return factor_projected(f, ridge, work);
 }
 
 apsm_status apsm_polyharmonic_factor_robust(apsm_phi phi, size_t n, const double *X, bool single,
@@ -356,10 +479,8 @@ apsm_status apsm_polyharmonic_factor_robust(apsm_phi phi, size_t n, const double
     bool coincide;
     APSM_TRY(prepare(phi, n, X, single, store, work, f, &coincide));
     apsm_status status = APSM_ERR_SINGULAR;
-    for (size_t i = coincide ? 1 : 0; i < 4 && status != APSM_OK; i++) {
-        f->ridge = ridges[i];
-        status = factor_projected(f, work);
-    }
+    for (size_t i = coincide ? 1 : 0; i < 4 && status != APSM_OK; i++)
+        status = factor_projected(f, ridges[i], work);
     return status;
 }
 
@@ -612,7 +733,7 @@ apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const doub
 {
     if (single && stale->phi != APSM_PHI_R) return APSM_ERR_ARG;
     const size_t n = stale->n;
-    double *A = work, *V = A + apsm_polyharmonic_factor_work_size(n), *full = V + 4 * n;
+    double *A = work, *V = A + n * n + 7 * n, *full = V + 4 * n;
     double *u = full + n, *r = u + n, *z = r + n, *p = z + n, *q = p + n, *v = q + n;
     apsm_polyharmonic now = *stale;
     now.V = V;
