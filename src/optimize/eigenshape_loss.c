@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "apsm/linalg.h"
+#include "core/kernel.h"
 
 apsm_eigenshape_options apsm_eigenshape_defaults(void)
 {
@@ -49,6 +50,21 @@ apsm_status apsm_eigenshape_loss(size_t K, size_t J, const double *Y,
     return isfinite(*loss) ? APSM_OK : APSM_ERR_SINGULAR;
 }
 
+/* grad (n) = sum_l w_l Y_l over the K rows of Y, four at a time. */
+APSM_KERNEL static void add_rows(size_t K, size_t n, const double *w, const double *restrict Y,
+                                 double *restrict grad)
+{
+    memset(grad, 0, n * sizeof *grad);
+    size_t l = 0;
+    for (; l + 4 <= K; l += 4) {
+        const double a = w[l], b = w[l + 1], c = w[l + 2], d = w[l + 3], *y = Y + l * n;
+        for (size_t i = 0; i < n; i++)
+            grad[i] += (a * y[i] + b * y[n + i]) + (c * y[2 * n + i] + d * y[3 * n + i]);
+    }
+    for (; l < K; l++)
+        for (size_t i = 0; i < n; i++) grad[i] += w[l] * Y[l * n + i];
+}
+
 void apsm_eigenshape_gradient(size_t K, size_t J, const double *Y, const double *L,
                               const apsm_eigenshape_options *opt, size_t k, double *grad,
                               double *work)
@@ -58,7 +74,5 @@ void apsm_eigenshape_gradient(size_t K, size_t J, const double *Y, const double 
     memset(work, 0, K * sizeof *work);
     work[k] = scale;
     apsm_cholesky_solve(K, L, 1, work); /* row k of the symmetric inverse */
-    memset(grad, 0, n * sizeof *grad);
-    for (size_t l = 0; l < K; l++)
-        for (size_t i = 0; i < n; i++) grad[i] += work[l] * Y[l * n + i];
+    add_rows(K, n, work, Y, grad);
 }
