@@ -33,7 +33,8 @@ const char *apsm_stop_text(apsm_stop stop);
 typedef struct apsm_optimizer_state {
     size_t I, J;
     int stage;              /* APSM_STAGE_*; DONE after the last epoch */
-    long epoch;             /* epochs of the stage that are behind, jumps counted */
+    long epoch;             /* epochs of the stage that are behind, jumps counted; below 0 so many
+                               are to come before the first, in which particles settle */
     long epochs_run;        /* in both stages */
     double h;               /* length unit of the stage; 0: not yet fixed */
     double best_mismatched; /* least worst-shape share at any pass; 2: no pass yet */
@@ -55,7 +56,7 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state);
  * Algorithm 1. */
 typedef struct apsm_epoch_record {
     long stage; /* no int: checkpoints hold these bytes, and padding is not ours to decide */
-    long epoch; /* in its stage, from 0 */
+    long epoch; /* in its stage, from 0; below 0: settling, before stage 1 */
     double alpha, gamma, beta, c;
     double sampling, correspondence, eigenshape; /* losses; NaN where switched off */
     double surface_error;    /* root mean square of E over h; NaN while c = 0; in

@@ -39,6 +39,12 @@ extern "C" {
     REAL(gamma, 0.5, 0, 1e6, "weight of the correspondence loss")                                  \
     INT(stage1_epochs, 6, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")               \
     INT(stage2_epochs, 12, 0, 1000000, "epochs of stage 2 (adaptive)")                             \
+    INT(settle_epochs, 50, 0, 1000000,                                                             \
+        "most epochs before stage 1, with weights that move particles far, if the first "          \
+        "particles "                                                                               \
+        "are that badly matched")                                                                  \
+    REAL(settle_mismatched, 0.1, 0, 1,                                                             \
+         "share of them mismatched, on average, from which there are such epochs")                 \
     /* groom */                                                                                    \
     INT(faces, 10000, 100, 10000000, "faces of a groomed mesh, about; more where needed")          \
     BOOL(remesh, true, "make groomed meshes near-isotropic with about `faces` faces")              \

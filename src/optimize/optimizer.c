@@ -638,6 +638,31 @@ static void judge_pass(optimizer *op, const apsm_epoch_record *r)
     if (s->stage1_stop != APSM_STOP_NOT_YET) s->epoch = op->schedule.decay1;
 }
 
+/* First particles of which many are mismatched were not brought by registration, or it failed.
+ * What follows presumes that they are about right: they get epochs of their own to settle. */
+static void judge_first_pass(optimizer *op, const apsm_epoch_record *r)
+{
+    apsm_optimizer_state *s = op->state;
+    if (op->schedule.settle == 0 || !(r->mismatched > op->o->settle_mismatched)) return;
+    s->epoch = -op->schedule.settle;
+    if (op->quiet) return;
+    apsm_log(op->ctx, APSM_LOG_INFO,
+             "%.0f %% of the first particles are mismatched: up to %ld epochs to settle come first",
+             100.0 * r->mismatched, op->schedule.settle);
+}
+
+/* Settled if few are mismatched, or if a pass finds no fewer. */
+static void judge_settling(optimizer *op, const apsm_epoch_record *r)
+{
+    apsm_optimizer_state *s = op->state;
+    const bool better = r->worst_mismatched < s->best_mismatched;
+    if (better) s->best_mismatched = r->worst_mismatched;
+    s->passes_without_gain = better ? 0 : s->passes_without_gain + 1;
+    if (r->worst_mismatched > op->o->stop_mismatched && s->passes_without_gain < 2) return;
+    s->passes_without_gain = 0;
+    s->epoch = 0;
+}
+
 static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
 {
     geodesic_pass_result pass;
@@ -646,7 +671,11 @@ static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
     r->mismatched = pass.mean;
     r->worst_mismatched = pass.worst;
     r->walked = pass.walked;
-    judge_pass(op, r);
+    if (op->state->epoch < 0)
+        judge_settling(op, r);
+    else
+        judge_pass(op, r);
+    if (op->state->epochs_run == 0) judge_first_pass(op, r);
     return APSM_OK;
 }
 
@@ -678,10 +707,12 @@ static void fill_record(const optimizer *op, apsm_epoch_record *r)
 
 static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
 {
-    static const char *const names[] = { "", "stage 1", "stage 2", "fidelity" };
-    const apsm_progress p = { .stage = names[r->stage],
-                              .done = (size_t)op->state->epoch,
-                              .total = (size_t)op->schedule.epochs,
+    static const char *const names[] = { "settling", "stage 1", "stage 2", "fidelity" };
+    const bool settling = r->epoch < 0;
+    const long before = settling ? op->schedule.settle : 0;
+    const apsm_progress p = { .stage = names[settling ? 0 : r->stage],
+                              .done = (size_t)(r->epoch + 1 + before),
+                              .total = (size_t)(settling ? before : op->schedule.epochs),
                               .loss = { r->sampling, r->correspondence, r->eigenshape },
                               .mismatched = r->mismatched };
     apsm_report_progress(op->ctx, &p);
@@ -697,7 +728,7 @@ static apsm_status renew_factors(optimizer *op)
     if (!keeps_factors(op)) return APSM_OK;
     if (!op->kept) op->kept = calloc(op->I, sizeof *op->kept);
     if (!op->kept) return APSM_ERR_MEMORY;
-    if (s->epoch % RENEWAL > 0 && s->own_size == n) return APSM_OK;
+    if (s->epoch > 0 && s->epoch % RENEWAL > 0 && s->own_size == n) return APSM_OK;
     if (s->own_size != n) {
         free(s->own);
         s->own = doubles(n);

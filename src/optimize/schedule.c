@@ -11,6 +11,7 @@ schedule schedule_of_stage(const apsm_options *o, int stage)
     if (stage == APSM_STAGE_1 && o->geodesic_correspondence && o->gamma > 0) {
         const long half = s.epochs / 2 > 0 ? s.epochs / 2 : 1;
         s.pass_interval = o->geodesic_interval < half ? o->geodesic_interval : half;
+        s.settle = o->settle_epochs;
     }
     return s;
 }
@@ -24,6 +25,14 @@ static void decay(weights *w, const apsm_options *o, double gamma_decay)
     w->gamma *= gamma_decay;
 }
 
+/* Long steps, neighbourhoods that hold, and little of what takes variation for noise. */
+static void settle(weights *w)
+{
+    w->alpha *= 2.0;
+    w->beta *= 0.4;
+    w->gamma *= 2.0;
+}
+
 weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, long epoch,
                          long epochs_run)
 {
@@ -32,6 +41,7 @@ weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, lo
         w.alpha *= o->stage2_alpha_factor;
         w.c = o->adaptivity;
     }
+    if (epoch < 0) settle(&w);
     if (epoch >= s->decay1) decay(&w, o, o->gamma_decay1);
     if (epoch >= s->decay2) decay(&w, o, o->gamma_decay2);
     if (epochs_run < o->burn_in) w.beta = w.gamma = 0;
@@ -40,5 +50,7 @@ weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, lo
 
 bool pass_is_due(const schedule *s, long epoch)
 {
+    enum { SETTLING = 10 };
+    if (epoch < 0) return (epoch + s->settle) % SETTLING == 0;
     return s->pass_interval > 0 && (epoch % s->pass_interval == 0 || epoch == s->decay2);
 }

@@ -8,6 +8,7 @@ typedef struct schedule {
     long epochs;         /* of the stage */
     long decay1, decay2; /* epochs at which alpha and gamma fall */
     long pass_interval;  /* epochs between passes of Algorithm 1; 0: none */
+    long settle;         /* epochs before the first, -settle to -1, if particles begin far off */
 } schedule;
 
 /* The weights of one epoch, as the losses of the paper are weighted. */

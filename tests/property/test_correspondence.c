@@ -4,6 +4,7 @@
 #include "cohort_run.h"
 
 #include <stdio.h>
+#include <string.h>
 
 static double truth_error(synthetic_kind kind, const apsm_options *options)
 {
@@ -134,6 +135,41 @@ static void few_epochs_do(void **state)
     assert_true(generalization[0] < 1.05 * generalization[1]);
 }
 
+/* Truth error of particles that begin two spacings off, to and fro: many are mismatched. */
+static double shaken_truth_error(const apsm_options *o)
+{
+    cohort_run r = cohort_begin(SYNTHETIC_ELLIPSOID, 7, 4, 128, NULL, 2);
+    const double h = apsm_expected_spacing(apsm_mesh_area(&r.mesh[3]), 128);
+    ok(&r, apsm_first_particles(r.ctx, &r.cohort, o, r.J, r.state.P));
+    for (size_t j = 0; j < r.I * r.J; j++) {
+        double *x = r.state.P + 3 * j, y[3];
+        const size_t i = j / r.J;
+        if (i == r.cohort.template_index) continue;
+        for (size_t c = 0; c < 3; c++)
+            y[c] = x[c] + 2 * h * sin(2 * M_PI * x[(c + 1) % 3] / (6 * h) + (double)i);
+        apsm_closest closest;
+        apsm_bvh_closest(r.cohort.shape[i].bvh, y, INFINITY, &closest);
+        memcpy(x, closest.x, sizeof closest.x);
+    }
+    const double before = cohort_truth_error(&r, h);
+    ok(&r, apsm_optimize(r.ctx, &r.cohort, o, &r.state, NULL, NULL));
+    const double after = cohort_truth_error(&r, h);
+    cohort_end(&r);
+    printf("truth error %.3f h, then %.3f h\n", before, after);
+    return after;
+}
+
+static void a_bad_start_settles(void **state)
+{
+    (void)state;
+    apsm_options o = apsm_options_defaults();
+    o.fidelity = 0;
+    const double with = shaken_truth_error(&o);
+    o.settle_epochs = 0;
+    const double without = shaken_truth_error(&o);
+    assert_true(with < 0.7 * without);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -143,6 +179,7 @@ int main(void)
         cmocka_unit_test(a_blade_keeps_its_sides),
         cmocka_unit_test(the_losses_make_the_correspondence),
         cmocka_unit_test(few_epochs_do),
+        cmocka_unit_test(a_bad_start_settles),
     };
     return cmocka_run_group_tests_name("correspondence", tests, NULL, NULL);
 }
