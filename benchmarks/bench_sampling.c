@@ -43,10 +43,12 @@ static void measure(size_t J, double exp32)
     b.o.tau = b.s.h / 8.0;
     b.o.cut = 15.0;
     const double pairs = pairs_that_matter(&b.s, b.o.cut * b.o.tau);
+    char size[128];
+    snprintf(size, sizeof size, "%s, \"pairs_per_point\": %.1f", b.s.size, pairs / (double)b.s.R);
     for (int single = 1; single >= 0; single--) {
         b.o.single = single;
         if (!single) b.o.cut = apsm_sampling_defaults().cut;
-        bench_report(single ? "sampling gradient" : "sampling gradient, double", b.s.size,
+        bench_report(single ? "sampling gradient" : "sampling gradient, double", size,
                      bench_median(run, &b), (double)b.s.R, "point",
                      "vector expf of the pairs within 15 tau", pairs * exp32);
     }
