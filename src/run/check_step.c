@@ -74,7 +74,7 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
  * benchmarks/rates measures; they only serve a forecast. */
 static double groom_seconds(const apsm_options *o)
 {
-    return 0.15 * (double)o->faces / 10000;
+    return 0.22 * (double)o->faces / 10000;
 }
 
 /* The pairs that the template is chosen from (docs/method.md, Initialisation). */
@@ -87,7 +87,7 @@ static double template_seconds(double I)
 
 static double initialize_seconds(double J)
 {
-    return 0.06 + 2.5e-4 * J;
+    return 0.06 + 3.7e-4 * J;
 }
 
 /* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
@@ -101,12 +101,12 @@ static double kept_bytes(const apsm_options *o, double I)
 static double epoch_seconds(double J, bool adaptive, double factors)
 {
     const double n = 3 * J;
-    return 1e-5 * J + 1e-8 * J * J + (adaptive ? n * n * (7e-9 + n * 4e-12 * factors) : 0);
+    return 4.5e-6 * J + 4e-9 * J * J + (adaptive ? n * n * (2.8e-9 + n * 4.5e-12 * factors) : 0);
 }
 
 static double pass_seconds(double J)
 {
-    return 3.5e-3 + 2e-5 * J;
+    return 2.5e-3 + 8e-6 * J;
 }
 
 /* Normal equations in 2J unknowns, and the surfaces that are looked up. */
@@ -136,9 +136,10 @@ static double optimize_seconds(const apsm_options *o, double I)
     enum { RENEWAL = 25 };
     const double J = (double)o->particles, epochs = (double)o->stage1_epochs;
     if (o->method == APSM_METHOD_PSM) return psm_seconds(o);
-    const double factors = kept_bytes(o, I) > 0 ? 1.0 / RENEWAL : 1;
+    const double adaptive = (double)o->stage2_epochs;
+    const double factors = kept_bytes(o, I) > 0 ? ceil(adaptive / RENEWAL) / adaptive : 1;
     double seconds = epochs * epoch_seconds(J, false, 0) +
-                     (double)o->stage2_epochs * epoch_seconds(J, o->adaptivity > 0, factors);
+                     adaptive * epoch_seconds(J, o->adaptivity > 0, factors);
     if (o->geodesic_correspondence && epochs > 0)
         seconds += (2 + epochs / fmin((double)o->geodesic_interval, fmax(epochs / 4, 1))) *
                    pass_seconds(J);
