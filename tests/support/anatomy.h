@@ -31,6 +31,14 @@ static const char *const anatomy_names[ANATOMY_KINDS] = { "femur",     "liver", 
                                                           "appendage", "vertebra", "pelvis",
                                                           "meniscus" };
 
+/* ANATOMY_KINDS if there is none of this name. */
+static inline anatomy_kind anatomy_find(const char *name)
+{
+    anatomy_kind kind = 0;
+    while (kind < ANATOMY_KINDS && strcmp(name, anatomy_names[kind]) != 0) kind++;
+    return kind;
+}
+
 /* ---- the solids ---- */
 
 static inline double anatomy_femur(const double x[3])

@@ -3,6 +3,7 @@
  *
  *   make_synthetic SHAPE OUT.ply [OPTION VALUE...]
  *   make_synthetic IN.ply OUT.ply [OPTION VALUE...]
+ *   make_synthetic KIND OUT_DIR [OPTION VALUE...]    a cohort with truth: make_cohort.c
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
@@ -17,25 +18,13 @@
 #include "apsm/adapters.h"
 #include "apsm/context.h"
 #include "apsm/random.h"
+#include "make_cohort.h"
+#include "option_words.h"
 #include "synthetic.h"
 
 enum { LEVEL, INDEX, COUNT, HOLE, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
 static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "wobble",
                                             "seed",  "mirror", "turn",  "shift", "scale" };
-
-static bool parse(int n, char **words, double value[OPTIONS])
-{
-    if (n % 2) return false;
-    for (int k = 0; k < n; k += 2) {
-        int o = 0;
-        char *end;
-        while (o < OPTIONS && strcmp(words[k], names[o]) != 0) o++;
-        if (o == OPTIONS) return false;
-        value[o] = strtod(words[k + 1], &end);
-        if (*end) return false;
-    }
-    return true;
-}
 
 static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPTIONS],
                         apsm_mesh *mesh)
@@ -115,16 +104,11 @@ static void move(const double v[OPTIONS], apsm_mesh *mesh)
     }
 }
 
-int main(int argc, char **argv)
+static int make_one(apsm_context *ctx, int argc, char **argv)
 {
     double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1 };
-    if (argc < 3 || !parse(argc - 3, argv + 3, v)) {
-        fprintf(stderr, "usage: make_synthetic SHAPE|IN.ply OUT.ply [OPTION VALUE...]\n");
-        return 2;
-    }
-    apsm_context *ctx = apsm_context_new();
     apsm_mesh mesh = { 0 };
-    if (!ctx) return 1;
+    if (!option_words(argc - 3, argv + 3, OPTIONS, names, v)) return 2;
     apsm_status status = make(ctx, argv[1], v, &mesh);
     if (status == APSM_OK) {
         mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;
@@ -134,6 +118,22 @@ int main(int argc, char **argv)
     }
     if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     apsm_mesh_free(&mesh);
-    apsm_context_free(ctx);
     return status != APSM_OK;
+}
+
+static int usage(void)
+{
+    fprintf(stderr, "usage: make_synthetic SHAPE|IN.ply OUT.ply [OPTION VALUE...]\n"
+                    "       make_synthetic KIND OUT_DIR [OPTION VALUE...]\n");
+    return 2;
+}
+
+int main(int argc, char **argv)
+{
+    if (argc < 3) return usage();
+    apsm_context *ctx = apsm_context_new();
+    if (!ctx) return 1;
+    const int code = is_cohort(argv[1]) ? make_cohort(ctx, argc, argv) : make_one(ctx, argc, argv);
+    apsm_context_free(ctx);
+    return code == 2 ? usage() : code;
 }

@@ -1,6 +1,7 @@
-/* Writes a cohort of synthetic anatomies (anatomy.h) whose correspondence is known:
+/* One half of make_synthetic: writes a cohort of synthetic anatomies (anatomy.h) whose
+ * correspondence is known:
  *
- *   make_anatomy KIND OUT_DIR [OPTION VALUE...]
+ *   make_synthetic KIND OUT_DIR [OPTION VALUE...]
  *
  * OUT_DIR/shapes/KIND_NN.ply (or .nrrd) is what a modeller gets, OUT_DIR/truth/KIND_NN.ply the same
  * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), turn
@@ -10,32 +11,19 @@
  * coarse), x, y, z (write masks with this spacing). */
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "anatomy.h"
 #include "apsm/context.h"
 #include "apsm/files.h"
+#include "make_cohort.h"
 #include "mesh_mask.h"
 #include "mesh_mess.h"
+#include "option_words.h"
 
 enum { COUNT, SEED, STRENGTH, TURN, SIZE, MIRROR, CUT, MESS, COARSE, FINE, X, Y, Z, OPTIONS };
 static const char *const names[OPTIONS] = { "count",  "seed", "strength", "turn",   "size",
                                             "mirror", "cut",  "mess",     "coarse", "fine",
                                             "x",      "y",    "z" };
-
-static bool parse(int n, char **words, double value[OPTIONS])
-{
-    if (n % 2) return false;
-    for (int k = 0; k < n; k += 2) {
-        int o = 0;
-        char *end;
-        while (o < OPTIONS && strcmp(words[k], names[o]) != 0) o++;
-        if (o == OPTIONS) return false;
-        value[o] = strtod(words[k + 1], &end);
-        if (*end) return false;
-    }
-    return true;
-}
 
 typedef struct job {
     apsm_context *ctx;
@@ -105,7 +93,7 @@ static apsm_status make_folder(const job *j, const char *name)
     return apsm_make_folder(j->ctx, path);
 }
 
-static apsm_status make_cohort(job *j)
+static apsm_status make_all(job *j)
 {
     APSM_TRY(make_folder(j, "shapes"));
     APSM_TRY(make_folder(j, "truth"));
@@ -114,21 +102,20 @@ static apsm_status make_cohort(job *j)
     return APSM_OK;
 }
 
-int main(int argc, char **argv)
+bool is_cohort(const char *word)
 {
-    job j = { .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1 } };
-    while (argc > 2 && j.kind < ANATOMY_KINDS && strcmp(argv[1], anatomy_names[j.kind]) != 0)
-        j.kind++;
-    if (argc < 3 || j.kind == ANATOMY_KINDS || !parse(argc - 3, argv + 3, j.v)) {
-        fprintf(stderr, "usage: make_anatomy KIND OUT_DIR [OPTION VALUE...]\n");
-        return 2;
-    }
-    j.folder = argv[2];
-    j.ctx = apsm_context_new();
-    if (!j.ctx) return 1;
-    const apsm_status status = make_cohort(&j);
-    if (status != APSM_OK) fprintf(stderr, "make_anatomy: %s\n", apsm_error_text(j.ctx));
+    return anatomy_find(word) != ANATOMY_KINDS;
+}
+
+int make_cohort(apsm_context *ctx, int argc, char **argv)
+{
+    job j = { .ctx = ctx,
+              .kind = anatomy_find(argv[1]),
+              .folder = argv[2],
+              .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1 } };
+    if (!option_words(argc - 3, argv + 3, OPTIONS, names, j.v)) return 2;
+    const apsm_status status = make_all(&j);
     apsm_mesh_free(&j.template_mesh);
-    apsm_context_free(j.ctx);
+    if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     return status != APSM_OK;
 }
