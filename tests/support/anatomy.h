@@ -12,6 +12,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "anatomy_table.h"
 #include "apsm/adapters.h"
 #include "apsm/random.h"
 #include "solids_implicit.h"
@@ -24,18 +25,22 @@ typedef enum anatomy_kind {
     ANATOMY_VERTEBRA,  /* a canal: genus 1 */
     ANATOMY_PELVIS,    /* a wing, a cup and a ring: genus 1 */
     ANATOMY_MENISCUS,  /* a wedge bent to a C, its inner edge thin */
-    ANATOMY_KINDS
+    ANATOMY_TABLED,    /* from here on: anatomy_tables[kind - ANATOMY_TABLED] */
+    ANATOMY_KINDS = ANATOMY_TABLED + ANATOMY_TABLES
 } anatomy_kind;
 
-static const char *const anatomy_names[ANATOMY_KINDS] = { "femur",     "liver",    "scapula",
-                                                          "appendage", "vertebra", "pelvis",
-                                                          "meniscus" };
+static inline const char *anatomy_name(anatomy_kind kind)
+{
+    static const char *const name[ANATOMY_TABLED] = { "femur",    "liver",  "scapula", "appendage",
+                                                      "vertebra", "pelvis", "meniscus" };
+    return kind < ANATOMY_TABLED ? name[kind] : anatomy_tables[kind - ANATOMY_TABLED].name;
+}
 
 /* ANATOMY_KINDS if there is none of this name. */
 static inline anatomy_kind anatomy_find(const char *name)
 {
     anatomy_kind kind = 0;
-    while (kind < ANATOMY_KINDS && strcmp(name, anatomy_names[kind]) != 0) kind++;
+    while (kind < ANATOMY_KINDS && strcmp(name, anatomy_name(kind)) != 0) kind++;
     return kind;
 }
 
@@ -146,10 +151,12 @@ static inline double anatomy_meniscus(const double x[3])
 
 static inline double anatomy_field(anatomy_kind kind, const double x[3])
 {
-    static double (*const field[ANATOMY_KINDS])(
+    static double (*const field[ANATOMY_TABLED])(
         const double *) = { anatomy_femur,    anatomy_liver,  anatomy_scapula, anatomy_appendage,
                             anatomy_vertebra, anatomy_pelvis, anatomy_meniscus };
-    return field[kind](x);
+    return kind < ANATOMY_TABLED
+               ? field[kind](x)
+               : anatomy_parts_field(anatomy_tables[kind - ANATOMY_TABLED].part, x);
 }
 
 /* Where the solid is, and the grid that resolves its thinnest part. */
@@ -160,7 +167,7 @@ typedef struct anatomy_extent {
 
 static inline anatomy_extent anatomy_extent_of(anatomy_kind kind)
 {
-    static const anatomy_extent extent[ANATOMY_KINDS] = {
+    static const anatomy_extent extent[ANATOMY_TABLED] = {
         { { -80, -52, -12 }, { 52, 36, 460 }, 2.5, 3, 60 },
         { { -135, -75, -85 }, { 105, 75, 85 }, 3, 9, 60 },
         { { -72, -45, -108 }, { 68, 42, 56 }, 0.9, 4, 35 },
@@ -169,7 +176,13 @@ static inline anatomy_extent anatomy_extent_of(anatomy_kind kind)
         { { -80, -40, -96 }, { 80, 40, 142 }, 1.4, 4, 50 },
         { { -26, -26, -7 }, { 26, 26, 7 }, 0.5, 1.2, 14 },
     };
-    return extent[kind];
+    if (kind < ANATOMY_TABLED) return extent[kind];
+    const anatomy_table *k = &anatomy_tables[kind - ANATOMY_TABLED];
+    return (anatomy_extent){ .lo = { k->lo[0], k->lo[1], k->lo[2] },
+                             .hi = { k->hi[0], k->hi[1], k->hi[2] },
+                             .grid = k->grid,
+                             .strength = k->strength,
+                             .length = k->length };
 }
 
 /* ---- maps ---- */
@@ -279,19 +292,6 @@ static inline void anatomy_flow(const anatomy_map *m, double x[3])
     }
 }
 
-static inline double anatomy_ramp(double x, double from, double to)
-{
-    const double t = fmin(fmax((x - from) / (to - from), 0), 1);
-    return t * t * (3 - 2 * t);
-}
-
-static inline void anatomy_turn_in_plane(double angle, double *a, double *b)
-{
-    const double x = *a, y = *b;
-    *a = cos(angle) * x - sin(angle) * y;
-    *b = sin(angle) * x + cos(angle) * y;
-}
-
 /* Neck angle (sd 5 degrees), anteversion (10), bow, length of the shaft (6 %). */
 static inline void anatomy_bend_femur(const double p[8], double x[3])
 {
@@ -330,6 +330,8 @@ static inline void anatomy_place(const anatomy_map *m, const double t[3], double
     double y[3] = { t[0], t[1], t[2] };
     if (m->kind == ANATOMY_FEMUR) anatomy_bend_femur(m->own, y);
     if (m->kind == ANATOMY_APPENDAGE) anatomy_bend_appendage(m->own, y);
+    if (m->kind >= ANATOMY_TABLED)
+        anatomy_bend_table(anatomy_tables[m->kind - ANATOMY_TABLED].bend, m->own, y);
     anatomy_flow(m, y);
     for (int c = 0; c < 3; c++) y[c] *= m->stretch[c] * m->size;
     for (int r = 0; r < 3; r++)

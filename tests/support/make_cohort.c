@@ -7,8 +7,9 @@
  * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), turn
  * (largest, degrees), size (standard deviation of log size), mirror (every so many-th shape is
  * mirrored and called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), mess (level of
- * mesh_mess.h), coarse, fine (the meshes' grids, relative to the truth's, are drawn from fine to
- * coarse), x, y, z (write masks with this spacing). */
+ * mesh_mess.h, for masks of mesh_mask.h), coarse, fine (the meshes' grids, relative to the truth's,
+ * are drawn from fine to coarse), x, y, z (write masks with this spacing), mixed (spacings differ
+ * by up to this factor), crop (voxels of the mask lost beyond the borders of its image). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -20,10 +21,27 @@
 #include "mesh_mess.h"
 #include "option_words.h"
 
-enum { COUNT, SEED, STRENGTH, TURN, SIZE, MIRROR, CUT, MESS, COARSE, FINE, X, Y, Z, OPTIONS };
+enum {
+    COUNT,
+    SEED,
+    STRENGTH,
+    TURN,
+    SIZE,
+    MIRROR,
+    CUT,
+    MESS,
+    COARSE,
+    FINE,
+    X,
+    Y,
+    Z,
+    MIXED,
+    CROP,
+    OPTIONS
+};
 static const char *const names[OPTIONS] = { "count",  "seed", "strength", "turn",   "size",
                                             "mirror", "cut",  "mess",     "coarse", "fine",
-                                            "x",      "y",    "z" };
+                                            "x",      "y",    "z",        "mixed",  "crop" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -33,16 +51,30 @@ typedef struct job {
     apsm_mesh template_mesh;
 } job;
 
-static apsm_status write_shape(const job *j, const char *name, const apsm_mesh *mesh)
+static apsm_status write_mask(const job *j, const char *path, const apsm_mesh *mesh,
+                              apsm_random *rng)
+{
+    double spacing[3];
+    for (int c = 0; c < 3; c++) {
+        const double factor = pow(j->v[MIXED], 2 * apsm_random_uniform(rng) - 1);
+        spacing[c] = j->v[X + c] * factor;
+    }
+    apsm_volume volume = mesh_mask(mesh, spacing);
+    if (j->v[MESS] > 0) mask_mess(&volume, mesh, rng, (int)j->v[MESS]);
+    if (j->v[CROP] >= 0) mask_crop(&volume, (size_t)j->v[CROP]);
+    const apsm_status status = apsm_itk_write_volume(j->ctx, path, &volume);
+    apsm_volume_free(&volume);
+    return status;
+}
+
+static apsm_status write_shape(const job *j, const char *name, apsm_mesh *mesh, apsm_random *rng)
 {
     char path[1024];
     const bool mask = j->v[X] > 0;
     snprintf(path, sizeof path, "%s/shapes/%s.%s", j->folder, name, mask ? "nrrd" : "ply");
-    if (!mask) return apsm_vtk_write_mesh(j->ctx, path, mesh);
-    apsm_volume volume = mesh_mask(mesh, j->v + X);
-    const apsm_status status = apsm_itk_write_volume(j->ctx, path, &volume);
-    apsm_volume_free(&volume);
-    return status;
+    if (mask) return write_mask(j, path, mesh, rng);
+    if (j->v[MESS] > 0) mess_up(mesh, rng, (int)j->v[MESS]);
+    return apsm_vtk_write_mesh(j->ctx, path, mesh);
 }
 
 static apsm_status write_truth(const job *j, const char *name, const anatomy_map *map,
@@ -71,7 +103,7 @@ static apsm_status make_one(const job *j, size_t i)
     const anatomy_extent *e = &map.extent;
     const double height = apsm_random_uniform(&rng) * 0.35, grid = apsm_random_uniform(&rng);
     const double cut = j->v[CUT] > 0 ? e->lo[2] + height * (e->hi[2] - e->lo[2]) : -INFINITY;
-    snprintf(name, sizeof name, "%s_%02zu%s", anatomy_names[j->kind], i,
+    snprintf(name, sizeof name, "%s_%02zu%s", anatomy_name(j->kind), i,
              spread.mirrored ? "_L" : "");
     APSM_TRY(write_truth(j, name, &map, &mesh));
     if (j->v[CUT] > 0 || j->v[COARSE] != 1 || j->v[FINE] != 1) {
@@ -80,8 +112,7 @@ static apsm_status make_one(const job *j, size_t i)
         APSM_TRY(anatomy_template(j->ctx, j->kind, coarser, cut, &mesh));
         anatomy_apply(&map, &mesh);
     }
-    if (j->v[MESS] > 0) mess_up(&mesh, &rng, (int)j->v[MESS]);
-    const apsm_status status = write_shape(j, name, &mesh);
+    const apsm_status status = write_shape(j, name, &mesh, &rng);
     apsm_mesh_free(&mesh);
     return status;
 }
@@ -109,10 +140,12 @@ bool is_cohort(const char *word)
 
 int make_cohort(apsm_context *ctx, int argc, char **argv)
 {
-    job j = { .ctx = ctx,
-              .kind = anatomy_find(argv[1]),
-              .folder = argv[2],
-              .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1 } };
+    job j = {
+        .ctx = ctx,
+        .kind = anatomy_find(argv[1]),
+        .folder = argv[2],
+        .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1, [MIXED] = 1, [CROP] = -1 }
+    };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, j.v)) return 2;
     const apsm_status status = make_all(&j);
     apsm_mesh_free(&j.template_mesh);

@@ -6,8 +6,10 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "apsm/mesh.h"
+#include "apsm/random.h"
 #include "apsm/volume.h"
 
 enum { MASK_MARGIN = 3 };
@@ -105,6 +107,50 @@ static inline apsm_volume mesh_mask(const apsm_mesh *mesh, const double spacing[
     mask_fill(&v, &c);
     free(c.at);
     return v;
+}
+
+/* All voxels whose centres are within the radius get the label. */
+static inline void mask_blob(apsm_volume *v, const double x[3], double radius, int32_t label)
+{
+    size_t at = 0;
+    for (size_t k = 0; k < v->n[2]; k++)
+        for (size_t j = 0; j < v->n[1]; j++)
+            for (size_t i = 0; i < v->n[0]; i++, at++) {
+                const double d[3] = { v->origin[0] + v->spacing[0] * (double)i - x[0],
+                                      v->origin[1] + v->spacing[1] * (double)j - x[1],
+                                      v->origin[2] + v->spacing[2] * (double)k - x[2] };
+                if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] <= radius * radius)
+                    v->label[at] = label;
+            }
+}
+
+/* What is wrong with segmentations in practice: near the surface of the mesh that it shows, bubbles
+ * inside, specks outside, dents and bumps across. */
+static inline void mask_mess(apsm_volume *v, const apsm_mesh *mesh, apsm_random *rng, int level)
+{
+    const double size = sqrt(apsm_mesh_area(mesh));
+    for (int k = 0; k < 12 * level; k++) {
+        double x[3];
+        const double *on = mesh->V + 3 * apsm_random_below(rng, mesh->nv);
+        const double off = (k < 8 * level ? 0.05 : 0.0) * size;
+        for (int c = 0; c < 3; c++) x[c] = on[c] + off * (2 * apsm_random_uniform(rng) - 1);
+        mask_blob(v, x, (k < 8 * level ? 0.012 : 0.02) * size, k % 2);
+    }
+}
+
+/* Cut to the label's own box, `less` voxels less on every side: the label touches all borders. */
+static inline void mask_crop(apsm_volume *v, size_t less)
+{
+    const size_t margin = MASK_MARGIN + less, n[3] = { v->n[0], v->n[1], v->n[2] };
+    size_t to = 0;
+    for (int c = 0; c < 3; c++) {
+        v->n[c] -= 2 * margin;
+        v->origin[c] += v->spacing[c] * (double)margin;
+    }
+    for (size_t k = 0; k < v->n[2]; k++)
+        for (size_t j = 0; j < v->n[1]; j++, to += v->n[0])
+            memmove(v->label + to, v->label + margin + n[0] * (j + margin + n[1] * (k + margin)),
+                    v->n[0] * sizeof *v->label);
 }
 
 #endif
