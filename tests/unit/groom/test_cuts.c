@@ -48,6 +48,26 @@ static void flat_shapes_are_whole(void **state)
     }
 }
 
+/* A shaft with three flat sides and round ends, 350 long and 8 across, bowed: the side that it
+ * turns outwards is no cut. */
+static void bowed_shafts_are_whole(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 6; k++) {
+        apsm_mesh mesh = shape_icosphere(6);
+        for (size_t v = 0; v < mesh.nv; v++) {
+            double *x = mesh.V + 3 * v, across = 0;
+            const double turn = 0.2 * k, phi = atan2(x[1], x[0]) + turn, z = x[2];
+            for (int side = 0; side < 3; side++)
+                across = fmax(across, cos(phi - 2 * M_PI * side / 3));
+            const double r = 4 / across * pow(fmax(1 - pow(z, 8), 0), 1.0 / 8);
+            shape_set3(x, r * cos(phi - turn) + (20 + 8 * k) * (1 - z * z), r * sin(phi - turn),
+                       175 * z);
+        }
+        assert_int_equal(count_cuts(mesh), 0);
+    }
+}
+
 static void cut_is_found_where_it_is(void **state)
 {
     (void)state;
@@ -77,6 +97,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(round_shapes_are_whole),
         cmocka_unit_test(flat_shapes_are_whole),
+        cmocka_unit_test(bowed_shafts_are_whole),
         cmocka_unit_test(cut_is_found_where_it_is),
     };
     return cmocka_run_group_tests_name("cuts", tests, NULL, NULL);
