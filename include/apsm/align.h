@@ -64,15 +64,17 @@ typedef struct apsm_icp_options {
     double tolerance;   /* stop when a step moves the points by less, relative to the radius */
     double trim;        /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
                            bones about the share of surface that only one of the two has */
+    const double *usual; /* rotation (9) that is to be expected: of turns about which the surfaces
+                            say little, the small one is taken; NULL: none is.  Proper M only */
 } apsm_icp_options;
-apsm_icp_options apsm_icp_defaults(void); /* rigid, all points, 60, 1e-4, 0 */
+apsm_icp_options apsm_icp_defaults(void); /* rigid, all points, 60, 1e-4, 0, NULL */
 
 /* Scratch in doubles, for clouds of at most n points. */
 size_t apsm_icp_work_size(size_t n);
 
 /* Registers moving to fixed starting from *M (in and out): a rigid map or similarity; det < 0 is
- * allowed and stays, so that a reflection registers the mirrored surface.  Never ends with a
- * larger mean squared distance than it started with.  O(iterations points log nf). */
+ * allowed and stays, so that a reflection registers the mirrored surface.  Without `usual`
+ * it never ends with a larger mean squared distance than it started with.  O(iterations points log nf). */
 void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,
               double M[16], double *residual, double *work);
 

@@ -23,6 +23,8 @@
 enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
 /* Relative step at which the last registration ends. */
 static const double at_rest = 1e-6;
+/* 1 + 2 cos of 10 degrees: poses that are turned by less are one. */
+static const double same_rotation = 2.97;
 
 typedef struct aligner {
     size_t n;
@@ -43,7 +45,8 @@ typedef struct aligner {
     bool oriented;    /* nearly all do */
     double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
     bool any_cut;     /* some shape was cut off */
-    bool *fits;       /* n: whether that one fits about as well as the best */
+    bool *fits;       /* n: whether that one fits about as well as the best, or the best is such */
+    bool *turned;     /* n: whether the best turns more, and fits little better */
     apsm_medoid_plan *plan;
     size_t part;      /* of the plan's shapes, or all of them */
     double *R;        /* plan's candidates x shapes */
@@ -194,13 +197,37 @@ static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *us
 
 /* ---- the orientation in which shapes come ---- */
 
-/* Turns by less than 60 degrees from the orientation in which most shapes come. */
-static bool hardly_turns(const aligner *a, const double M[16])
+/* 1 + 2 cos of the angle between two poses, R the rotation of the second. */
+static double likeness(const double M[16], const double R[9])
 {
     const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
     double trace = 0.0;
-    for (size_t k = 0; k < 9; k++) trace += a->common[k] * M[4 * (k / 3) + k % 3];
-    return trace > 2.0 * scale;
+    for (size_t k = 0; k < 9; k++) trace += R[k] * M[4 * (k / 3) + k % 3];
+    return trace / scale;
+}
+
+/* Root mean square distance over the cloud between its turns by M and by R, relative to the radius:
+ * what a turn about the axis of a thin shaft hardly changes. */
+static double apart(const apsm_cloud *cloud, const double M[16], const double R[9])
+{
+    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    double sum = 0.0;
+    for (size_t k = 0; k < cloud->n; k++) {
+        double x[3];
+        vec3_sub(cloud->x + 3 * k, cloud->centre, x);
+        for (size_t r = 0; r < 3; r++) {
+            const double d = vec3_dot(M + 4 * r, x) / scale - vec3_dot(R + 3 * r, x);
+            sum += d * d;
+        }
+    }
+    return sqrt(sum / (double)cloud->n) / cloud->radius;
+}
+
+/* Turns shape i by less than 60 degrees from the orientation in which most shapes come, or, if it
+ * is thin, its axis by less than 30. */
+static bool hardly_turns(const aligner *a, size_t i, const double M[16])
+{
+    return likeness(M, a->common) > 2.0 || apart(&a->cloud[i], M, a->common) < 0.5;
 }
 
 /* The provisional template's own orientation first, then the mean of those that are near. */
@@ -212,11 +239,20 @@ static void find_common_orientation(aligner *a)
         for (size_t i = 0; i < a->n; i++) {
             const double *M = a->P + 16 * i;
             const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
-            for (size_t k = 0; k < 9 && hardly_turns(a, M); k++)
+            for (size_t k = 0; k < 9 && hardly_turns(a, i, M); k++)
                 sum[k] += M[4 * (k / 3) + k % 3] / scale;
         }
         apsm_nearest_rotation(sum, a->common);
     }
+}
+
+/* Another pose than P, and nearer to the common orientation. */
+static bool turns_less(const aligner *a, const double M[16], const double P[16])
+{
+    double R[9], sum[9];
+    for (size_t k = 0; k < 9; k++) sum[k] = P[4 * (k / 3) + k % 3];
+    apsm_nearest_rotation(sum, R);
+    return likeness(M, R) < same_rotation && likeness(M, a->common) > likeness(P, a->common);
 }
 
 static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void *user)
@@ -226,13 +262,17 @@ static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void 
     apsm_surface moving;
     apsm_bvh *own;
     apsm_pose pose;
-    a->fits[i] = hardly_turns(a, a->P + 16 * i);
-    if (i == a->base || a->fits[i]) return APSM_OK;
+    a->fits[i] = a->turned[i] = false;
+    if (i == a->base) return APSM_OK;
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
-    const apsm_icp_options icp = search_options(a, &moving, &fixed);
+    apsm_icp_options icp = search_options(a, &moving, &fixed);
+    icp.usual = a->common;
     apsm_pose_from(&moving, &fixed, a->common, &icp, &pose, scratch(a, worker));
     apsm_bvh_free(own);
-    a->fits[i] = hardly_turns(a, pose.M) && pose.residual <= APSM_GIVEN_RATIO * a->out->residual[i];
+    a->fits[i] =
+        hardly_turns(a, i, pose.M) && pose.residual <= APSM_GIVEN_RATIO * a->out->residual[i];
+    a->turned[i] = a->fits[i] && turns_less(a, pose.M, a->P + 16 * i);
+    a->fits[i] |= hardly_turns(a, i, a->P + 16 * i);
     memcpy(a->given + 16 * i, pose.M, sizeof pose.M);
     if (a->opt->mode != APSM_ALIGN_SIMILARITY)
         remove_scale(moving.cloud->centre, a->given + 16 * i);
@@ -245,14 +285,13 @@ static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
 {
     size_t best = 0, fit = 0;
     find_common_orientation(a);
-    for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, a->P + 16 * i);
+    for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, i, a->P + 16 * i);
     if (best == 0) return APSM_OK;
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
     a->oriented = 5 * fit >= 4 * (a->n - 1);
     for (size_t i = 0; a->oriented && i < a->n; i++)
-        if (a->fits[i] && !hardly_turns(a, a->P + 16 * i))
-            memcpy(a->P + 16 * i, a->given + 16 * i, 16 * sizeof *a->P);
+        if (a->turned[i]) memcpy(a->P + 16 * i, a->given + 16 * i, 16 * sizeof *a->P);
     return APSM_OK;
 }
 
@@ -285,6 +324,21 @@ static void judge_mirrored(aligner *a)
     for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
 }
 
+/* U <- the rotation that is to be expected from one shape to another; returns U, or NULL if none
+ * is. */
+static const double *usual_between(const aligner *a, size_t from, size_t to, double U[9])
+{
+    if (!a->oriented) return NULL;
+    for (size_t i = 0, k = from; i < 2; i++, k = to)
+        if (k != a->base && !hardly_turns(a, k, a->P + 16 * k)) return NULL;
+    for (size_t k = 0; k < 9; k++) {
+        U[k] = k % 4 == 0 ? 1.0 : 0.0;
+        if (to == a->base) U[k] = a->common[k];
+        if (from == a->base) U[k] = a->common[3 * (k % 3) + k / 3];
+    }
+    return U;
+}
+
 /* P_to^-1 P_from */
 static void between(const aligner *a, size_t from, size_t to, double M[16])
 {
@@ -304,8 +358,9 @@ static apsm_status pair_task(apsm_context *ctx, size_t k, int worker, void *user
     if (!exact && (plan->out[row] || column % APSM_MEDOID_PARTS != a->part)) return APSM_OK;
     const apsm_surface moving = { a->bvh[j], &a->cloud[j] }, fixed = { a->bvh[i], &a->cloud[i] };
     apsm_icp_options icp = icp_options(a);
-    double M[16], residual;
+    double M[16], U[9], residual;
     roughly(&icp);
+    icp.usual = usual_between(a, j, i, U);
     between(a, j, i, M);
     apsm_icp(&moving, &fixed, &icp, M, &residual, scratch(a, worker));
     if (icp.scale) residual /= fixed.cloud->radius;
@@ -354,7 +409,9 @@ static apsm_status register_shape(const aligner *a, const apsm_surface *moving, 
     apsm_icp_options icp = icp_options(a);
     apsm_cloud dense;
     icp.scale |= size;
+    double U[9];
     roughly(&icp);
+    icp.usual = usual_between(a, i, a->out->template_index, U);
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[i], moving->cloud, &dense));
     apsm_icp(moving, &fixed, &icp, M, residual, work);
     icp.points = 0;
@@ -439,7 +496,7 @@ static void report(apsm_context *ctx, const aligner *a)
             apsm_log(ctx, APSM_LOG_WARNING,
                      "%s: looks mirrored; give its side, or set mirror_check=fix", who);
         if (out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand &&
-            !(a->oriented && hardly_turns(a, a->P + 16 * i)))
+            !(a->oriented && hardly_turns(a, i, a->P + 16 * i)))
             apsm_log(
                 ctx, APSM_LOG_WARNING,
                 "%s: ambiguous pose: another one fits within %.0f %%; check the result, or align "
@@ -484,6 +541,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->mirror = malloc(16 * n * sizeof *a->mirror);
     a->given = malloc(16 * n * sizeof *a->given);
     a->fits = malloc(n * sizeof *a->fits);
+    a->turned = malloc(n * sizeof *a->turned);
     a->list = malloc(n * sizeof *a->list);
     a->work = malloc((size_t)apsm_context_threads(ctx) * a->work_size * sizeof *a->work);
     a->out->n = n;
@@ -495,7 +553,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->sized = malloc(16 * n * sizeof *a->out->sized);
     a->out->cut = malloc(APSM_MOST_CUTS * n * sizeof *a->out->cut);
     const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->given && a->fits &&
-                        a->list && a->work && a->out->M && a->out->residual &&
+                        a->turned && a->list && a->work && a->out->M && a->out->residual &&
                         a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
                         a->out->cut && a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
@@ -521,6 +579,7 @@ static void release(aligner *a)
     free(a->mirror);
     free(a->given);
     free(a->fits);
+    free(a->turned);
     free(a->list);
     free(a->work);
 }

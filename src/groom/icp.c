@@ -19,6 +19,11 @@
  * its plane is matched, and E is divided by the cube of the share that is (Chetverikov's measure),
  * lest shapes part to agree.
  *
+ * Where a rotation is to be expected, E is multiplied by 1 + kappa |theta|^2, theta the turn from
+ * it as a vector: what a normal prior of 12 degrees says against about 25 independent distances
+ * whose variance is not known.  The surfaces of most shapes say far more; those of a cup or of a
+ * thin shaft do not.
+ *
  * The coarse variant knows the surfaces by their clouds alone: closest cloud points instead of
  * closest points, all n^2 distances at once, which is far cheaper for a hundred points. */
 #include "groom/icp.h"
@@ -35,6 +40,7 @@
 static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
 static const double in_plane = 0.02;     /* radii: so near to a cut plane is in it */
 static const double least_shared = 0.25; /* of the points */
+static const double kappa = 1.0;         /* rad^-2 */
 static const double largest_turn = 0.7;  /* rad: linearisation is no use beyond */
 
 /* The pairs of one pose; m = n + n_fixed pairs, those of moving points first. */
@@ -44,6 +50,7 @@ typedef struct pairs {
     double *w;              /* m: 0 for a trimmed pair; sum 1 */
     double *d2;             /* m */
     double E, residual;
+    double theta[3]; /* the turn from the usual rotation, 0 if there is none */
 } pairs;
 
 typedef struct icp_job {
@@ -271,6 +278,25 @@ static void weigh(const icp_job *job, const apsm_cloud *cloud, size_t n, const d
     for (size_t k = 0; k < n; k++) w[k] *= 0.5 / sum;
 }
 
+/* theta <- the rotation vector of M's rotation after the inverse of the usual one. */
+static void turn_from_usual(const icp_job *job, const double M[16], double theta[3])
+{
+    const double *U = job->opt->usual;
+    const double scale = vec3_norm(M);
+    double T[9], axis[3];
+    theta[0] = theta[1] = theta[2] = 0.0;
+    if (!U || apsm_affine_det(M) < 0.0) return;
+    for (size_t a = 0; a < 3; a++)
+        for (size_t b = 0; b < 3; b++) T[3 * a + b] = vec3_dot(M + 4 * a, U + 3 * b) / scale;
+    for (size_t a = 0; a < 3; a++) {
+        const size_t b = (a + 1) % 3, c = (a + 2) % 3;
+        axis[a] = 0.5 * (T[3 * c + b] - T[3 * b + c]);
+    }
+    const double sine = vec3_norm(axis), cosine = 0.5 * (T[0] + T[4] + T[8] - 1.0);
+    const double factor = sine > 1e-9 ? atan2(sine, cosine) / sine : 1.0;
+    for (size_t a = 0; a < 3; a++) theta[a] = factor * axis[a];
+}
+
 static void match(const icp_job *job, const double M[16], const pairs *before, pairs *q)
 {
     if (job->coarse) {
@@ -287,9 +313,12 @@ static void match(const icp_job *job, const double M[16], const pairs *before, p
         q->E += q->w[k] * q->d2[k];
         q->residual += q->w[k] * sqrt(q->d2[k]);
     }
-    if (!(share < 1.0)) return;
-    q->E /= share * share * share;
-    q->residual /= share * sqrt(share);
+    if (share < 1.0) {
+        q->E /= share * share * share;
+        q->residual /= share * sqrt(share);
+    }
+    turn_from_usual(job, M, q->theta);
+    q->E *= 1.0 + kappa * vec3_dot(q->theta, q->theta);
 }
 
 /* Adds the pair's share J' W J to H (7 x 7, lower triangle) and J' W r to g, W = w (lambda +
@@ -341,6 +370,21 @@ static void step_map(const double z[7], const double c[3], double radius, double
     }
 }
 
+/* Gauss and Newton's terms of kappa |theta|^2, as shares of those of the distances. */
+static void add_usual(const icp_job *job, const pairs *q, double H[49], double z[7])
+{
+    const double radius = job->fixed->cloud->radius,
+                 t2 = 1.0 + kappa * vec3_dot(q->theta, q->theta);
+    double E = 0.0;
+    if (!job->opt->usual) return;
+    for (size_t k = 0; k < job->n + job->n_fixed; k++) E += q->w[k] * q->d2[k];
+    const double weight = kappa * E / (radius * radius * t2);
+    for (size_t a = 0; a < 3; a++) {
+        H[8 * a] += weight;
+        z[a] -= weight * q->theta[a];
+    }
+}
+
 /* The step z for 0 < lambda < 1; false if there is none to be trusted. */
 static bool newton_step(const icp_job *job, const pairs *q, double lambda, double z[7])
 {
@@ -357,6 +401,7 @@ static bool newton_step(const icp_job *job, const pairs *q, double lambda, doubl
         }
         add_pair(lever, r, q->normal + 3 * k, q->w[k], lambda, H, z);
     }
+    add_usual(job, q, H, z);
     for (size_t a = 0; a < unknowns; a++)
         for (size_t b = 0; b < unknowns; b++) A[unknowns * a + b] = H[7 * a + b];
     if (!job->opt->scale) z[6] = 0.0;

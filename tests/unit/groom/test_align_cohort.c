@@ -1,5 +1,6 @@
 /* Alignment of a cohort: template, poses, mirrored shapes, threads. */
 #include "align_shapes.h"
+#include "anatomy.h"
 
 enum { MOST = 40 };
 
@@ -360,6 +361,45 @@ static void orientation_of_the_inputs_decides_between_equal_poses(void **state)
     }
 }
 
+/* Ten shapes of a synthetic anatomy, all in the frame of their images. */
+static void open_anatomy(cohort *c, const char *kind)
+{
+    const anatomy_spread as_they_come = { .strength = 1 };
+    apsm_context *ctx = apsm_context_new();
+    if (!ctx) abort();
+    c->n = 10;
+    for (size_t i = 0; i < c->n; i++) {
+        const anatomy_map map = anatomy_draw(anatomy_find(kind), 0, i, &as_they_come);
+        assert_int_equal(anatomy_template(ctx, map.kind, 2, -INFINITY, &c->local[i]), APSM_OK);
+        anatomy_apply(&map, &c->local[i]);
+        apsm_affine_identity(c->pose[i]);
+        c->mesh[i] = &c->local[i];
+    }
+    apsm_context_free(ctx);
+}
+
+/* A cup and a thin shaft of which one end is like the other: sections differ from circles in ways
+ * of each shape's own, so that the best fit of two surfaces may be turned in any way. */
+static void shapes_do_not_turn_where_surfaces_hardly_say(void **state)
+{
+    (void)state;
+    const char *const kind[] = { "myocardium", "fibula" };
+    apsm_align_options opt = apsm_align_defaults();
+    opt.mirror = APSM_MIRROR_OFF;
+    for (int k = 0; k < 2; k++) {
+        cohort c;
+        open_anatomy(&c, kind[k]);
+        apsm_alignment a = run(&c, &opt, 2, NULL);
+        for (size_t i = 0; i < c.n; i++) {
+            const double *M = a.M + 16 * i, cosine = 0.5 * (M[0] + M[5] + M[10] - 1);
+            if (!(cosine > cos(30 * M_PI / 180)))
+                fail_msg("%s %zu is turned by %g degrees", kind[k], i, acos(cosine) * 180 / M_PI);
+        }
+        apsm_alignment_free(&a);
+        close_cohort(&c);
+    }
+}
+
 static void one_shape_is_a_cohort(void **state)
 {
     (void)state;
@@ -417,6 +457,7 @@ int main(void)
         cmocka_unit_test(aligned_input_stays),
         cmocka_unit_test(cut_shapes_are_aligned_by_what_they_share),
         cmocka_unit_test(orientation_of_the_inputs_decides_between_equal_poses),
+        cmocka_unit_test(shapes_do_not_turn_where_surfaces_hardly_say),
         cmocka_unit_test(one_shape_is_a_cohort),
         cmocka_unit_test(mistakes_are_named),
     };
