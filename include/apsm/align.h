@@ -58,12 +58,12 @@ typedef struct apsm_surface {
 } apsm_surface;
 
 typedef struct apsm_icp_options {
-    bool scale;         /* similarity instead of rigid */
-    size_t points;      /* of each cloud, 0: all */
-    int max_iterations; /* >= 0; 0 only measures the residual */
-    double tolerance;   /* stop when a step moves the points by less, relative to the radius */
-    double trim;        /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
-                           bones about the share of surface that only one of the two has */
+    bool scale;          /* similarity instead of rigid */
+    size_t points;       /* of each cloud, 0: all */
+    int max_iterations;  /* >= 0; 0 only measures the residual */
+    double tolerance;    /* stop when a step moves the points by less, relative to the radius */
+    double trim;         /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
+                            bones about the share of surface that only one of the two has */
     const double *usual; /* rotation (9) that is to be expected: of turns about which the surfaces
                             say little, the small one is taken; NULL: none is.  Proper M only */
 } apsm_icp_options;
@@ -74,7 +74,8 @@ size_t apsm_icp_work_size(size_t n);
 
 /* Registers moving to fixed starting from *M (in and out): a rigid map or similarity; det < 0 is
  * allowed and stays, so that a reflection registers the mirrored surface.  Without `usual`
- * it never ends with a larger mean squared distance than it started with.  O(iterations points log nf). */
+ * it never ends with a larger mean squared distance than it started with.  O(iterations points log
+ * nf). */
 void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,
               double M[16], double *residual, double *work);
 

@@ -1,11 +1,10 @@
 #!/bin/bash
 # The program from shapes to a model: what is written, that it depends on nothing but shapes and
 # options, that an interrupted run goes on, and what happens with shapes that are hard or broken.
-# $1 is the program, $2 make_synthetic, $3 make_anatomy.
+# $1 is the program, $2 make_synthetic.
 set -u -m # -m: background jobs must not ignore SIGINT
 apsm=$1
 synthetic=$2
-anatomy=$3
 folder=$(mktemp -d)
 trap 'chmod -R u+w "$folder"; rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
@@ -153,7 +152,7 @@ expect 2 "give a number with a unit" run cohort -o never --memory lots
 expect 2 "are meshes, which have no labels" run cohort -o labelled --label 1,2
 
 # ---- bones cut off at different heights are cropped alike ----
-"$anatomy" femur bones count 5 cut 1 coarse 2 fine 2 || exit 1
+"$synthetic" femur bones count 5 cut 1 coarse 2 fine 2 || exit 1
 expect 0 "all are cropped there to what" run bones/shapes -o bones/a "${quick[@]}" --threads 1
 grep -q '"cropped":' bones/a/manifest.json || fail "the manifest does not tell what was cropped"
 expect 0 "" run bones/shapes -o bones/b "${quick[@]}" --threads 4 --memory 64M
