@@ -2,11 +2,12 @@
  *
  *   bench_truth TRUTH_DIR MODEL_DIR
  *
- * TRUTH_DIR/NAME.ply are the shapes on one triangulation, in the frame of the inputs (make_synthetic
- * writes them); MODEL_DIR is a model made with --original-frame.  Every particle of every shape is
- * carried to the template along the triangulation; its distance from the template's own particle is
- * the error.  Also told: the share of particles that are more than two spacings off.  Groups of the
- * shapes are not told apart: the template is one of them, with error 0, and left out. */
+ * TRUTH_DIR/NAME.ply are the shapes on one triangulation, in the frame of the inputs
+ * (make_synthetic writes them); MODEL_DIR is a model made with --original-frame.  Every particle of
+ * every shape is carried to the template along the triangulation; its distance from the template's
+ * own particle is the error.  Also told: the share of particles that are more than two spacings
+ * off.  Groups of the shapes are not told apart: the template is one of them, with error 0, and
+ * left out. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
