@@ -48,14 +48,21 @@ static int exit_code(apsm_status status)
     return status == APSM_OK ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
-/* Before the shapes are groomed there is nothing to go on with. */
+static bool has_file(const char *folder, const char *name)
+{
+    char *path = apsm_path_join(folder, name);
+    const bool has = path && apsm_file_exists(path);
+    free(path);
+    return has;
+}
+
+/* Before groom has begun there is nothing to go on with. */
 static bool can_resume(const cli_args *args)
 {
-    if (!args->out_dir || !(args->verb->verb & (CLI_RUN | CLI_OPTIMIZE))) return false;
-    char *project = apsm_path_join(args->out_dir, "project.swproj");
-    const bool can = project && apsm_file_exists(project);
-    free(project);
-    return can;
+    const unsigned resuming = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE;
+    if (!args->out_dir || !(args->verb->verb & resuming)) return false;
+    return has_file(args->out_dir, "state/work.journal") ||
+           (!(args->verb->verb & CLI_GROOM) && has_file(args->out_dir, "project.swproj"));
 }
 
 static void tell_interrupted(const cli_args *args, cli_ui *ui)

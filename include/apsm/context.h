@@ -54,6 +54,22 @@ bool apsm_interrupted(const apsm_context *ctx);
 typedef void (*apsm_between_fn)(void *user);
 void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user);
 
+/* Who keeps finished pieces of long steps over an interruption.  A piece is what one task has
+ * worked out, in the kind's fixed layout; the keeper sees to it that a piece comes back only for
+ * the inputs and options that it was made from.  Both are called from any thread. */
+typedef struct apsm_keeper {
+    void *user;
+    bool (*recall)(void *user, const char *kind, size_t i, size_t size, void *data);
+    apsm_status (*keep)(apsm_context *ctx, void *user, const char *kind, size_t i, size_t size,
+                        const void *data);
+} apsm_keeper;
+/* keeper is borrowed; NULL: nothing is kept. */
+void apsm_context_set_keeper(apsm_context *ctx, const apsm_keeper *keeper);
+/* Whether piece i of that kind had been kept; then its bytes are in data. */
+bool apsm_recall(const apsm_context *ctx, const char *kind, size_t i, size_t size, void *data);
+apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size,
+                      const void *data) APSM_NODISCARD;
+
 void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...) APSM_PRINTF(3, 4);
 void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress);
 

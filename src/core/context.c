@@ -26,6 +26,7 @@ struct apsm_context {
     const volatile int *interrupt;
     apsm_between_fn between;
     void *between_user;
+    const apsm_keeper *keeper;
     bool is_task;            /* logs go to lines instead of to the sink */
     log_line *first, **last; /* of a task */
     char error[ERROR_LENGTH];
@@ -76,6 +77,23 @@ void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user)
 {
     ctx->between = fn;
     ctx->between_user = user;
+}
+
+void apsm_context_set_keeper(apsm_context *ctx, const apsm_keeper *keeper)
+{
+    ctx->keeper = keeper;
+}
+
+bool apsm_recall(const apsm_context *ctx, const char *kind, size_t i, size_t size, void *data)
+{
+    const apsm_keeper *k = ctx->keeper;
+    return k && k->recall(k->user, kind, i, size, data);
+}
+
+apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size, const void *data)
+{
+    const apsm_keeper *k = ctx->keeper;
+    return k ? k->keep(ctx, k->user, kind, i, size, data) : APSM_OK;
 }
 
 void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag)
@@ -155,6 +173,7 @@ static void begin_task(loop *l, size_t i)
     task->threads = 1;
     task->seed = l->parent->seed;
     task->interrupt = l->parent->interrupt;
+    task->keeper = l->parent->keeper;
     task->is_task = true;
     task->last = &task->first;
 }

@@ -45,6 +45,7 @@ typedef struct aligner {
     bool oriented;    /* nearly all do */
     double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
     bool any_cut;     /* some shape was cut off */
+    bool again;       /* for meshes that have been cropped */
     bool *fits;       /* n: whether that one fits about as well as the best, or the best is such */
     bool *turned;     /* n: whether the best turns more, and fits little better */
     apsm_medoid_plan *plan;
@@ -183,16 +184,42 @@ static void search(const aligner *a, const apsm_surface *moving, size_t i, doubl
     remove_scale(moving->cloud->centre, a->mirror + 16 * i);
 }
 
+/* What the search of one shape finds; doubles only, since it is kept as bytes. */
+typedef struct found_pose {
+    double P[16], mirror[16], residual, runner_up_ratio, mirror_ratio;
+} found_pose;
+
+static void get_found(const aligner *a, size_t i, found_pose *f)
+{
+    memcpy(f->P, a->P + 16 * i, sizeof f->P);
+    memcpy(f->mirror, a->mirror + 16 * i, sizeof f->mirror);
+    f->residual = a->out->residual[i];
+    f->runner_up_ratio = a->out->runner_up_ratio[i];
+    f->mirror_ratio = a->out->mirror_ratio[i];
+}
+
+static void set_found(aligner *a, size_t i, const found_pose *f)
+{
+    memcpy(a->P + 16 * i, f->P, sizeof f->P);
+    memcpy(a->mirror + 16 * i, f->mirror, sizeof f->mirror);
+    a->out->residual[i] = f->residual;
+    a->out->runner_up_ratio[i] = f->runner_up_ratio;
+    a->out->mirror_ratio[i] = f->mirror_ratio;
+}
+
 static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *user)
 {
     aligner *a = user;
+    found_pose found;
     apsm_surface moving;
     apsm_bvh *own;
     if (i == a->base) return APSM_OK;
+    if (apsm_recall(ctx, "pose", i, sizeof found, &found)) return set_found(a, i, &found), APSM_OK;
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
     search(a, &moving, i, scratch(a, worker));
     apsm_bvh_free(own);
-    return APSM_OK;
+    get_found(a, i, &found);
+    return apsm_keep(ctx, "pose", i, sizeof found, &found);
 }
 
 /* ---- the orientation in which shapes come ---- */
@@ -423,27 +450,42 @@ static apsm_status register_shape(const aligner *a, const apsm_surface *moving, 
     return APSM_OK;
 }
 
+/* What the registration of one shape finds; doubles only, since it is kept as bytes. */
+typedef struct registered {
+    double M[16], sized[16], residual;
+} registered;
+
+static apsm_status register_from(apsm_context *ctx, const aligner *a, size_t i, double *work,
+                                 registered *r)
+{
+    apsm_surface moving;
+    apsm_bvh *own;
+    double unused;
+    APSM_TRY(open_surface(ctx, a, i, &own, &moving));
+    between(a, i, a->out->template_index, r->M);
+    apsm_status status = register_shape(a, &moving, i, false, r->M, &r->residual, work);
+    memcpy(r->sized, r->M, sizeof r->M);
+    if (status == APSM_OK && a->any_cut && a->opt->mode == APSM_ALIGN_RIGID)
+        status = register_shape(a, &moving, i, true, r->sized, &unused, work);
+    apsm_bvh_free(own);
+    return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
+}
+
 static apsm_status register_task(apsm_context *ctx, size_t i, int worker, void *user)
 {
     aligner *a = user;
-    const size_t t = a->out->template_index;
-    apsm_surface moving;
-    apsm_bvh *own;
-    double unused, *M = a->out->M + 16 * i, *sized = a->out->sized + 16 * i;
-    apsm_affine_identity(M);
-    apsm_affine_identity(sized);
-    a->out->residual[i] = 0.0;
-    if (i != t) {
-        APSM_TRY(open_surface(ctx, a, i, &own, &moving));
-        between(a, i, t, M);
-        apsm_status status =
-            register_shape(a, &moving, i, false, M, &a->out->residual[i], scratch(a, worker));
-        memcpy(sized, M, 16 * sizeof *M);
-        if (status == APSM_OK && a->any_cut && a->opt->mode == APSM_ALIGN_RIGID)
-            status = register_shape(a, &moving, i, true, sized, &unused, scratch(a, worker));
-        apsm_bvh_free(own);
-        if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
+    const char *kind = a->again ? "registration, cropped" : "registration";
+    double *M = a->out->M + 16 * i, *sized = a->out->sized + 16 * i;
+    registered r = { .residual = 0.0 };
+    apsm_affine_identity(r.M);
+    apsm_affine_identity(r.sized);
+    if (i != a->out->template_index && !apsm_recall(ctx, kind, i, sizeof r, &r)) {
+        APSM_TRY(register_from(ctx, a, i, scratch(a, worker), &r));
+        APSM_TRY(apsm_keep(ctx, kind, i, sizeof r, &r));
     }
+    memcpy(M, r.M, sizeof r.M);
+    memcpy(sized, r.sized, sizeof r.sized);
+    a->out->residual[i] = r.residual;
     to_world(a, M);
     to_world(a, sized);
     if (!isfinite(a->out->residual[i]))
@@ -629,7 +671,8 @@ apsm_status apsm_align_cropped(apsm_context *ctx, size_t n, const apsm_mesh *con
                   .names = names,
                   .opt = opt,
                   .out = &again,
-                  .base = alignment->template_index };
+                  .base = alignment->template_index,
+                  .again = true };
     APSM_TRY(check(ctx, n, opt));
     apsm_status status = allocate(ctx, &a);
     if (status == APSM_OK)

@@ -99,16 +99,8 @@ static apsm_status match(apsm_context *ctx, const carry *c, const apsm_shape *sh
     return status;
 }
 
-static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void *user)
+static apsm_status carry_to(apsm_context *ctx, const carry *c, const apsm_shape *shape, double *P)
 {
-    (void)worker;
-    const carry *c = user;
-    double *P = c->P + i * c->J * 3;
-    if (i == c->cohort->template_index) {
-        memcpy(P, c->T, c->J * 3 * sizeof *P);
-        return APSM_OK;
-    }
-    const apsm_shape *shape = &c->cohort->shape[i];
     if (c->registration)
         return apsm_register_particles(c->registration, &shape->mesh, shape->bvh, c->J, c->T, c->TN,
                                        c->h, P);
@@ -121,6 +113,21 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
         status = match(ctx, c, shape, S, P);
     free(S);
     return status;
+}
+
+static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const carry *c = user;
+    const size_t bytes = c->J * 3 * sizeof *c->P;
+    double *P = c->P + i * c->J * 3;
+    if (i == c->cohort->template_index) {
+        memcpy(P, c->T, bytes);
+        return APSM_OK;
+    }
+    if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
+    APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
+    return apsm_keep(ctx, "first", i, bytes, P);
 }
 
 /* Particles T, normals TN (J x 3 each) and spacing h of the template. */

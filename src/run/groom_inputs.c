@@ -6,6 +6,7 @@
 #include "apsm/affine.h"
 #include "files/stored.h"
 #include "geometry/stored.h"
+#include "run/kept.h"
 
 /* ---- which inputs ---- */
 
@@ -149,14 +150,35 @@ apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i)
     return status;
 }
 
+/* What groom_case needs. */
+typedef struct groom_task {
+    const apsm_run *run;
+    groom_inputs *in;
+} groom_task;
+
+/* The mesh of shape i: kept from before an interruption, or made now and kept. */
+static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t i,
+                                 apsm_status *lost)
+{
+    groom_inputs *in = t->in;
+    const apsm_input_case *c = &in->list.cases[i];
+    APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
+    *lost = kept_find_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
+    in->recalled[i] = in->mesh[i].V != NULL;
+    if (*lost != APSM_OK || in->recalled[i]) return *lost;
+    APSM_TRY(read_and_groom(ctx, in, c, &in->mesh[i]));
+    return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
+}
+
 static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
-    groom_inputs *in = user;
+    const groom_task *t = user;
+    groom_inputs *in = t->in;
+    apsm_status lost = APSM_OK; /* a failure that is not the shape's */
     const apsm_input_case *c = &in->list.cases[i];
     apsm_affine_identity(in->reflection[i]);
-    in->status[i] = groom_hash_input(ctx, c->path, in->sha256[i]);
-    if (in->status[i] == APSM_OK) in->status[i] = read_and_groom(ctx, in, c, &in->mesh[i]);
+    in->status[i] = take_or_groom(ctx, t, i, &lost);
     if (in->status[i] == APSM_OK && c->reflect) {
         reflect(&in->mesh[i], in->reflection[i]);
         in->reflected[i] = true;
@@ -164,6 +186,7 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
     if (in->status[i] == APSM_OK) in->status[i] = move_to_store(ctx, in, &in->mesh[i]);
     if (in->status[i] == APSM_OK) return APSM_OK;
     apsm_mesh_free(&in->mesh[i]);
+    if (lost != APSM_OK) return lost;
     const char *line = apsm_error_text(ctx);
     return apsm_text_set(&in->problem[i], *line ? line : apsm_status_text(in->status[i]));
 }
@@ -178,10 +201,12 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
     in->sha256 = calloc(n, sizeof *in->sha256);
     in->status = calloc(n, sizeof *in->status);
     in->problem = calloc(n, sizeof *in->problem);
+    in->recalled = calloc(n, sizeof *in->recalled);
     if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
-        !in->problem)
+        !in->problem || !in->recalled)
         return APSM_ERR_MEMORY;
-    return apsm_parallel_for(run->ctx, n, groom_case, in, "groom");
+    groom_task t = { run, in };
+    return apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
 }
 
 void groom_inputs_free(groom_inputs *in)
@@ -195,6 +220,7 @@ void groom_inputs_free(groom_inputs *in)
     free(in->sha256);
     free(in->status);
     free(in->problem);
+    free(in->recalled);
     apsm_labels_free(&in->labels);
     apsm_input_list_free(&in->list);
     *in = (groom_inputs){ 0 };

@@ -19,6 +19,7 @@ typedef struct groom_inputs {
     char (*sha256)[65];
     apsm_status *status;
     char **problem; /* the line of a failure, else NULL */
+    bool *recalled; /* groomed before an interruption */
 } groom_inputs;
 
 /* Lists the cases of run's inputs; a project among them stands for the shapes it names. */

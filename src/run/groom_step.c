@@ -10,6 +10,7 @@
 #include "apsm/template_choice.h"
 #include "run/crop_ends.h"
 #include "run/groom_inputs.h"
+#include "run/kept.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -39,6 +40,28 @@ static apsm_status refuse_bad_shapes(const groom_work *w)
     return apsm_fail(w->run->ctx, w->in.status[first],
                      "%zu of %zu shapes cannot be used (`apsm check` tells all): %s", bad,
                      w->in.list.n, w->in.problem[first]);
+}
+
+static void tell_recalled(const groom_work *w)
+{
+    size_t recalled = 0;
+    for (size_t i = 0; i < w->in.list.n; i++) recalled += w->in.recalled[i];
+    if (recalled > 0)
+        apsm_log(w->run->ctx, APSM_LOG_INFO, "%zu of %zu shapes were groomed before", recalled,
+                 w->in.list.n);
+}
+
+/* Each is kept as soon as it is groomed; then so are the poses. */
+static apsm_status read_inputs(groom_work *w)
+{
+    APSM_TRY(kept_compare_shapes(w->run, &w->in.list));
+    APSM_TRY(kept_begin(w->run));
+    APSM_TRY(kept_add_job(w->run, &w->in.list));
+    APSM_TRY(groom_inputs_read(w->run, &w->in));
+    APSM_TRY(refuse_bad_shapes(w));
+    tell_recalled(w);
+    kept_pieces_of_inputs(w->run, &w->in.list, w->in.sha256);
+    return APSM_OK;
 }
 
 /* ---- the cohort ---- */
@@ -267,11 +290,11 @@ apsm_status apsm_run_groom(apsm_run *run)
     APSM_TRY(refuse_replacing(run));
     apsm_status status = groom_inputs_list(run, &w.in);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
-    if (status == APSM_OK) status = groom_inputs_read(run, &w.in);
-    if (status == APSM_OK) status = refuse_bad_shapes(&w);
+    if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);
     if (status == APSM_OK) status = save(&w);
     if (status == APSM_OK) status = stage_end(run, "groom", &clock);
+    if (status == APSM_OK) status = kept_end(run);
     if (status == APSM_OK) tell(&w);
     apsm_alignment_free(&w.alignment);
     groom_inputs_free(&w.in);

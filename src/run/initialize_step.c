@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "apsm/psm.h"
+#include "run/kept.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -19,6 +20,14 @@ static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
     return status;
 }
 
+/* Each shape's are kept as soon as they are there. */
+static apsm_status carry_particles(apsm_run *run, size_t J, double *P)
+{
+    APSM_TRY(kept_begin(run));
+    APSM_TRY(kept_pieces_of_shapes(run));
+    return apsm_first_particles(run->ctx, &run->cohort, &run->options, J, P);
+}
+
 static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
 {
     const size_t J = (size_t)run->options.particles;
@@ -27,7 +36,7 @@ static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
     if (psm)
         apsm_psm_first_particle(&run->cohort, state);
     else
-        APSM_TRY(apsm_first_particles(run->ctx, &run->cohort, &run->options, J, state->P));
+        APSM_TRY(carry_particles(run, J, state->P));
     /* An earlier run's checkpoint must not be taken for one of these particles. */
     APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
     APSM_TRY(run_save_state(run, RUN_INITIAL, state, NULL, 0));
@@ -44,6 +53,7 @@ apsm_status apsm_run_initialize(apsm_run *run)
     apsm_optimizer_state state = { 0 };
     apsm_status status = seed_and_save(run, &state);
     if (status == APSM_OK) status = stage_end(run, "initialize", &clock);
+    if (status == APSM_OK) status = kept_end(run);
     apsm_optimizer_state_free(&state);
     return status;
 }

@@ -34,6 +34,11 @@ static apsm_status append_record(recorder *r, const apsm_epoch_record *record)
     return APSM_OK;
 }
 
+static apsm_status save_now(const recorder *r, const apsm_optimizer_state *state)
+{
+    return run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n);
+}
+
 static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
                             const apsm_epoch_record *record)
 {
@@ -42,7 +47,7 @@ static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
     const double wanted = r->run->options.checkpoint_seconds, now = stage_wall(&r->clock);
     if (wanted > 0 && now - r->saved_at < fmax(wanted, r->save_took / checkpoint_share))
         return APSM_OK;
-    APSM_TRY(run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n));
+    APSM_TRY(save_now(r, state));
     r->saved_at = stage_wall(&r->clock);
     r->save_took = r->saved_at - now;
     return APSM_OK;
@@ -116,7 +121,7 @@ static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, cons
         apsm_log(run->ctx, APSM_LOG_INFO, "stage 1 ended: %s", apsm_stop_text(state->stage1_stop));
     APSM_TRY(write_history(r));
     APSM_TRY(run_write_particles(run, state->J, state->P));
-    APSM_TRY(run_save_state(run, RUN_CHECKPOINT, state, r->records, r->n));
+    APSM_TRY(save_now(r, state));
     return stage_end(run, "optimize", &r->clock);
 }
 
@@ -163,7 +168,9 @@ static apsm_status optimize_and_search(apsm_run *run, apsm_optimizer_state *stat
     APSM_TRY(apsm_optimize(run->ctx, &run->cohort, &first, state, on_epoch, r));
     state->stage = APSM_STAGE_FIDELITY;
     state->epoch = 0;
-    return search_particles(run, state);
+    APSM_TRY(save_now(r, state)); /* the search takes long, and so did what comes before */
+    APSM_TRY(search_particles(run, state));
+    return save_now(r, state);
 }
 
 static apsm_status optimize(apsm_run *run, apsm_optimizer_state *state, recorder *r)
@@ -181,7 +188,7 @@ static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state,
     if (status != APSM_ERR_INTERRUPTED) return status;
     /* The state of the last full epoch is worth keeping, even if that one was never recorded. */
     while (r->n > (size_t)state->epochs_run) r->n--;
-    const apsm_status saved = run_save_state(run, RUN_CHECKPOINT, state, r->records, r->n);
+    const apsm_status saved = save_now(r, state);
     return saved == APSM_OK ? status : saved;
 }
 

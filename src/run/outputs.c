@@ -66,7 +66,8 @@ static bool is_ours(const char *path, size_t length)
 
 bool outputs_is_ours(const char *path)
 {
-    return is_ours(path, strlen(path)) || strcmp(path, ".apsm.lock") == 0;
+    return is_ours(path, strlen(path)) || strcmp(path, ".apsm.lock") == 0 ||
+           strcmp(path, RUN_JOURNAL) == 0;
 }
 
 size_t outputs_left_over(const char *path)

@@ -15,6 +15,7 @@
 #include "files/stored.h"
 #include "geometry/stored.h"
 #include "run/groom_inputs.h"
+#include "run/kept.h"
 #include "run/manifest.h"
 #include "run/outputs.h"
 
@@ -250,6 +251,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     if (run->lock.fd >= 0) APSM_TRY(outputs_tidy(run));
     APSM_TRY(open_project(run, s->fresh));
     APSM_TRY(manifest_open(run));
+    if (run->resume && !s->dry) APSM_TRY(kept_take_up(run));
     return settle_options(run, s);
 }
 
@@ -327,6 +329,7 @@ void apsm_run_close(apsm_run *run)
 {
     if (!run) return;
     run_unload(run);
+    kept_close(run);
     close_store(run);
     manifest_close(run);
     apsm_project_free(&run->project);
@@ -396,6 +399,10 @@ static apsm_status load_groomed(apsm_run *run)
 apsm_status run_load_meshes(apsm_run *run)
 {
     if (run->mesh) return APSM_OK;
+    if (run->project.n == 0 && kept_is_there(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: grooming has not ended; go on with `apsm run --resume -o %s`",
+                         run->folder, run->folder);
     if (run->project.n == 0)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,
@@ -446,7 +453,7 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
 
 /* ---- checkpoints ---- */
 
-static void hash_options(const apsm_run *run, apsm_sha256 *sha)
+void run_hash_options(const apsm_run *run, apsm_sha256 *sha)
 {
     size_t n;
     const apsm_option_info *table = apsm_options_table(&n);
@@ -474,7 +481,7 @@ apsm_status run_identity(apsm_run *run, char hex[65])
     apsm_sha256 sha;
     unsigned char digest[32];
     apsm_sha256_begin(&sha);
-    hash_options(run, &sha);
+    run_hash_options(run, &sha);
     const uint64_t t = run_template_index(run);
     apsm_sha256_add(&sha, &t, sizeof t);
     for (size_t i = 0; i < run->mesh_count; i++) {

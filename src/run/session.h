@@ -26,13 +26,14 @@ struct apsm_run {
     struct json_t *manifest; /* object; see manifest.h */
     apsm_mesh *mesh;         /* project.n groomed meshes in their own frames, or NULL */
     size_t mesh_count;
-    bool meshes_stored; /* their arrays are in the store */
-    size_t memory;      /* limit; 0: none */
-    apsm_store *store;  /* with a limit, once something was moved to it */
-    char identity[65];  /* run_identity's, "" until it was asked for */
-    apsm_cohort cohort; /* I = 0: not loaded */
-    const char **names; /* project.n, borrowed from the project */
-    double *transforms; /* project.n x 16: local to world */
+    bool meshes_stored;     /* their arrays are in the store */
+    size_t memory;          /* limit; 0: none */
+    struct kept_work *kept; /* kept.h; NULL: no step that keeps finished shapes is under way */
+    apsm_store *store;      /* with a limit, once something was moved to it */
+    char identity[65];      /* run_identity's, "" until it was asked for */
+    apsm_cohort cohort;     /* I = 0: not loaded */
+    const char **names;     /* project.n, borrowed from the project */
+    double *transforms;     /* project.n x 16: local to world */
 };
 
 /* Names of files in the model folder. */
@@ -40,6 +41,7 @@ struct apsm_run {
 #define RUN_MANIFEST   "manifest.json"
 #define RUN_INITIAL    "state/initial.ckpt"
 #define RUN_CHECKPOINT "state/optimize.ckpt"
+#define RUN_JOURNAL    "state/work.journal"
 
 /* Path of a file in the model folder: malloc'ed, NULL if out of memory. */
 char *run_path(const apsm_run *run, const char *name);
@@ -65,6 +67,9 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields);
 void run_unload(apsm_run *run);
 
 size_t run_template_index(const apsm_run *run);
+
+/* Adds the options that decide the particles, the seed and the version. */
+void run_hash_options(const apsm_run *run, apsm_sha256 *sha);
 
 /* SHA-256 (hex) over everything that decides the particles: options of the method, seed, and the
  * groomed shapes in their frame.  A checkpoint is good for one identity only. */

@@ -100,6 +100,9 @@ static void judge_unknown(const verifying *v, const char *file, bool finished)
 {
     if (outputs_left_over(file))
         remark(v, "%s: left over from a run that was ended; the next run removes it", file);
+    else if (strcmp(file, RUN_JOURNAL) == 0)
+        remark(v, "%s: finished shapes of a run that was ended; `apsm run --resume -o %s` goes on",
+               file, v->folder);
     else if (finished && strcmp(file, "report.html") == 0)
         remark(v, "%s: may be older than the model; `apsm report %s` makes it anew", file,
                v->folder);
@@ -354,6 +357,14 @@ static apsm_status verify_folder(verifying *v)
     return status;
 }
 
+static bool has_begun(const char *folder)
+{
+    char *path = apsm_path_join(folder, RUN_JOURNAL);
+    const bool begun = path && apsm_file_exists(path);
+    free(path);
+    return begun;
+}
+
 apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
                             void (*report)(void *user, const char *line),
                             void (*note)(void *user, const char *line), void *user,
@@ -365,7 +376,11 @@ apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
     if (!path) return APSM_ERR_MEMORY;
     bool usable = false;
     apsm_status status = APSM_OK;
-    if (!apsm_file_exists(path))
+    if (!apsm_file_exists(path) && has_begun(folder))
+        status = apsm_fail(ctx, APSM_ERR_STATE,
+                           "%s: grooming has not ended; go on with `apsm run --resume -o %s`",
+                           folder, folder);
+    else if (!apsm_file_exists(path))
         status = apsm_fail(ctx, APSM_ERR_STATE,
                            "%s: no %s in this folder; give a folder made by `apsm run`", folder,
                            RUN_MANIFEST);

@@ -218,12 +218,54 @@ mv away cohort
 same_particles whole killed "kill -9 and --resume"
 cmp -s whole/history.csv killed/history.csv || fail "kill -9 and --resume: history"
 
-"$apsm" run cohort -o begun --faces 90000 >said 2>&1 &
-sleep 0.3
-kill -INT $!
-wait $!
-[ $? -eq 130 ] || fail "SIGINT while grooming: $(cat said)"
-grep -q "can be started again" said || fail "SIGINT while grooming: $(cat said)"
+# While grooming: what is finished of single shapes is not made again, unless its input has changed.
+# begin SIGNAL OPTION...: sends the signal as soon as the first shapes are groomed.
+begin() {
+    local signal=$1 tries=0
+    shift
+    rm -rf begun
+    : >progress
+    "$apsm" run many -o begun --threads 1 --progress json "$@" >progress 2>said &
+    local process=$!
+    until grep -qs '"groom","done":3' progress || [ $((tries += 1)) -gt 3000 ]; do sleep 0.01; done
+    kill -"$signal" $process
+    wait $process 2>/dev/null
+    stopped=$?
+}
+mkdir many
+for i in 0 1 2 3 4 5 6 7 8 9; do "$synthetic" bump many/s$i.ply index $i; done
+begin INT --faces 3000 -J 64
+[ $stopped -eq 130 ] || fail "SIGINT while grooming: $(cat said)"
+grep -qF "go on with: apsm run --resume -o begun" said || fail "SIGINT while grooming: $(cat said)"
+expect 1 "particles = 64" run -o begun --resume -J 65
+mv many/s1.ply away.ply
+expect 1 "has a shape s1" run -o begun --resume
+cp away.ply many/s9b.ply
+expect 1 "has a shape s1" run -o begun --resume
+mv away.ply many/s1.ply
+expect 1 "has 10 shapes, these inputs are 11" run -o begun --resume
+rm many/s9b.ply
+expect 1 "grooming has not ended" verify begun
+expect 1 "grooming has not ended" initialize begun
+"$synthetic" bump many/s1.ply index 11
+expect 0 "of 10 shapes were groomed before" groom --resume -o begun
+[ -e begun/state/work.journal ] && fail "the journal is left behind"
+expect 0 "" groom many -o anew --faces 3000 -J 64
+diff -r begun/groomed anew/groomed >said || fail "groom --resume: $(cat said)"
+cmp -s begun/project.swproj anew/project.swproj || fail "groom --resume: another project"
+begin KILL --faces 3000
+expect 0 "of 10 shapes were groomed before" groom many -o begun --faces 3000
+begin KILL --faces 3000
+expect 0 "" groom many -o begun --faces 3000 --overwrite
+grep -q "were groomed before" said && fail "--overwrite used what was kept"
+# A model that is being replaced stays as it is, and --resume goes on with the new one.
+expect 0 "" run cohort -o replaced "${quick[@]}"
+mv replaced begun_model
+begin KILL --faces 3000
+mv begun/state/work.journal begun_model/state
+expect 0 "finished shapes of a run that was ended" verify begun_model
+expect 0 "of 10 shapes were groomed before" groom --resume -o begun_model
+diff -r begun_model/groomed anew/groomed >said || fail "groom --resume over a model: $(cat said)"
 
 printf '\377' | dd of=damaged/state/optimize.ckpt bs=1 seek=3000 conv=notrunc 2>/dev/null
 expect 1 "optimize.ckpt" run --resume -o damaged

@@ -1,0 +1,36 @@
+/* journal.h -- finished pieces of a step that is under way, one after the other in a file, so that
+ * an interruption costs no more than the pieces that were being made.  A piece is found by a key,
+ * the SHA-256 of everything that decides its content.  Layout in docs/formats.md.
+ *
+ * Nothing is forced to the disk piece by piece: after a power cut those that did not get there are
+ * missed by their check sums, and made again. */
+#ifndef APSM_FILES_JOURNAL_H
+#define APSM_FILES_JOURNAL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+typedef struct journal journal;
+typedef struct journal_key {
+    unsigned char byte[32];
+} journal_key;
+
+/* Opens the file for more pieces.  fresh: whatever was there is dropped; else it is made if need
+ * be, and what follows its last whole piece is cut off. */
+apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh,
+                         journal **j) APSM_NODISCARD;
+void journal_close(journal *j); /* NULL is allowed */
+
+/* Pieces that were there when it was opened. */
+size_t journal_count(const journal *j);
+/* Such a piece: *data is malloc'ed, NULL if there is none or it is damaged.  Any thread. */
+apsm_status journal_find(apsm_context *ctx, const journal *j, const journal_key *key, void **data,
+                         size_t *size) APSM_NODISCARD;
+
+/* One more piece.  Any thread. */
+apsm_status journal_add(apsm_context *ctx, journal *j, const journal_key *key, const void *data,
+                        size_t size) APSM_NODISCARD;
+
+#endif

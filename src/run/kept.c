@@ -1,0 +1,363 @@
+#include "run/kept.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "files/journal.h"
+#include "run/manifest.h"
+
+struct kept_work {
+    journal *journal;
+    apsm_keeper keeper;
+    journal_key scope; /* what the keeper's pieces belong to */
+    char *job;         /* of the grooming that was taken up; NULL: none */
+    size_t job_size;
+};
+
+static void add_text(apsm_sha256 *sha, const char *text)
+{
+    apsm_sha256_add(sha, text, strlen(text) + 1);
+}
+
+/* ---- opening, closing ---- */
+
+static apsm_status open_journal(apsm_run *run, bool fresh)
+{
+    char *path = run_path(run, RUN_JOURNAL);
+    run->kept = calloc(1, sizeof *run->kept);
+    apsm_status status = path && run->kept ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = journal_open(run->ctx, path, fresh, &run->kept->journal);
+    free(path);
+    if (status != APSM_OK) kept_close(run);
+    return status;
+}
+
+apsm_status kept_begin(apsm_run *run)
+{
+    if (run->kept) return APSM_OK; /* with --resume it was taken up */
+    char *folder = run_path(run, "state");
+    const apsm_status status = folder ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
+    free(folder);
+    return status == APSM_OK ? open_journal(run, run->overwrite) : status;
+}
+
+void kept_close(apsm_run *run)
+{
+    apsm_context_set_keeper(run->ctx, NULL);
+    if (run->kept) {
+        journal_close(run->kept->journal);
+        free(run->kept->job);
+    }
+    free(run->kept);
+    run->kept = NULL;
+}
+
+bool kept_is_there(const apsm_run *run)
+{
+    char *path = run_path(run, RUN_JOURNAL);
+    const bool there = path && apsm_file_exists(path);
+    free(path);
+    return there;
+}
+
+apsm_status kept_end(apsm_run *run)
+{
+    kept_close(run);
+    return run_remove(run, run_path(run, RUN_JOURNAL));
+}
+
+/* ---- the job: "input=PATH", "shape=NAME", "option.NAME=VALUE", each ended by a zero byte ---- */
+
+static journal_key job_key(void)
+{
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "job");
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+static const char input_word[] = "input=", shape_word[] = "shape=", option_word[] = "option.";
+
+/* *text grows by "WORD NAME = VALUE"; name may be "". */
+static bool add_line(char **text, size_t *size, const char *word, const char *name,
+                     const char *value)
+{
+    const char *const parts[] = { word, name, *name ? "=" : "", value };
+    size_t length = 1;
+    for (size_t k = 0; k < 4; k++) length += strlen(parts[k]);
+    char *grown = realloc(*text, *size + length);
+    if (!grown) return false;
+    *text = grown;
+    for (size_t k = 0; k < 4; k++) {
+        const size_t n = strlen(parts[k]);
+        memcpy(*text + *size, parts[k], n);
+        *size += n;
+    }
+    (*text)[(*size)++] = '\0';
+    return true;
+}
+
+apsm_status kept_add_job(apsm_run *run, const apsm_input_list *list)
+{
+    char *text = NULL;
+    size_t size = 0;
+    bool ok = true;
+    for (size_t k = 0; k < run->n_inputs && ok; k++)
+        ok = add_line(&text, &size, input_word, "", run->inputs[k]);
+    for (size_t i = 0; i < list->n && ok; i++)
+        ok = add_line(&text, &size, shape_word, "", list->cases[i].name);
+    const size_t n = apsm_project_count(&run->project, "apsm");
+    for (size_t k = 0; k < n && ok; k++) {
+        const char *key, *value;
+        apsm_project_pair(&run->project, "apsm", k, &key, &value);
+        if (strcmp(key, "template_used") != 0) /* of an earlier model */
+            ok = add_line(&text, &size, option_word, key, value);
+    }
+    const journal_key key = job_key();
+    const apsm_status status =
+        ok ? journal_add(run->ctx, run->kept->journal, &key, text, size) : APSM_ERR_MEMORY;
+    free(text);
+    return status;
+}
+
+static apsm_status take_input(apsm_run *run, const char *path)
+{
+    char **grown = realloc(run->inputs, (run->n_inputs + 2) * sizeof *grown);
+    if (!grown) return APSM_ERR_MEMORY;
+    run->inputs = grown;
+    run->inputs[run->n_inputs] = NULL;
+    APSM_TRY(apsm_text_set(&run->inputs[run->n_inputs], path));
+    run->n_inputs++;
+    return APSM_OK;
+}
+
+static apsm_status take_option(apsm_run *run, const char *line)
+{
+    char key[64];
+    const char *value = strchr(line, '=');
+    const size_t length = value ? (size_t)(value - line) : sizeof key;
+    if (length >= sizeof key) return APSM_OK; /* no name of ours */
+    memcpy(key, line, length);
+    key[length] = '\0';
+    return apsm_project_set(&run->project, "apsm", key, value + 1);
+}
+
+static apsm_status take_job(apsm_run *run)
+{
+    const bool wants_inputs = run->n_inputs == 0;
+    const char *text = run->kept->job;
+    const size_t size = run->kept->job_size;
+    const size_t i = strlen(input_word), o = strlen(option_word);
+    apsm_project_clear(&run->project, "apsm");
+    stage_undo(run, "groom");
+    for (const char *line = text; line < text + size; line += strlen(line) + 1) {
+        if (strncmp(line, input_word, i) == 0 && wants_inputs) APSM_TRY(take_input(run, line + i));
+        if (strncmp(line, option_word, o) == 0) APSM_TRY(take_option(run, line + o));
+    }
+    return APSM_OK;
+}
+
+apsm_status kept_take_up(apsm_run *run)
+{
+    const journal_key key = job_key();
+    if (!kept_is_there(run)) return APSM_OK;
+    APSM_TRY(open_journal(run, false));
+    struct kept_work *kept = run->kept;
+    void *job;
+    APSM_TRY(journal_find(run->ctx, kept->journal, &key, &job, &kept->job_size));
+    kept->job = job;
+    if (kept->job) return take_job(run);
+    /* Of initialize, which may have ended and then been killed before it could tidy up. */
+    return stage_is_done(run, "initialize") ? kept_end(run) : APSM_OK;
+}
+
+static bool is_listed(const apsm_input_list *list, const char *name)
+{
+    for (size_t low = 0, high = list->n; low < high;) { /* they are sorted */
+        const size_t mid = low + (high - low) / 2;
+        const int order = strcmp(list->cases[mid].name, name);
+        if (order == 0) return true;
+        if (order < 0)
+            low = mid + 1;
+        else
+            high = mid;
+    }
+    return false;
+}
+
+apsm_status kept_compare_shapes(apsm_run *run, const apsm_input_list *list)
+{
+    const struct kept_work *kept = run->kept;
+    const char *missing = NULL;
+    size_t n = 0;
+    if (!kept || !kept->job) return APSM_OK;
+    for (const char *line = kept->job; line < kept->job + kept->job_size;
+         line += strlen(line) + 1) {
+        if (strncmp(line, shape_word, strlen(shape_word)) != 0) continue;
+        n++;
+        if (!missing && !is_listed(list, line + strlen(shape_word)))
+            missing = line + strlen(shape_word);
+    }
+    if (missing)
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: the run that --resume continues has a shape %s, which is not among "
+                         "these inputs (%zu); put it back, or start anew without --resume",
+                         run->folder, missing, list->n);
+    if (list->n == n) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: the run that --resume continues has %zu shapes, these inputs are %zu; "
+                     "start anew without --resume",
+                     run->folder, n, list->n);
+}
+
+/* ---- groomed meshes ---- */
+
+/* A file's name without its folder: the folder says nothing about the shape. */
+static const char *last_part(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash && slash[1] ? slash + 1 : path;
+}
+
+static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const char sha256[65])
+{
+    const int64_t kind = c->kind;
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "mesh");
+    run_hash_options(run, &sha);
+    add_text(&sha, apsm_run_text(run, "labels"));
+    add_text(&sha, c->name);
+    add_text(&sha, last_part(c->path));
+    add_text(&sha, sha256);
+    apsm_sha256_add(&sha, &kind, sizeof kind);
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+/* Content: two uint64, the numbers of vertices and faces, and the arrays V and F. */
+static size_t mesh_bytes(uint64_t nv, uint64_t nf)
+{
+    return 2 * sizeof(uint64_t) + (size_t)nv * 3 * sizeof(double) +
+           (size_t)nf * 3 * sizeof(uint32_t);
+}
+
+static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh *mesh)
+{
+    uint64_t n[2];
+    if (size < sizeof n) return APSM_ERR_FORMAT;
+    memcpy(n, data, sizeof n);
+    if (n[0] > size || n[1] > size || size != mesh_bytes(n[0], n[1])) return APSM_ERR_FORMAT;
+    APSM_TRY(apsm_mesh_alloc(mesh, (size_t)n[0], (size_t)n[1]));
+    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V;
+    memcpy(mesh->V, data + sizeof n, bytes);
+    memcpy(mesh->F, data + sizeof n + bytes, 3 * mesh->nf * sizeof *mesh->F);
+    return APSM_OK;
+}
+
+apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
+                           const char sha256[65], apsm_mesh *mesh)
+{
+    void *data;
+    size_t size;
+    *mesh = (apsm_mesh){ 0 };
+    if (!run->kept || journal_count(run->kept->journal) == 0) return APSM_OK;
+    const journal_key key = mesh_key(run, c, sha256);
+    APSM_TRY(journal_find(ctx, run->kept->journal, &key, &data, &size));
+    const apsm_status status = data ? unpack_mesh(data, size, mesh) : APSM_OK;
+    free(data);
+    return status;
+}
+
+apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
+                          const char sha256[65], const apsm_mesh *mesh)
+{
+    const uint64_t n[2] = { mesh->nv, mesh->nf };
+    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, size = mesh_bytes(n[0], n[1]);
+    if (!run->kept) return APSM_OK;
+    unsigned char *data = malloc(size);
+    if (!data) return APSM_ERR_MEMORY;
+    memcpy(data, n, sizeof n);
+    memcpy(data + sizeof n, mesh->V, bytes);
+    memcpy(data + sizeof n + bytes, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
+    const journal_key key = mesh_key(run, c, sha256);
+    const apsm_status status = journal_add(ctx, run->kept->journal, &key, data, size);
+    free(data);
+    return status;
+}
+
+/* ---- pieces of the steps ---- */
+
+static journal_key piece_key(const struct kept_work *kept, const char *kind, uint64_t i)
+{
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add(&sha, &kept->scope, sizeof kept->scope);
+    add_text(&sha, kind);
+    apsm_sha256_add(&sha, &i, sizeof i);
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+static bool recall(void *user, const char *kind, size_t i, size_t size, void *data)
+{
+    const struct kept_work *kept = user;
+    const journal_key key = piece_key(kept, kind, i);
+    void *found;
+    size_t bytes;
+    if (journal_find(NULL, kept->journal, &key, &found, &bytes) != APSM_OK || !found) return false;
+    const bool fits = bytes == size;
+    if (fits) memcpy(data, found, size);
+    free(found);
+    return fits;
+}
+
+static apsm_status keep(apsm_context *ctx, void *user, const char *kind, size_t i, size_t size,
+                        const void *data)
+{
+    const struct kept_work *kept = user;
+    const journal_key key = piece_key(kept, kind, i);
+    return journal_add(ctx, kept->journal, &key, data, size);
+}
+
+static void set_keeper(apsm_run *run, apsm_sha256 *scope)
+{
+    struct kept_work *kept = run->kept;
+    apsm_sha256_end(scope, kept->scope.byte);
+    kept->keeper = (apsm_keeper){ kept, recall, keep };
+    apsm_context_set_keeper(run->ctx, &kept->keeper);
+}
+
+void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65])
+{
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "poses");
+    run_hash_options(run, &sha);
+    add_text(&sha, apsm_run_text(run, "labels"));
+    add_text(&sha, apsm_run_text(run, "template"));
+    for (size_t i = 0; i < list->n; i++) {
+        const apsm_input_case *c = &list->cases[i];
+        add_text(&sha, c->name);
+        add_text(&sha, last_part(c->path));
+        add_text(&sha, sha256[i]);
+        add_text(&sha, c->reflect ? "mirrored" : "as it is");
+    }
+    set_keeper(run, &sha);
+}
+
+apsm_status kept_pieces_of_shapes(apsm_run *run)
+{
+    char identity[65];
+    apsm_sha256 sha;
+    APSM_TRY(run_identity(run, identity));
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "first particles");
+    add_text(&sha, identity);
+    set_keeper(run, &sha);
+    return APSM_OK;
+}

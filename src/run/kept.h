@@ -1,0 +1,40 @@
+/* kept.h -- state/work.journal: what groom and initialize have finished of single shapes, so that
+ * an interruption costs no more than the shapes that were being worked on.  It is there while one
+ * of the two is under way, and begins with what groom was asked for: the folder need not have a
+ * project yet, or has that of a model which is being replaced. */
+#ifndef APSM_RUN_KEPT_H
+#define APSM_RUN_KEPT_H
+
+#include "apsm/input.h"
+#include "run/session.h"
+
+/* With --resume, before options are settled: if grooming was under way, its options are the
+ * project's, its inputs are those of the run unless others are given, and groom is not done. */
+apsm_status kept_take_up(apsm_run *run);
+
+/* A step begins.  Pieces that an interrupted one has left are good without --resume as well; only
+ * --overwrite drops them. */
+apsm_status kept_begin(apsm_run *run);
+/* What groom is asked for: options, inputs, and the names of the shapes that these came to. */
+apsm_status kept_add_job(apsm_run *run, const apsm_input_list *list);
+/* Refuses other shapes than those of the grooming that was taken up, if one was. */
+apsm_status kept_compare_shapes(apsm_run *run, const apsm_input_list *list);
+/* The step has ended. */
+apsm_status kept_end(apsm_run *run);
+void kept_close(apsm_run *run);
+/* Whether a step that keeps its work has not ended. */
+bool kept_is_there(const apsm_run *run);
+
+/* A groomed mesh, not yet mirrored, of an input with the given SHA-256.  mesh->V is NULL if there
+ * is none.  Both from any thread; both do nothing unless a step has begun. */
+apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
+                           const char sha256[65], apsm_mesh *mesh);
+apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
+                          const char sha256[65], const apsm_mesh *mesh);
+
+/* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, for
+ * initialize those of run_identity. */
+void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65]);
+apsm_status kept_pieces_of_shapes(apsm_run *run);
+
+#endif
