@@ -20,7 +20,7 @@ test: deps ## deps, build, then all tests
 	-@scripts/setup-browser $(BUILD)/browser
 	@cd $(BUILD) && ctest -j2 --output-on-failure
 
-test-crash: deps ## a thousand killed runs, each resumed and compared (about half an hour)
+test-crash: deps ## a thousand killed runs, each resumed and compared (about ten minutes)
 	@$(MAKE) --no-print-directory all
 	@cmake --build $(BUILD) --target test_crash
 

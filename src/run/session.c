@@ -1,5 +1,6 @@
 #include "run/session.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -12,6 +13,7 @@
 #include "apsm/linalg.h"
 #include "apsm/particles_file.h"
 #include "apsm/report.h"
+#include "files/io.h"
 #include "files/stored.h"
 #include "geometry/stored.h"
 #include "run/groom_inputs.h"
@@ -345,7 +347,7 @@ apsm_status run_remove(apsm_run *run, char *path)
     if (!path) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path) && remove(path) != 0)
-        status = apsm_fail(run->ctx, APSM_ERR_IO, "%s: cannot be removed; check its folder", path);
+        status = apsm_fail_errno(run->ctx, path, "cannot be removed", errno);
     free(path);
     return status;
 }
