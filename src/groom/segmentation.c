@@ -152,6 +152,36 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     return status;
 }
 
+static double least_spacing(const apsm_volume *v)
+{
+    return fmin(v->spacing[0], fmin(v->spacing[1], v->spacing[2]));
+}
+
+/* The volume (labels borrowed) with `unit` as the unit of length, and at a whole number of units
+ * from the origin; rest (out): what is missing there, in the input's unit.  On a grid many lengths
+ * are equal, and rounding would decide between them, in every unit otherwise: voxels are the unit.
+ * Images begin at whole or half voxels, so that no rounding decides how many are whole. */
+static apsm_volume in_unit(const apsm_volume *volume, double unit, double rest[3])
+{
+    apsm_volume v = *volume;
+    for (int c = 0; c < 3; c++) {
+        v.spacing[c] /= unit;
+        v.origin[c] = floor(v.origin[c] / unit + 0.3);
+        rest[c] = volume->origin[c] - unit * v.origin[c];
+    }
+    return v;
+}
+
+/* Back to the input's. */
+static void lengths_in_unit(apsm_groom_report *r, double unit)
+{
+    double *const lengths[] = { &r->remesh.edge,         &r->remesh.forward_mean,
+                                &r->remesh.forward_max,  &r->remesh.backward_mean,
+                                &r->remesh.backward_max, &r->largest_cap_at[0],
+                                &r->largest_cap_at[1],   &r->largest_cap_at[2] };
+    for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
+}
+
 apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
                                     const apsm_groom_options *options, apsm_mesh *mesh_out,
                                     apsm_groom_report *report)
@@ -161,9 +191,16 @@ apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const a
     apsm_mesh surface = { 0 };
     *mesh_out = (apsm_mesh){ 0 };
     APSM_TRY(check_volume(ctx, name, volume));
-    apsm_status status = make_surface(ctx, name, volume, &opt, &surface, &mask_report);
+    const double unit = least_spacing(volume);
+    double rest[3];
+    const apsm_volume grid = in_unit(volume, unit, rest);
+    apsm_status status = make_surface(ctx, name, &grid, &opt, &surface, &mask_report);
     if (status == APSM_OK) status = apsm_groom_mesh(ctx, name, &surface, &opt, mesh_out, report);
     apsm_mesh_free(&surface);
+    for (size_t k = 0; k < 3 * mesh_out->nv; k++)
+        mesh_out->V[k] = (double)(float)(unit * mesh_out->V[k] + rest[k % 3]);
+    mask_report.mask_volume *= unit * unit * unit;
+    if (report) lengths_in_unit(report, unit);
     if (!report) return status; /* and apsm_groom_mesh has not measured anything */
     /* What it cleared. */
     report->voxels = mask_report.voxels;

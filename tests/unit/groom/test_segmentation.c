@@ -214,6 +214,50 @@ static void sheared_grid_keeps_the_volume(void **state)
     apsm_context_free(ctx);
 }
 
+static apsm_mesh remeshed(apsm_context *ctx, const apsm_volume *v, apsm_groom_report *r)
+{
+    apsm_mesh mesh;
+    apsm_groom_options opt = apsm_groom_defaults();
+    opt.remesh_options.target_faces = 1500;
+    if (apsm_groom_segmentation(ctx, "mask", v, &opt, &mesh, r) != APSM_OK)
+        fail_msg("%s", apsm_error_text(ctx));
+    return mesh;
+}
+
+/* Lengths that are equal on a grid, and there are many, are equal in every unit: the triangles are
+ * the same.  Headers are in single precision. */
+static void another_unit_gives_the_same_triangles(void **state)
+{
+    (void)state;
+    static const double scales[] = { 1000, 0.001, 25.4 };
+    apsm_context *ctx = apsm_context_new();
+    const double voxels[] = { 1, 0.8, 0.3 };
+    for (size_t k = 0; k < 3; k++) {
+        const double voxel = voxels[k];
+        apsm_groom_report r[2];
+        apsm_volume v =
+            solid_mask(solid_bone, (const double[3]){ voxel, voxel, 2 * voxel }, 0, 50 + k);
+        apsm_mesh one = remeshed(ctx, &v, &r[0]);
+        for (int c = 0; c < 3; c++) {
+            v.spacing[c] = (double)(float)((float)v.spacing[c] * (float)scales[k]);
+            v.origin[c] = (double)(float)((float)v.origin[c] * (float)scales[k]);
+        }
+        apsm_mesh two = remeshed(ctx, &v, &r[1]);
+        assert_int_equal(one.nv, two.nv);
+        assert_int_equal(one.nf, two.nf);
+        assert_memory_equal(one.F, two.F, 3 * one.nf * sizeof *one.F);
+        for (size_t x = 0; x < 3 * one.nv; x++)
+            assert_true(fabs(two.V[x] / scales[k] - one.V[x]) < 1e-4 * voxel);
+        const double s = scales[k];
+        assert_true(fabs(r[1].remesh.edge / s / r[0].remesh.edge - 1) < 1e-6);
+        assert_true(fabs(r[1].mask_volume / (s * s * s) / r[0].mask_volume - 1) < 1e-6);
+        apsm_mesh_free(&one);
+        apsm_mesh_free(&two);
+        apsm_volume_free(&v);
+    }
+    apsm_context_free(ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -223,6 +267,7 @@ int main(void)
         cmocka_unit_test(raggedness_is_smoothed_and_fins_are_kept),
         cmocka_unit_test(corner_contact_does_not_lose_a_sheet),
         cmocka_unit_test(unusable_labels_are_refused),
+        cmocka_unit_test(another_unit_gives_the_same_triangles),
     };
     return cmocka_run_group_tests_name("segmentation", tests, NULL, NULL);
 }
