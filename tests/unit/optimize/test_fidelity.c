@@ -436,6 +436,29 @@ static void test_distance_never_grows(void **state)
 }
 
 /* Particles that are off by a tenth of h come no farther from the truth. */
+/* A prior that wants the surfaces farther apart yields to them instead of stopping every step. */
+static void test_strong_prior_yields(void **state)
+{
+    (void)state;
+    double P[I * J * 3], before = 0, after = 0;
+    scene s;
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    o.fidelity = 0.02;
+    make_scene(&s, SYNTHETIC_PLATE, 1, 1);
+    apsm_fidelity *f = new_stage(&s, &o);
+    fidelity_work w;
+    assert_int_equal(fidelity_work_alloc(f, 8, &w), APSM_OK);
+    run_all(&s, &o, P);
+    for (size_t i = 1; i < I; i++) {
+        before += distance_of(f, i, s.P + i * J * 3, &w);
+        after += distance_of(f, i, P + i * J * 3, &w);
+    }
+    if (!(after < 0.8 * before)) fail_msg("mean %.6g became %.6g", before / 5, after / 5);
+    fidelity_work_free(&w);
+    apsm_fidelity_free(f);
+    free_scene(&s);
+}
+
 static void test_truth_error(void **state)
 {
     (void)state;
@@ -626,6 +649,7 @@ int main(void)
         cmocka_unit_test(test_prior_finds_modes),
         cmocka_unit_test(test_prior_counts_distances),
         cmocka_unit_test(test_distance_never_grows),
+        cmocka_unit_test(test_strong_prior_yields),
         cmocka_unit_test(test_truth_error),
         cmocka_unit_test(test_neighbours_stay),
         cmocka_unit_test(test_faults_return),
