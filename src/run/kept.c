@@ -5,6 +5,7 @@
 
 #include "files/journal.h"
 #include "run/manifest.h"
+#include "run/settings.h"
 
 struct kept_work {
     journal *journal;
@@ -228,7 +229,7 @@ static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
     add_text(&sha, "mesh");
-    run_hash_options(run, &sha);
+    settings_hash(run, &sha);
     add_text(&sha, apsm_run_text(run, "labels"));
     add_text(&sha, c->name);
     add_text(&sha, last_part(c->path));
@@ -337,7 +338,7 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
     add_text(&sha, "poses");
-    run_hash_options(run, &sha);
+    settings_hash(run, &sha);
     add_text(&sha, apsm_run_text(run, "labels"));
     add_text(&sha, apsm_run_text(run, "template"));
     for (size_t i = 0; i < list->n; i++) {

@@ -43,6 +43,8 @@ struct apsm_run {
 #define RUN_CHECKPOINT "state/optimize.ckpt"
 #define RUN_JOURNAL    "state/work.journal"
 
+/* ---- session.c ---- */
+
 /* Path of a file in the model folder: malloc'ed, NULL if out of memory. */
 char *run_path(const apsm_run *run, const char *name);
 /* Path made as by printf below the folder. */
@@ -55,6 +57,9 @@ apsm_status run_write_project(apsm_run *run);
 
 /* The store for shapes, or NULL if the run has no limit of memory. */
 apsm_status run_open_store(apsm_run *run, apsm_store **store);
+
+/* ---- shapes.c ---- */
+
 /* Frees a mesh whose arrays are perhaps in the store. */
 void run_free_mesh(apsm_mesh *mesh, bool stored);
 
@@ -68,8 +73,7 @@ void run_unload(apsm_run *run);
 
 size_t run_template_index(const apsm_run *run);
 
-/* Adds the options that decide the particles, the seed and the version. */
-void run_hash_options(const apsm_run *run, apsm_sha256 *sha);
+/* ---- state.c ---- */
 
 /* SHA-256 (hex) over everything that decides the particles: options of the method, seed, and the
  * groomed shapes in their frame.  A checkpoint is good for one identity only. */
@@ -81,6 +85,8 @@ apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer
                            const apsm_epoch_record *records, size_t n_records);
 apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
                            apsm_epoch_record **records, size_t *n_records);
+
+/* ---- particles.c ---- */
 
 /* Particles of all shapes (I x J x 3, world) to particles/, with the paths in the project. */
 apsm_status run_write_particles(apsm_run *run, size_t J, const double *P);

@@ -1,0 +1,91 @@
+/* Files of particles, in every frame that is wanted. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/particles_file.h"
+#include "run/session.h"
+
+typedef struct particle_files {
+    apsm_run *run;
+    size_t J;
+    const double *P;
+} particle_files;
+
+/* Writes one file and stores its path, relative to the folder, in *slot. */
+static apsm_status write_frame(apsm_context *ctx, const apsm_run *run, const char *name,
+                               const char *frame, size_t J, const double *P, char **slot)
+{
+    char relative[1024];
+    if (snprintf(relative, sizeof relative, "particles/%s_%s.particles", name, frame) >=
+        (int)sizeof relative)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: name too long", name);
+    char *path = run_path(run, relative);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_particles_write(ctx, path, J, P);
+    free(path);
+    if (status == APSM_OK && slot) status = apsm_text_set(slot, relative);
+    return status;
+}
+
+/* The 16 numbers of the project's column, separated by spaces. */
+static apsm_status parse_reflection(apsm_context *ctx, const char *name, const char *text,
+                                    double M[16])
+{
+    for (int k = 0; k < 16; k++) {
+        text += strspn(text, " ");
+        const size_t length = strcspn(text, " ");
+        if (!apsm_parse_number(text, length, &M[k]))
+            return apsm_fail(ctx, APSM_ERR_FORMAT,
+                             "%s: reflection in the project is not 16 numbers; groom again", name);
+        text += length;
+    }
+    return APSM_OK;
+}
+
+static apsm_status write_original(apsm_context *ctx, const apsm_run *run, const apsm_subject *s,
+                                  size_t J, double *P)
+{
+    double M[16], inverse[16];
+    const char *text = apsm_subject_column(s, "reflection");
+    if (text) {
+        APSM_TRY(parse_reflection(ctx, s->name, text, M));
+        APSM_TRY(apsm_affine_invert(M, inverse));
+        apsm_affine_apply(inverse, J, P, P);
+    }
+    return write_frame(ctx, run, s->name, "original", J, P, NULL);
+}
+
+static apsm_status write_subject(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const particle_files *f = user;
+    apsm_subject *s = &f->run->project.subjects[i];
+    const double *world = f->P + i * f->J * 3;
+    double inverse[16], *local = malloc(f->J * 3 * sizeof *local);
+    if (!local) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_affine_invert(f->run->transforms + 16 * i, inverse);
+    if (status == APSM_OK) {
+        apsm_affine_apply(inverse, f->J, world, local);
+        status = write_frame(ctx, f->run, s->name, "local", f->J, local, &s->local_particles);
+    }
+    if (status == APSM_OK)
+        status = write_frame(ctx, f->run, s->name, "world", f->J, world, &s->world_particles);
+    if (status == APSM_OK && strcmp(apsm_run_text(f->run, "original_frame"), "true") == 0)
+        status = write_original(ctx, f->run, s, f->J, local);
+    free(local);
+    return status;
+}
+
+apsm_status run_write_particles(apsm_run *run, size_t J, const double *P)
+{
+    char *folder = run_path(run, "particles");
+    if (!folder) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_make_folder(run->ctx, folder);
+    free(folder);
+    particle_files f = { run, J, P };
+    if (status == APSM_OK)
+        status = apsm_parallel_for(run->ctx, run->project.n, write_subject, &f, NULL);
+    return status == APSM_OK ? run_write_project(run) : status;
+}

@@ -1,0 +1,125 @@
+/* The groomed shapes of a model folder in memory. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/affine.h"
+#include "files/stored.h"
+#include "geometry/stored.h"
+#include "run/kept.h"
+#include "run/session.h"
+
+void run_free_mesh(apsm_mesh *mesh, bool stored)
+{
+    array_list arrays = { 0 };
+    mesh_arrays(mesh, &arrays);
+    if (stored) arrays_forget(&arrays);
+    apsm_mesh_free(mesh);
+}
+
+void run_unload(apsm_run *run)
+{
+    apsm_cohort_free(&run->cohort);
+    for (size_t i = 0; run->mesh && i < run->mesh_count; i++)
+        run_free_mesh(&run->mesh[i], run->meshes_stored);
+    run->identity[0] = '\0';
+    run->meshes_stored = false;
+    free(run->mesh);
+    free(run->names);
+    free(run->transforms);
+    run->mesh = NULL;
+    run->mesh_count = 0;
+    run->names = NULL;
+    run->transforms = NULL;
+}
+
+static apsm_status load_mesh(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const apsm_run *run = user;
+    char *path = apsm_project_path(&run->project, run->project.subjects[i].groomed);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_vtk_read_mesh(ctx, path, &run->mesh[i]);
+    free(path);
+    if (status == APSM_OK && run->store) {
+        array_list arrays = { 0 };
+        mesh_arrays(&run->mesh[i], &arrays);
+        status = store_put(ctx, run->store, &arrays);
+        if (status != APSM_OK) apsm_mesh_free(&run->mesh[i]);
+    }
+    return status;
+}
+
+static apsm_status load_groomed(apsm_run *run)
+{
+    const size_t n = run->project.n;
+    run->names = calloc(n, sizeof *run->names);
+    run->transforms = calloc(n * 16, sizeof *run->transforms);
+    run->mesh = calloc(n, sizeof *run->mesh);
+    if (!run->names || !run->transforms || !run->mesh) return APSM_ERR_MEMORY;
+    run->mesh_count = n;
+    apsm_store *store;
+    APSM_TRY(run_open_store(run, &store));
+    run->meshes_stored = store != NULL;
+    for (size_t i = 0; i < n; i++) {
+        run->names[i] = run->project.subjects[i].name;
+        memcpy(run->transforms + 16 * i, run->project.subjects[i].alignment, 16 * sizeof(double));
+    }
+    return apsm_parallel_for(run->ctx, n, load_mesh, run, NULL);
+}
+
+apsm_status run_load_meshes(apsm_run *run)
+{
+    if (run->mesh) return APSM_OK;
+    if (run->project.n == 0 && kept_is_there(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: grooming has not ended; go on with `apsm run --resume -o %s`",
+                         run->folder, run->folder);
+    if (run->project.n == 0)
+        return apsm_fail(run->ctx, APSM_ERR_STATE,
+                         "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,
+                         run->folder);
+    for (size_t i = 0; i < run->project.n; i++)
+        if (!run->project.subjects[i].groomed)
+            return apsm_fail(run->ctx, APSM_ERR_STATE,
+                             "%s: %s has not been groomed; run `apsm groom -o %s`", run->folder,
+                             run->project.subjects[i].name, run->folder);
+    const apsm_status status = load_groomed(run);
+    if (status != APSM_OK) run_unload(run);
+    return status;
+}
+
+size_t run_template_index(const apsm_run *run)
+{
+    return apsm_project_find(&run->project, apsm_run_text(run, "template_used"));
+}
+
+/* Scale of a transform: cube root of its determinant. */
+static double scale_of(const double M[16])
+{
+    const double det = M[0] * (M[5] * M[10] - M[6] * M[9]) - M[1] * (M[4] * M[10] - M[6] * M[8]) +
+                       M[2] * (M[4] * M[9] - M[5] * M[8]);
+    return cbrt(fabs(det));
+}
+
+apsm_status run_load_cohort(apsm_run *run, bool with_fields)
+{
+    if (run->cohort.I > 0 && (run->cohort.shape[0].field || !with_fields)) return APSM_OK;
+    apsm_cohort_free(&run->cohort);
+    APSM_TRY(run_load_meshes(run));
+    const size_t t = run_template_index(run);
+    if (t >= run->project.n)
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: the project names no template; groom again",
+                         run->folder);
+    const apsm_options *o = &run->options;
+    const double s = scale_of(run->transforms + 16 * t);
+    const double h =
+        apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
+    const double voxel = with_fields ? o->field_voxel * h : 0;
+    const double band = 1.1 * o->band * o->dipole * h; /* h is seldom expected too small by more */
+    apsm_store *store;
+    APSM_TRY(run_open_store(run, &store));
+    return apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
+                                run->transforms, t, voxel, band, &run->cohort);
+}

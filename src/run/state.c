@@ -1,0 +1,142 @@
+/* Checkpoints of the optimiser, and whether they belong to this run. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/checkpoint_file.h"
+#include "run/session.h"
+#include "run/settings.h"
+
+apsm_status run_identity(apsm_run *run, char hex[65])
+{
+    APSM_TRY(run_load_meshes(run));
+    if (*run->identity) {
+        memcpy(hex, run->identity, sizeof run->identity);
+        return APSM_OK;
+    }
+    apsm_sha256 sha;
+    unsigned char digest[32];
+    apsm_sha256_begin(&sha);
+    settings_hash(run, &sha);
+    const uint64_t t = run_template_index(run);
+    apsm_sha256_add(&sha, &t, sizeof t);
+    for (size_t i = 0; i < run->mesh_count; i++) {
+        const apsm_mesh *m = &run->mesh[i];
+        apsm_sha256_add(&sha, run->names[i], strlen(run->names[i]) + 1);
+        apsm_sha256_add(&sha, m->V, 3 * m->nv * sizeof *m->V);
+        apsm_sha256_add(&sha, m->F, 3 * m->nf * sizeof *m->F);
+        apsm_sha256_add(&sha, run->transforms + 16 * i, 16 * sizeof(double));
+        if (run->store) apsm_store_trim(run->store);
+    }
+    apsm_sha256_end(&sha, digest);
+    apsm_sha256_hex(digest, run->identity);
+    memcpy(hex, run->identity, sizeof run->identity);
+    return APSM_OK;
+}
+
+/* The numbers of a state, apart from its arrays. */
+typedef struct state_numbers {
+    int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop, own_size;
+    double h, best_mismatched;
+} state_numbers;
+
+apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer_state *s,
+                           const apsm_epoch_record *records, size_t n_records)
+{
+    char identity[65];
+    APSM_TRY(run_identity(run, identity));
+    char *folder = run_path(run, "state"), *path = run_path(run, name);
+    apsm_checkpoint_writer *w = NULL;
+    apsm_status status = folder && path ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_checkpoint_open(run->ctx, path, &w);
+    if (status == APSM_OK) {
+        const state_numbers n = { (int64_t)s->I,
+                                  (int64_t)s->J,
+                                  s->stage,
+                                  s->epoch,
+                                  s->epochs_run,
+                                  s->passes_without_gain,
+                                  (int64_t)s->stage1_stop,
+                                  (int64_t)s->own_size,
+                                  s->h,
+                                  s->best_mismatched };
+        apsm_checkpoint_add(w, "identity", identity, sizeof identity);
+        apsm_checkpoint_add(w, "numbers", &n, sizeof n);
+        apsm_checkpoint_add(w, "P", s->P, s->I * s->J * 3 * sizeof *s->P);
+        apsm_checkpoint_add(w, "mean", s->mean, s->J * 3 * sizeof *s->mean);
+        if (s->own_size) apsm_checkpoint_add(w, "own", s->own, s->own_size * sizeof *s->own);
+        apsm_checkpoint_add(w, "history", records, n_records * sizeof *records);
+        status = apsm_checkpoint_commit(w);
+    }
+    free(folder);
+    free(path);
+    return status;
+}
+
+static apsm_status check_identity(apsm_run *run, const char *path, const apsm_checkpoint *c)
+{
+    char stored[65], now[65];
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "identity", stored, sizeof stored));
+    APSM_TRY(run_identity(run, now));
+    if (memcmp(stored, now, sizeof now) == 0) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: belongs to other options, other groomed shapes or another version of "
+                     "apsm; run `apsm initialize -o %s` and optimize anew",
+                     path, run->folder);
+}
+
+static apsm_status load_history(apsm_run *run, const apsm_checkpoint *c,
+                                apsm_epoch_record **records, size_t *n_records)
+{
+    size_t bytes;
+    const void *history = apsm_checkpoint_find(c, "history", &bytes);
+    if (!history || bytes % sizeof **records)
+        return apsm_fail(run->ctx, APSM_ERR_FORMAT, "%s: checkpoint without history", run->folder);
+    *n_records = bytes / sizeof **records;
+    *records = malloc(bytes ? bytes : 1);
+    if (!*records) return APSM_ERR_MEMORY;
+    memcpy(*records, history, bytes);
+    return APSM_OK;
+}
+
+static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_checkpoint *c,
+                                apsm_optimizer_state *s)
+{
+    state_numbers n;
+    APSM_TRY(check_identity(run, path, c));
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "numbers", &n, sizeof n));
+    if (n.I != (int64_t)run->project.n ||
+        (n.J != run->options.particles && !run->options.particles_auto))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: holds %lld shapes of %lld particles", path,
+                         (long long)n.I, (long long)n.J);
+    APSM_TRY(apsm_optimizer_state_alloc((size_t)n.I, (size_t)n.J, s));
+    s->stage = (int)n.stage;
+    s->epoch = (long)n.epoch;
+    s->epochs_run = (long)n.epochs_run;
+    s->passes_without_gain = (long)n.passes_without_gain;
+    s->stage1_stop = (apsm_stop)n.stage1_stop;
+    s->h = n.h;
+    s->best_mismatched = n.best_mismatched;
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "P", s->P, s->I * s->J * 3 * sizeof *s->P));
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "mean", s->mean, s->J * 3 * sizeof *s->mean));
+    if (n.own_size <= 0) return APSM_OK;
+    s->own = malloc((size_t)n.own_size * sizeof *s->own);
+    if (!s->own) return APSM_ERR_MEMORY;
+    s->own_size = (size_t)n.own_size;
+    return apsm_checkpoint_get(run->ctx, c, "own", s->own, s->own_size * sizeof *s->own);
+}
+
+apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
+                           apsm_epoch_record **records, size_t *n_records)
+{
+    *state = (apsm_optimizer_state){ 0 };
+    if (records) *records = NULL;
+    char *path = run_path(run, name);
+    apsm_checkpoint *c = NULL;
+    apsm_status status = path ? apsm_checkpoint_read(run->ctx, path, &c) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = unpack_state(run, path, c, state);
+    if (status == APSM_OK && records) status = load_history(run, c, records, n_records);
+    if (status != APSM_OK) apsm_optimizer_state_free(state);
+    apsm_checkpoint_free(c);
+    free(path);
+    return status;
+}
