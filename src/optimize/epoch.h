@@ -1,0 +1,27 @@
+/* epoch.h -- the pieces of an epoch that concern one shape: tasks for apsm_parallel_for. */
+#ifndef APSM_OPTIMIZE_EPOCH_H
+#define APSM_OPTIMIZE_EPOCH_H
+
+#include "apsm/eigenshape_loss.h"
+#include "optimize/workspace.h"
+
+/* The unclipped step (11) of shape batch[k] from the gradients (7), (8), (10) at P: to op->step.
+ * user: the optimizer. */
+apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker, void *user);
+
+/* Takes the step of shape batch[k], shortened, and returns to the surface.  user: the optimizer. */
+apsm_status move_shape(apsm_context *ctx, size_t k, int worker, void *user);
+
+/* Normals of shape i's particles, J x 3; a shape's are looked up when it has moved, while its tree
+ * is at hand. */
+const double *optimizer_normals(const optimizer *op, size_t i);
+
+apsm_eigenshape_options eigenshape_options(const optimizer *op);
+
+/* Weight of the correspondence term in (11). */
+double correspondence_weight(const optimizer *op);
+
+/* Whether a factor serves for several epochs. */
+bool keeps_factors(const optimizer *op);
+
+#endif

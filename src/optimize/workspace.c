@@ -1,0 +1,120 @@
+/* Memory of the optimisation loop, taken once for all of its epochs. */
+#include "optimize/workspace.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "apsm/correspondence_loss.h"
+#include "apsm/rbf_shape.h"
+#include "apsm/sampling_loss.h"
+
+double *optimizer_doubles(size_t n)
+{
+    return malloc((n ? n : 1) * sizeof(double));
+}
+
+static bool worker_alloc(worker *w, size_t J, size_t R, size_t K)
+{
+    const size_t point_arrays = 9;
+    w->B = optimizer_doubles(point_arrays * R);
+    w->D = w->B ? w->B + 3 * R : NULL;
+    if (w->B) {
+        w->f = w->D + R;
+        w->E = w->f + R;
+        w->g = w->E + R;
+        w->kbar = w->g + R;
+        w->dL_df = w->kbar + R;
+    }
+    w->gs = optimizer_doubles(9 * J);
+    if (w->gs) w->gc = w->gs + 3 * J, w->ge = w->gc + 3 * J;
+    w->rbf_store = optimizer_doubles(apsm_rbf_store_size(J));
+    w->factor_store = optimizer_doubles(apsm_polyharmonic_store_size(3 * J, false));
+    const size_t fit_work = apsm_rbf_work_size(J), eval_work = apsm_rbf_eval_f32_work_size(J);
+    w->rbf_work = optimizer_doubles(fit_work > eval_work ? fit_work : eval_work);
+    w->sampling_work = optimizer_doubles(apsm_sampling_work_size(J, R));
+    w->eigen_work = optimizer_doubles(K);
+    return w->B && w->gs && w->rbf_store && w->factor_store && w->rbf_work && w->sampling_work &&
+           w->eigen_work;
+}
+
+static void worker_free(worker *w)
+{
+    free(w->B);
+    free(w->gs);
+    free(w->rbf_store);
+    free(w->factor_store);
+    free(w->rbf_work);
+    free(w->sampling_work);
+    free(w->eigen_work);
+}
+
+void optimizer_free_factors(optimizer *op)
+{
+    for (size_t i = 0; op->kept && i < op->I; i++) free(op->kept[i].store);
+    free(op->kept);
+    op->kept = NULL;
+}
+
+void optimizer_free(optimizer *op)
+{
+    if (op->worker)
+        for (int k = 0; k < op->workers; k++) worker_free(&op->worker[k]);
+    free(op->worker);
+    free(op->tP);
+    free(op->N6);
+    free(op->order);
+    free(op->mean);
+    free(op->Y);
+    free(op->template_pull);
+    optimizer_free_factors(op);
+    free(op->record);
+    free(op->guess);
+    free(op->N);
+    free(op->fresh);
+    apsm_fidelity_free(op->fidelity);
+}
+
+static size_t batch_limit(const apsm_options *o, size_t I)
+{
+    enum { FULL_BATCH = 256, MINIBATCH = 64 };
+    const size_t wanted = o->batch > 0 ? (size_t)o->batch : I <= FULL_BATCH ? I : MINIBATCH;
+    return wanted < I ? wanted : I;
+}
+
+apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *o,
+                            apsm_optimizer_state *state, optimizer *op)
+{
+    const size_t I = cohort->I, J = state->J, K = batch_limit(o, I);
+    *op = (optimizer){ .ctx = ctx,
+                       .cohort = cohort,
+                       .o = o,
+                       .state = state,
+                       .I = I,
+                       .J = J,
+                       .R = (size_t)ceil(o->points * (double)J),
+                       .K = K };
+    op->workers = apsm_context_threads(ctx);
+    op->worker = calloc((size_t)op->workers, sizeof *op->worker);
+    op->tP = optimizer_doubles(7 * J);
+    op->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *op->N6);
+    op->order = malloc(I * sizeof *op->order);
+    op->mean = optimizer_doubles(3 * J);
+    op->Y = optimizer_doubles(K * J * 6 + K * K);
+    op->N = optimizer_doubles(I * J * 3);
+    op->fresh = calloc(I, sizeof *op->fresh);
+    op->record = calloc(I, sizeof *op->record);
+    op->guess = calloc(I * J, sizeof *op->guess);
+    if (o->template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
+    bool ok = op->worker && op->tP && op->N6 && op->order && op->mean && op->Y && op->record &&
+              op->guess && (!o->template_gradient || op->template_pull);
+    if (ok) {
+        op->tN = op->tP + 3 * J;
+        op->h_j = op->tN + 3 * J;
+        op->step = op->Y + K * J * 3;
+        op->L = op->step + K * J * 3;
+        for (int k = 0; ok && k < op->workers; k++) ok = worker_alloc(&op->worker[k], J, op->R, K);
+    }
+    if (ok) return APSM_OK;
+    optimizer_free(op);
+    return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for %zu shapes of %zu particles", I, J);
+}
