@@ -105,8 +105,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
     op->record = calloc(I, sizeof *op->record);
     op->guess = calloc(I * J, sizeof *op->guess);
     if (o->template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
-    bool ok = op->worker && op->tP && op->N6 && op->order && op->mean && op->Y && op->record &&
-              op->guess && (!o->template_gradient || op->template_pull);
+    bool ok = op->worker && op->tP && op->N6 && op->order && op->mean && op->Y && op->N &&
+              op->fresh && op->record && op->guess && (!o->template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;
         op->h_j = op->tN + 3 * J;
