@@ -117,8 +117,9 @@ static apsm_status load_start(apsm_run *run, apsm_optimizer_state *state, record
 
 static apsm_status finish(apsm_run *run, const apsm_optimizer_state *state, const recorder *r)
 {
-    if (run->options.method != APSM_METHOD_PSM && run->options.stage1_epochs > 0)
-        apsm_log(run->ctx, APSM_LOG_INFO, "stage 1 ended: %s", apsm_stop_text(state->stage1_stop));
+    if (state->stage1_stop == APSM_STOP_MATCHED || state->stage1_stop == APSM_STOP_STALLED)
+        apsm_log(run->ctx, APSM_LOG_INFO, "stage 1 ended before its last epoch: %s",
+                 apsm_stop_text(state->stage1_stop));
     APSM_TRY(write_history(r));
     APSM_TRY(run_write_particles(run, state->J, state->P));
     APSM_TRY(save_now(r, state));
