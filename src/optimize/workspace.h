@@ -3,8 +3,8 @@
 #define APSM_OPTIMIZE_WORKSPACE_H
 
 #include "apsm/fidelity.h"
-#include "apsm/polyharmonic.h"
 #include "apsm/optimizer.h"
+#include "apsm/polyharmonic.h"
 #include "optimize/schedule.h"
 
 /* Scratch of one thread.  Point arrays have room for R points, particle arrays for J. */
