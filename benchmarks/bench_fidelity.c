@@ -2,7 +2,7 @@
  * Starts from the particles of an optimised model folder (optimised with fidelity = 0), runs the
  * stage with each given setting and prints what the evaluation says, also with other shapes'
  * meshes as the template.  Keys: F, prior, stay, smooth, modes, rounds, iterations, points, floor,
- * threads.  A comma makes a list of F. */
+ * ceiling, threads.  A comma makes a list of F. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -175,6 +175,7 @@ int main(int argc, char **argv)
         if (strncmp(argv[k], "iterations=", 11) == 0) o.iterations = (long)x;
         if (strncmp(argv[k], "points=", 7) == 0) o.points = (size_t)x;
         if (strncmp(argv[k], "floor=", 6) == 0) o.floor = x;
+        if (strncmp(argv[k], "ceiling=", 8) == 0) o.ceiling = x;
         if (strncmp(argv[k], "threads=", 8) == 0) apsm_context_set_threads(ctx, (int)x);
         if (strncmp(argv[k], "verbose=", 8) == 0) verbose = x > 0;
         if (strncmp(argv[k], "start=", 6) == 0) start = x > 0;

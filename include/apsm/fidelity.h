@@ -21,6 +21,7 @@ typedef struct apsm_fidelity_options {
     long iterations;      /* most Gauss-Newton steps of a shape in a round: 1 */
     size_t points;        /* of either surface, about; all if it has fewer: 1000 */
     double floor;         /* distances below this count as squares; in h: 0.05 */
+    double ceiling;       /* and so do those above this; in h: 0.1 */
     double clip;          /* longest move of a particle in a step; in h: 0.25 */
     const bool *left_out; /* cohort's I, borrowed: shapes that no prior is made from; NULL: none */
 } apsm_fidelity_options;

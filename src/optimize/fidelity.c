@@ -30,6 +30,7 @@ apsm_fidelity_options apsm_fidelity_defaults(void)
                                     .iterations = 1,
                                     .points = 1000,
                                     .floor = 0.05,
+                                    .ceiling = 0.1,
                                     .clip = 0.25 };
 }
 

@@ -6,14 +6,15 @@
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
  *   e = p - p0  displacement since the stage began;  L  Laplacian of the 6-neighbour graph / 12
- *   rho(d)      d, below a floor d^2 / (2 floor) + floor / 2
+ *   rho(d)      d between a floor and a ceiling; d^2 / (2 s) + s / 2 with s = floor below, ceiling
+ *               above: tips that are not reached count for more than their few vertices
  *   S           precision of the prior; with it the term counts distances, not squares (below)
  *   x_jk        from particle j to its neighbour k of the template; l the particle next to j on the
  *               shape.  beyond b = 1.75 k is on its way to being mismatched (2.0)
  *
  * The gradient of a distance is the unit vector between the two points (the closest one may slide:
  * its move is orthogonal), carried to the particles by the row of W; so the gradient is exact, and
- * Gauss-Newton on reweighted squares, weight 1 / max(d, floor), descends. */
+ * Gauss-Newton on reweighted squares, weight 1 / s, s = d within floor and ceiling, descends. */
 #include "optimize/fidelity_shape.h"
 
 #include <math.h>
@@ -341,11 +342,12 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const dou
                     fidelity_state *s, fidelity_work *w)
 {
     const size_t D = 3 * f->J;
-    const double floor_ = f->o.floor;
+    const double floor_ = f->o.floor, ceiling = f->o.ceiling;
     double sum = 0;
     for (size_t k = 0; k < s->n; k++) {
         const double d = s->match[k].distance;
-        sum += d > floor_ ? d : 0.5 * (d * d / floor_ + floor_);
+        const double scale = fmin(fmax(d, floor_), ceiling);
+        sum += 0.5 * (d * d / scale + scale);
     }
     displacement(f, s->P, P0, w);
     sum += 0.5 * (q->stay * dot(D, w->e, w->e) + q->smooth * dot(D, w->e, w->Le));
@@ -418,7 +420,8 @@ double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidel
         const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
         for (size_t k = 0; k < rows; k++) {
             const fidelity_match *m = &s->match[first + k];
-            const double root = 1 / sqrt(fmax(m->distance, f->o.floor));
+            const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
+            const double root = 1 / sqrt(scale);
             const double *part = particles_in(f, m, first + k < s->pulls, w->part);
             make_row(f->J, part, m->direction, root, m->distance, w->tangent, w->g,
                      w->rows + k * n);
