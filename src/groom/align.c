@@ -138,7 +138,7 @@ static void roughly(apsm_icp_options *icp)
 /* Makes a similarity rigid; the centre goes where it went. */
 static void remove_scale(const double centre[3], double M[16])
 {
-    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    const double scale = vec3_norm(M);
     for (size_t r = 0; r < 3; r++)
         for (size_t c = 0; c < 3; c++) {
             const double rigid = M[4 * r + c] / scale;
@@ -227,7 +227,7 @@ static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *us
 /* 1 + 2 cos of the angle between two poses, R the rotation of the second. */
 static double likeness(const double M[16], const double R[9])
 {
-    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    const double scale = vec3_norm(M);
     double trace = 0.0;
     for (size_t k = 0; k < 9; k++) trace += R[k] * M[4 * (k / 3) + k % 3];
     return trace / scale;
@@ -237,7 +237,7 @@ static double likeness(const double M[16], const double R[9])
  * what a turn about the axis of a thin shaft hardly changes. */
 static double apart(const apsm_cloud *cloud, const double M[16], const double R[9])
 {
-    const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+    const double scale = vec3_norm(M);
     double sum = 0.0;
     for (size_t k = 0; k < cloud->n; k++) {
         double x[3];
@@ -265,7 +265,7 @@ static void find_common_orientation(aligner *a)
         double sum[9] = { 0 };
         for (size_t i = 0; i < a->n; i++) {
             const double *M = a->P + 16 * i;
-            const double scale = sqrt(M[0] * M[0] + M[1] * M[1] + M[2] * M[2]);
+            const double scale = vec3_norm(M);
             for (size_t k = 0; k < 9 && hardly_turns(a, i, M); k++)
                 sum[k] += M[4 * (k / 3) + k % 3] / scale;
         }

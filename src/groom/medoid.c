@@ -56,6 +56,21 @@ static double mean_residual(const apsm_medoid_plan *plan, size_t parts, const do
     return others > 0 ? sum / (double)others : 0.0;
 }
 
+/* Of those that are not out, by parts 0 to `parts` - 1. */
+static size_t best_so_far(const apsm_medoid_plan *plan, size_t parts, const double *R)
+{
+    size_t best = 0;
+    double least = INFINITY;
+    for (size_t a = 0; a < plan->candidates; a++) {
+        const double mean = plan->out[a] ? INFINITY : mean_residual(plan, parts, R, a);
+        if (mean < least) {
+            least = mean;
+            best = a;
+        }
+    }
+    return best;
+}
+
 /* How much worse candidate a is than c, by the shapes of the parts that both were compared with:
  * the mean difference of their residuals in its standard errors; 0 if they are too few to tell. */
 static double behind(const apsm_medoid_plan *plan, size_t parts, const double *R, size_t a,
@@ -81,29 +96,12 @@ static double behind(const apsm_medoid_plan *plan, size_t parts, const double *R
 void apsm_medoid_drop(apsm_medoid_plan *plan, size_t parts, const double *R)
 {
     static const double chance = 2.5; /* standard errors */
-    size_t best = 0;
-    double least = INFINITY;
-    for (size_t a = 0; a < plan->candidates; a++) {
-        const double mean = plan->out[a] ? INFINITY : mean_residual(plan, parts, R, a);
-        if (mean < least) {
-            least = mean;
-            best = a;
-        }
-    }
+    const size_t best = best_so_far(plan, parts, R);
     for (size_t a = 0; a < plan->candidates; a++)
         plan->out[a] |= a != best && behind(plan, parts, R, a, best) > chance;
 }
 
 size_t apsm_medoid_pick(const apsm_medoid_plan *plan, const double *R)
 {
-    size_t best = 0;
-    double least = INFINITY;
-    for (size_t a = 0; a < plan->candidates; a++) {
-        const double mean = plan->out[a] ? INFINITY : mean_residual(plan, APSM_MEDOID_PARTS, R, a);
-        if (mean < least) {
-            least = mean;
-            best = a;
-        }
-    }
-    return plan->candidate[best];
+    return plan->candidate[best_so_far(plan, APSM_MEDOID_PARTS, R)];
 }

@@ -163,21 +163,21 @@ static void reflect(const apsm_polyharmonic *f, bool transposed, size_t m, doubl
 
 /* ---- the matrix ---- */
 
-/* Row i of A, up to the diagonal. */
-KERNEL_INLINE void kernel_row(apsm_phi phi, size_t n, const double *restrict x, size_t i,
+/* The first m entries of row i of A. */
+KERNEL_INLINE void kernel_row(apsm_phi phi, size_t n, const double *restrict x, size_t i, size_t m,
                               double *restrict row)
 {
     const double *X = x, *Y = x + n, *Z = x + 2 * n, xi = X[i], yi = Y[i], zi = Z[i];
     if (phi == APSM_PHI_R) {
 #pragma omp simd
-        for (size_t j = 0; j <= i; j++) {
+        for (size_t j = 0; j < m; j++) {
             const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
             row[j] = sqrt(dx * dx + dy * dy + dz * dz);
         }
         return;
     }
 #pragma omp simd
-    for (size_t j = 0; j <= i; j++) {
+    for (size_t j = 0; j < m; j++) {
         const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
         const double d2 = dx * dx + dy * dy + dz * dz;
         row[j] = d2 * sqrt(d2);
@@ -226,7 +226,7 @@ APSM_KERNEL static double multiply_matrix(apsm_phi phi, size_t n, const double *
     double least = INFINITY;
     memset(Z, 0, 4 * np * sizeof *Z);
     for (size_t i = 0; i < n; i++) {
-        kernel_row(phi, n, x, i, row);
+        kernel_row(phi, n, x, i, i + 1, row);
         for (size_t j = i + 1; j % WIDTH > 0; j++) row[j] = 0.0;
         least = fmin(least, multiply_row(np, i, row, V, Z));
     }
@@ -309,7 +309,7 @@ APSM_KERNEL static void project_matrix(const apsm_polyharmonic *f, const double 
     const double s = sign_of(f->phi);
     for (size_t i = 4; i < n; i++) {
         double *restrict to = f->L + (i - 4) * (n - 4);
-        kernel_row(f->phi, n, x, i, row);
+        kernel_row(f->phi, n, x, i, i + 1, row);
         project_row(padded(n), i, W, V, row);
 #pragma omp simd
         for (size_t j = 4; j <= i; j++) to[j - 4] = s * row[j];
@@ -348,22 +348,9 @@ static void to_floats(size_t n, const double *from, float *to)
 /* ---- the matrix itself ---- */
 
 /* A (n x n) for centres x (3 x n), all of it: rows are contiguous, so this is as fast as half. */
-APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *restrict x,
-                                      double *restrict A)
+APSM_KERNEL static void kernel_matrix(apsm_phi phi, size_t n, const double *x, double *A)
 {
-    const double *X = x, *Y = x + n, *Z = x + 2 * n;
-    for (size_t i = 0; i < n; i++) {
-        const double xi = X[i], yi = Y[i], zi = Z[i];
-        double *row = A + i * n;
-        for (size_t j = 0; j < n; j++) {
-            const double dx = X[j] - xi, dy = Y[j] - yi, dz = Z[j] - zi;
-            row[j] = dx * dx + dy * dy + dz * dz;
-        }
-        if (phi == APSM_PHI_R)
-            for (size_t j = 0; j < n; j++) row[j] = sqrt(row[j]);
-        else
-            for (size_t j = 0; j < n; j++) row[j] *= sqrt(row[j]);
-    }
+    for (size_t i = 0; i < n; i++) kernel_row(phi, n, x, i, n, A + i * n);
 }
 
 /* Reflections and A for centres X, in the box of f.  work begins with A. */

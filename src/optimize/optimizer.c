@@ -132,15 +132,20 @@ static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
 
 /* ---- Algorithm 1 and the stop rule of stage 1 ---- */
 
+static void count_gain(apsm_optimizer_state *s, const apsm_epoch_record *r)
+{
+    const bool better = r->worst_mismatched < s->best_mismatched;
+    s->passes_without_gain = better ? 0 : s->passes_without_gain + 1;
+    if (better) s->best_mismatched = r->worst_mismatched;
+}
+
 /* The decay phase begins early if every shape has few mismatched particles, or if two passes
  * brought nothing. */
 static void judge_pass(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
     if (s->epoch >= op->schedule.decay1) return;
-    const bool better = r->worst_mismatched < s->best_mismatched;
-    s->passes_without_gain = better ? 0 : s->passes_without_gain + 1;
-    if (better) s->best_mismatched = r->worst_mismatched;
+    count_gain(s, r);
     if (s->epoch == 0) return; /* the loss has not had its say yet */
     if (r->worst_mismatched <= op->o->stop_mismatched)
         s->stage1_stop = APSM_STOP_MATCHED;
@@ -166,9 +171,7 @@ static void judge_first_pass(optimizer *op, const apsm_epoch_record *r)
 static void judge_settling(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
-    const bool better = r->worst_mismatched < s->best_mismatched;
-    if (better) s->best_mismatched = r->worst_mismatched;
-    s->passes_without_gain = better ? 0 : s->passes_without_gain + 1;
+    count_gain(s, r);
     if (r->worst_mismatched > op->o->stop_mismatched && s->passes_without_gain < 2) return;
     s->passes_without_gain = 0;
     s->epoch = 0;

@@ -95,14 +95,6 @@ size_t run_template_index(const apsm_run *run)
     return apsm_project_find(&run->project, apsm_run_text(run, "template_used"));
 }
 
-/* Scale of a transform: cube root of its determinant. */
-static double scale_of(const double M[16])
-{
-    const double det = M[0] * (M[5] * M[10] - M[6] * M[9]) - M[1] * (M[4] * M[10] - M[6] * M[8]) +
-                       M[2] * (M[4] * M[9] - M[5] * M[8]);
-    return cbrt(fabs(det));
-}
-
 apsm_status run_load_cohort(apsm_run *run, bool with_fields)
 {
     if (run->cohort.I > 0 && (run->cohort.shape[0].field || !with_fields)) return APSM_OK;
@@ -113,7 +105,7 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
         return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: the project names no template; groom again",
                          run->folder);
     const apsm_options *o = &run->options;
-    const double s = scale_of(run->transforms + 16 * t);
+    const double s = cbrt(fabs(apsm_affine_det(run->transforms + 16 * t))); /* of the transform */
     const double h =
         apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
     const double voxel = with_fields ? o->field_voxel * h : 0;
