@@ -248,8 +248,7 @@ export class View {
     schedule();
   }
   aim(width, height) {
-    const wide = width > height; // seen across, a shape is rarely as high as it is long
-    const r = (stage.radius * (width > 1.25 * height ? 0.86 : 1.04)) / pose.zoom;
+    const wide = width > height, r = (1.04 * stage.radius) / pose.zoom; // upright ones are as high as they are long
     const x = wide ? (r * width) / height : r, y = wide ? r : (r * height) / width;
     const c = this.camera, to = direction(pose);
     Object.assign(c, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 8 * stage.radius });
