@@ -15,10 +15,10 @@
 #include <string.h>
 #include <time.h>
 
-#include "apsm/linalg.h"
-#include "apsm/random.h"
 #include "core/exp.h"
 #include "core/kernel.h"
+#include "core/random.h"
+#include "linalg/linalg.h"
 
 /* A step that cannot fail here would make the figure worthless if it did. */
 static inline void bench_must(apsm_status status)

@@ -6,8 +6,8 @@
 #include <time.h>
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
-#include "apsm/random.h"
+#include "core/random.h"
+#include "groom/align.h"
 #include "shapes.h"
 
 static double wall_seconds(void)

@@ -1,8 +1,8 @@
 /* The cheapest assignment (Hungarian method): bench_assignment [J ...].  Costs are distances
  * between two random samples of a sphere, as when samples are named after particles.  Limit: the
  * matrix read once for every row that is assigned, n^3 entries, at the rate of memory. */
-#include "apsm/assignment.h"
 #include "bench.h"
+#include "initialize/assignment.h"
 
 typedef struct bench {
     size_t n;

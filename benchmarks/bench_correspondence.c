@@ -1,7 +1,7 @@
 /* The correspondence loss (8) and the six nearest of every particle: bench_correspondence [J ...].
  * Limits: three square roots (length, residual, and its share of the template's) for every particle
  * and neighbour; a product of three rows (5 operations a pair) for the nearest. */
-#include "apsm/correspondence_loss.h"
+#include "optimize/correspondence_loss.h"
 #include "sphere_scene.h"
 
 typedef struct bench {

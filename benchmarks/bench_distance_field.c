@@ -2,8 +2,8 @@
  * with the band that a run needs (2.2 voxels) and with a wider one, limit the exact closest point
  * of every node in it; near-surface points drawn in a band of 2 voxels and D and N looked up, limit
  * the 8 and 32 values that interpolation needs, a cache line for every four. */
-#include "apsm/distance_field.h"
 #include "bench.h"
+#include "geometry/distance_field.h"
 #include "shapes.h"
 
 enum { POINTS = 20000 };

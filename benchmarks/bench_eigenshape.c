@@ -1,7 +1,7 @@
 /* The eigenshape loss (9) and the gradients (10) of all shapes of a batch of 64: bench_eigenshape
  * [J ...].  Limit: its 9 J K^2 operations (half a Gram matrix, a product) at dgemm's rate. */
-#include "apsm/eigenshape_loss.h"
 #include "bench.h"
+#include "optimize/eigenshape_loss.h"
 
 enum { K = 64 };
 

@@ -9,11 +9,11 @@
 #include <string.h>
 #include <time.h>
 
-#include "apsm/fidelity.h"
 #include "apsm/metrics.h"
 #include "apsm/particles_file.h"
-#include "apsm/reseat.h"
 #include "apsm/run.h"
+#include "optimize/fidelity.h"
+#include "optimize/reseat.h"
 #include "run/certify.h"
 #include "run/session.h"
 

@@ -6,7 +6,7 @@
 #include <time.h>
 
 #include "apsm/adapters.h"
-#include "apsm/groom.h"
+#include "groom/groom.h"
 #include "shapes.h"
 #include "solids.h"
 

@@ -4,8 +4,8 @@
  * run: CPU milliseconds of a shape's epoch in either stage (Algorithm 1 included), and wall time.
  */
 #include "apsm/affine.h"
-#include "apsm/optimizer.h"
 #include "bench.h"
+#include "optimize/optimizer.h"
 #include "synthetic.h"
 
 typedef struct setting {

@@ -7,10 +7,10 @@
 
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
-#include "apsm/align.h"
 #include "apsm/input.h"
-#include "apsm/linalg.h"
-#include "apsm/random.h"
+#include "core/random.h"
+#include "groom/align.h"
+#include "linalg/linalg.h"
 
 enum { POINTS = 400 };
 

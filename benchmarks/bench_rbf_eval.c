@@ -1,6 +1,6 @@
 /* Values (1) of the RBF-shape at the near-surface points: bench_rbf_eval [J ...].  Limit: a square
  * root for every pair of point and centre. */
-#include "apsm/rbf_shape.h"
+#include "optimize/rbf_shape.h"
 #include "sphere_scene.h"
 
 typedef struct bench {

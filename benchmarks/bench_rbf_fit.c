@@ -2,7 +2,7 @@
  * LAPACK's Cholesky of that size; and again with the factor of particles up to 0.15 h away, limit
  * the bytes that its iterations must read (the matrix once, the factor twice) and the square roots
  * of the matrix. */
-#include "apsm/rbf_shape.h"
+#include "optimize/rbf_shape.h"
 #include "sphere_scene.h"
 
 typedef struct bench {

@@ -1,6 +1,6 @@
 /* The gradient of the sampling loss (7): bench_sampling [J ...].  Limit: an exponential for every
  * pair that matters, a point and a particle within 15 tau beyond its nearest. */
-#include "apsm/sampling_loss.h"
+#include "optimize/sampling_loss.h"
 #include "sphere_scene.h"
 
 typedef struct bench {

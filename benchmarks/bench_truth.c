@@ -14,9 +14,9 @@
 #include <string.h>
 
 #include "apsm/adapters.h"
-#include "apsm/correspondence_loss.h"
 #include "apsm/points_file.h"
 #include "apsm/project.h"
+#include "optimize/correspondence_loss.h"
 #include "synthetic.h"
 
 static void check(apsm_context *ctx, apsm_status status)

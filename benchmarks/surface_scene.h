@@ -4,8 +4,8 @@
 #define APSM_BENCHMARKS_SURFACE_SCENE_H
 
 #include "apsm/bvh.h"
-#include "apsm/farthest_point.h"
 #include "bench.h"
+#include "initialize/farthest_point.h"
 #include "shapes.h"
 
 typedef struct surface_scene {

@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "apsm/adapters.h"
-#include "apsm/groom.h"
+#include "groom/groom.h"
 
 static void print_line(void *user, apsm_log_level level, const char *text)
 {

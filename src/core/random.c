@@ -1,4 +1,4 @@
-#include "apsm/random.h"
+#include "core/random.h"
 
 #include <math.h>
 

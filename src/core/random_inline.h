@@ -4,7 +4,7 @@
 #ifndef APSM_CORE_RANDOM_INLINE_H
 #define APSM_CORE_RANDOM_INLINE_H
 
-#include "apsm/random.h"
+#include "core/random.h"
 
 static inline uint64_t random_splitmix(uint64_t *x)
 {

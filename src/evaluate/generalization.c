@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "apsm/metrics.h"
 #include "evaluate/blocks.h"
 #include "evaluate/downdate.h"
+#include "linalg/linalg.h"
 
 enum { SLAB = 4 }; /* blocks of particles in one product */
 

@@ -11,10 +11,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "apsm/metrics.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "evaluate/blocks.h"
+#include "linalg/linalg.h"
 
 enum { CHUNK = 10 }; /* samples of a task: fixed, so that sums do not depend on threads */
 

@@ -1,7 +1,7 @@
 /* Checkpoints.  Layout (docs/formats.md): a header of 16 bytes, sections of a 40-byte head, their
  * bytes and zeros up to a multiple of 8, and a last section without a name that holds the SHA-256
  * of all before it.  So a file can be written in one go and no altered byte goes unnoticed. */
-#include "apsm/checkpoint_file.h"
+#include "files/checkpoint_file.h"
 
 #include <errno.h>
 #include <stdlib.h>

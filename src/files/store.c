@@ -4,7 +4,7 @@
  * shapes are visited in turns, where to drop the oldest first would be no better. */
 #define _DEFAULT_SOURCE /* madvise, mkostemp */
 #define _GNU_SOURCE
-#include "apsm/store.h"
+#include "files/store.h"
 
 #include <errno.h>
 #include <fcntl.h>

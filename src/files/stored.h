@@ -2,8 +2,8 @@
 #ifndef APSM_FILES_STORED_H
 #define APSM_FILES_STORED_H
 
-#include "apsm/store.h"
 #include "core/arrays.h"
+#include "files/store.h"
 
 /* Copies the arrays to the store, frees them, and lets the object's pointers show there.  The
  * copies can only be read, and are aligned to 64 bytes.  On failure nothing has changed.  Any

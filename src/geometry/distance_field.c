@@ -20,7 +20,7 @@
  *   D   = sum over the 8 corners of w(t) v                                         trilinear
  *   N   = sum over the 8 corners of w(t) (v(+1) - v(-1)) / 2, to unit length       per axis
  * Both are products of one filter per axis. */
-#include "apsm/distance_field.h"
+#include "geometry/distance_field.h"
 
 #include <math.h>
 #include <stdlib.h>

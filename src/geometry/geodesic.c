@@ -25,7 +25,7 @@
  * Accuracy (tests/unit/geometry/test_geodesic.c, benchmarks): flat pieces exact; on refined
  * spheres mean / max 0.3 / 1.2 % at 2562 vertices, 0.15 / 0.7 % at 10242, against the smooth
  * sphere.  About 0.25 microseconds per vertex reached. */
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -6,7 +6,7 @@
  * the promises of neighbouring faces contradict each other too much (degenerate triangles, where
  * fronts meet), the path follows the tree in which vertices were first reached, which always ends
  * at the source. */
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 /* A short way between two points of a mesh, without a search: along the plane through both that
  * stands on the surface.  On a smooth piece such a section is nearly a geodesic; everywhere it is
  * a way on the surface, so its length bounds the distance from above. */
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #include <string.h>
 

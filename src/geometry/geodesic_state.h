@@ -5,7 +5,7 @@
 
 #include <math.h>
 
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 /* Triangle of half-edge k in the plane: start of k at (0, 0), its end at (length, 0), the third
  * corner at (x, |y|).  Sign bit of y set: there is no face beyond k, nothing comes from there. */

@@ -3,9 +3,9 @@
 #define APSM_GEOMETRY_STORED_H
 
 #include "apsm/bvh.h"
-#include "apsm/distance_field.h"
-#include "apsm/geodesic.h"
 #include "core/arrays.h"
+#include "geometry/distance_field.h"
+#include "geometry/geodesic.h"
 
 void mesh_arrays(apsm_mesh *mesh, array_list *list);
 void topology_arrays(apsm_topology *topology, array_list *list);

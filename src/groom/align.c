@@ -15,8 +15,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
 #include "geometry/vec3.h"
+#include "groom/align.h"
 #include "groom/icp.h"
 #include "groom/medoid.h"
 

@@ -7,9 +7,9 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "geometry/vec3.h"
+#include "groom/align.h"
 #include "groom/icp.h"
 
 enum {

@@ -1,5 +1,5 @@
 /* Where the ends are that shapes of a cohort were cut at, and what all of them hold. */
-#include "apsm/common_ends.h"
+#include "groom/common_ends.h"
 
 #include <math.h>
 #include <string.h>

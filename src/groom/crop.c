@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/common_ends.h"
 #include "apsm/topology.h"
 #include "geometry/vec3.h"
+#include "groom/common_ends.h"
 #include "groom/repair.h"
 
 /* Vertices so near the plane, in edges, are on it: no slivers. */

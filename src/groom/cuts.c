@@ -18,8 +18,8 @@
 #include <math.h>
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
 #include "geometry/vec3.h"
+#include "groom/align.h"
 #include "groom/icp.h"
 
 enum { CANDIDATES = 1500, NARROWER = 3, BETWEEN = 4 };

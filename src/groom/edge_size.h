@@ -2,7 +2,7 @@
 #ifndef APSM_GROOM_EDGE_SIZE_H
 #define APSM_GROOM_EDGE_SIZE_H
 
-#include "apsm/remesh.h"
+#include "groom/remesh.h"
 
 /* size (nv, out): edge length wanted at each vertex of mesh, such that about `faces` equilateral
  * triangles of these sizes cover it.  *common (out): the largest of them. */

@@ -2,7 +2,7 @@
 #ifndef APSM_GROOM_FAN_H
 #define APSM_GROOM_FAN_H
 
-#include "apsm/remesh.h"
+#include "groom/remesh.h"
 #include "groom/surgery.h"
 
 /* Area vector (twice the area times the normal) of h's face. */

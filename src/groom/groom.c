@@ -1,5 +1,5 @@
 /* The path of a mesh: repair, remesh, report. */
-#include "apsm/groom.h"
+#include "groom/groom.h"
 
 #include <math.h>
 #include <stdarg.h>

@@ -32,10 +32,10 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/linalg.h"
 #include "core/kernel.h"
 #include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
 
 static const double lambda_least = 0.01, lambda_down = 0.1, lambda_up = 10.0;
 static const double in_plane = 0.02;     /* radii: so near to a cut plane is in it */

@@ -2,7 +2,7 @@
 #ifndef APSM_GROOM_ICP_H
 #define APSM_GROOM_ICP_H
 
-#include "apsm/align.h"
+#include "groom/align.h"
 
 /* Finds where the mesh has been cut off flat: cuts and cut of its cloud.  O(n^2 + nf). */
 void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud);

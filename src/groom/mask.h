@@ -2,7 +2,7 @@
 #ifndef APSM_GROOM_MASK_H
 #define APSM_GROOM_MASK_H
 
-#include "apsm/groom.h"
+#include "groom/groom.h"
 
 typedef struct mask {
     size_t n[3];         /* of the crop */

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/random.h"
+#include "core/random.h"
 
 static int ascending(const void *a, const void *b)
 {

@@ -13,8 +13,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
 #include "geometry/vec3.h"
+#include "groom/align.h"
 #include "groom/icp.h"
 
 enum { GRID = 48, STARTS = 4 * (GRID + 1), ROUNDS = 3 };

@@ -16,16 +16,16 @@
  * so that the sides of a sheet stay apart, and annealed instead of estimated; the two terms of (16)
  * ask that every point of the shape is reached and that every point of the reference arrives: tips
  * go to tips.  e lets points without a partner go. */
-#include "apsm/registration.h"
+#include "groom/registration.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "core/exp.h"
 #include "core/kernel.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
 
 enum { CENTRES = 128, SCALES = 3, ROUNDS = 50 };
 

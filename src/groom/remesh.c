@@ -11,7 +11,7 @@
  *   - at the end, points of the original still too far from the result draw the nearest vertex
  *     to them.
  * Loops run in the order of indices, so the result is reproducible. */
-#include "apsm/remesh.h"
+#include "groom/remesh.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -8,9 +8,9 @@
 
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
-#include "apsm/groom.h"
 #include "groom/antialias.h"
 #include "groom/fair.h"
+#include "groom/groom.h"
 #include "groom/mask.h"
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };

@@ -1,4 +1,4 @@
-#include "apsm/cohort.h"
+#include "initialize/cohort.h"
 
 #include <math.h>
 #include <stdlib.h>

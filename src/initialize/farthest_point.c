@@ -2,7 +2,7 @@
  * distance to the set of samples is kept for every point and lowered by each new sample; on a mesh
  * a sample's front stops where an earlier sample is nearer, so that J samples cost little more
  * than one search over the surface. */
-#include "apsm/farthest_point.h"
+#include "initialize/farthest_point.h"
 
 #include <math.h>
 

@@ -8,7 +8,7 @@
  *                   column's price by what the second cheapest would cost more;
  *   augment         Dijkstra over reduced costs from a free row to a free column.
  * The first two assign most rows in O(n^2).  u is recovered at the end. */
-#include "apsm/assignment.h"
+#include "initialize/assignment.h"
 
 #include <math.h>
 #include <string.h>

@@ -1,6 +1,6 @@
 /* The calls of BLAS and LAPACK.  A row-major lower triangle is LAPACK's column-major upper one,
  * so nothing is ever transposed or copied. */
-#include "apsm/linalg.h"
+#include "linalg/linalg.h"
 
 #include <cblas.h>
 #include <lapacke.h>

@@ -18,8 +18,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "core/kernel.h"
+#include "linalg/linalg.h"
 
 enum { LANES = 16, WIDTH = 4 };
 

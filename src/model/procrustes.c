@@ -4,7 +4,7 @@
  *   R_i = argmin |R C_i - mean|,   mean = average of R_i C_i,   until the mean rests.
  * Rotations of the mean itself are free: at the end all are turned so that the mean (or the
  * reference shape) is as it was at the start. */
-#include "apsm/procrustes.h"
+#include "model/procrustes.h"
 
 #include <math.h>
 #include <stdint.h>

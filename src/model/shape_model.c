@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
+#include "linalg/linalg.h"
 
 static apsm_status check_finite(apsm_context *ctx, size_t I, size_t J, const double *P)
 {

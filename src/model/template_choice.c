@@ -2,18 +2,18 @@
  * inherits; a typical pose and size (the medoid) says nothing about that.  So candidates are tried
  * for what they are for, with the correspondence that is at hand before there is any: points of
  * the typical shape, carried to the others by non-rigid registration. */
-#include "apsm/template_choice.h"
+#include "model/template_choice.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/align.h"
 #include "apsm/bvh.h"
-#include "apsm/projection.h"
-#include "apsm/registration.h"
 #include "apsm/warp.h"
 #include "geometry/vec3.h"
+#include "groom/align.h"
+#include "groom/registration.h"
+#include "initialize/projection.h"
 
 enum { CANDIDATES = 10, OTHERS = 6, MOST = CANDIDATES + OTHERS };
 enum { POINTS = 128, VERTICES = 500 };

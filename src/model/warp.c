@@ -8,8 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "core/kernel.h"
+#include "linalg/linalg.h"
 
 enum { ROWS = 256, LEAST_CENTRES = 5 }; /* vertices of a task */
 static const double COINCIDENT = 1e-9;  /* of the diagonal */

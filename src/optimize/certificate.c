@@ -11,7 +11,7 @@
  * an orientation, (b - a) x (c - a) . n, n the mean of their normals.  Its sign must not change.
  * Triangles that are almost a line or stand on the surface say nothing and are passed over, and so
  * are those with corners on both sides of a sheet: its sides may shift against each other. */
-#include "apsm/certificate.h"
+#include "optimize/certificate.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -6,7 +6,7 @@
  * With u_jn = kappa_j rho'(|d|) R_j^T d / |d| the gradient, R_j and kappa_j constant, is
  *   dL/dx_jn = (u_jn - (sum_k u_jk . a_jk) x_jn / (6 |x_jn|)) / m_j
  * which goes to p_n and, negative, to p_j. */
-#include "apsm/correspondence_loss.h"
+#include "optimize/correspondence_loss.h"
 
 #include <float.h>
 #include <math.h>

@@ -1,12 +1,12 @@
 /* Eigenshape loss, dual form; METHOD (9), (10).  Sums over shapes run in their order, sums over
  * coordinates are BLAS's (one thread). */
-#include "apsm/eigenshape_loss.h"
+#include "optimize/eigenshape_loss.h"
 
 #include <math.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "core/kernel.h"
+#include "linalg/linalg.h"
 
 apsm_eigenshape_options apsm_eigenshape_defaults(void)
 {

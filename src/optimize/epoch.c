@@ -4,12 +4,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/frobenius_loss.h"
-#include "apsm/rbf_shape.h"
-#include "apsm/sampling_loss.h"
-#include "apsm/snap.h"
 #include "geometry/bvh_guess.h"
+#include "optimize/correspondence_loss.h"
+#include "optimize/frobenius_loss.h"
+#include "optimize/rbf_shape.h"
+#include "optimize/sampling_loss.h"
+#include "optimize/snap.h"
 
 /* ---- options in the kernels' own words ---- */
 

@@ -2,7 +2,7 @@
 #ifndef APSM_OPTIMIZE_EPOCH_H
 #define APSM_OPTIMIZE_EPOCH_H
 
-#include "apsm/eigenshape_loss.h"
+#include "optimize/eigenshape_loss.h"
 #include "optimize/workspace.h"
 
 /* The unclipped step (11) of shape batch[k] from the gradients (7), (8), (10) at P: to op->step.

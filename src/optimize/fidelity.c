@@ -5,15 +5,15 @@
  * matrix when the round begins, and stay for the round.  A step counts if the objective falls, the
  * two-way distance is not above that at the round's beginning and no fold appears; else it is
  * halved, a few times.  The last round's result is certified. */
-#include "apsm/fidelity.h"
+#include "optimize/fidelity.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/linalg.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
+#include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
 
 enum { HALVINGS = 4, WEAKER = 3 };

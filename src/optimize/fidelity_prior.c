@@ -6,14 +6,14 @@
  * A model is judged by the distances by which it fails, not by their squares, and squares weighted
  * by the inverse of what is expected add up like distances.  So a mode of standard deviation s is
  * held by noise / s, where the likelihood would take noise^2 / s^2. */
-#include "apsm/fidelity.h"
+#include "optimize/fidelity.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
 
 enum { MOST_FOLDS = 32, MOST_SHAPES = 256 };
 

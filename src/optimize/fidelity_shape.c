@@ -21,10 +21,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/linalg.h"
 #include "core/kernel.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
+#include "optimize/correspondence_loss.h"
 
 /* ---- memory ---- */
 

@@ -2,9 +2,9 @@
 #ifndef APSM_OPTIMIZE_FIDELITY_SHAPE_H
 #define APSM_OPTIMIZE_FIDELITY_SHAPE_H
 
-#include "apsm/certificate.h"
-#include "apsm/fidelity.h"
 #include "apsm/warp.h"
+#include "optimize/certificate.h"
+#include "optimize/fidelity.h"
 
 struct apsm_fidelity {
     const apsm_cohort *cohort;

@@ -4,13 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/align.h"
-#include "apsm/assignment.h"
-#include "apsm/correspondence_loss.h"
-#include "apsm/farthest_point.h"
-#include "apsm/optimizer.h"
-#include "apsm/projection.h"
-#include "apsm/registration.h"
+#include "groom/align.h"
+#include "groom/registration.h"
+#include "initialize/assignment.h"
+#include "initialize/farthest_point.h"
+#include "initialize/projection.h"
+#include "optimize/correspondence_loss.h"
+#include "optimize/optimizer.h"
 
 enum { SPREAD_EPOCHS = 60 };
 

@@ -1,5 +1,5 @@
 /* Distance from the mean shape; METHOD 8 (`xu2023`). */
-#include "apsm/frobenius_loss.h"
+#include "optimize/frobenius_loss.h"
 
 #include <math.h>
 

@@ -2,8 +2,8 @@
 #ifndef APSM_OPTIMIZE_GEODESIC_PASS_H
 #define APSM_OPTIMIZE_GEODESIC_PASS_H
 
-#include "apsm/cohort.h"
 #include "apsm/options.h"
+#include "initialize/cohort.h"
 
 typedef struct geodesic_pass_result {
     double mean, worst; /* share of mismatched particles (1.5 / 2.0) after the pass, over the

@@ -2,7 +2,7 @@
 #ifndef APSM_OPTIMIZE_NEIGHBOURHOOD_ROW_H
 #define APSM_OPTIMIZE_NEIGHBOURHOOD_ROW_H
 
-#include "apsm/geodesic_correspondence.h"
+#include "optimize/geodesic_correspondence.h"
 
 typedef struct neighbourhood_row {
     uint32_t *index;  /* borrowed, J */

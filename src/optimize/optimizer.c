@@ -11,15 +11,15 @@
  * All gradients of a batch are taken at its entry positions.  Each shape is one task with its
  * own random stream, and sums over shapes run in the order of the shapes: neither the number of
  * threads nor an interruption changes a byte. */
-#include "apsm/optimizer.h"
+#include "optimize/optimizer.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/eigenshape_loss.h"
-#include "apsm/linalg.h"
+#include "linalg/linalg.h"
+#include "optimize/correspondence_loss.h"
+#include "optimize/eigenshape_loss.h"
 #include "optimize/epoch.h"
 #include "optimize/geodesic_pass.h"
 

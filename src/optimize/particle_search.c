@@ -1,14 +1,14 @@
 /* The search for a number of particles: bracket it by adding particles, then halve the bracket.
  * Every trial is a whole fidelity stage, judged on the shapes left out. */
-#include "apsm/particle_search.h"
+#include "optimize/particle_search.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/fidelity.h"
-#include "apsm/reseat.h"
+#include "optimize/fidelity.h"
 #include "optimize/fidelity_shape.h"
+#include "optimize/reseat.h"
 
 enum { EVERY = 4, LEAST_SHAPES = 6 };
 

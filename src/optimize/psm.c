@@ -22,16 +22,16 @@
  *   - psm_starting_share sets the regularisation by the cohort: the documented way to tune it.
  *   - Procrustes transforms serve the correspondence term alone; particles stay in the frame of the
  *     groomed shapes. */
-#include "apsm/psm.h"
+#include "optimize/psm.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/linalg.h"
-#include "apsm/procrustes.h"
 #include "geometry/vec3.h"
+#include "linalg/linalg.h"
+#include "model/procrustes.h"
 #include "optimize/psm_entropy.h"
 #include "optimize/psm_sweep.h"
 

@@ -3,8 +3,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/eigenshape_loss.h"
-#include "apsm/linalg.h"
+#include "linalg/linalg.h"
+#include "optimize/eigenshape_loss.h"
 
 size_t psm_entropy_work_size(size_t I, size_t n)
 {

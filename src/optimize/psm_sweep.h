@@ -3,7 +3,7 @@
 #ifndef APSM_OPTIMIZE_PSM_SWEEP_H
 #define APSM_OPTIMIZE_PSM_SWEEP_H
 
-#include "apsm/cohort.h"
+#include "initialize/cohort.h"
 
 /* The particles of one shape, all in/out. */
 typedef struct psm_particles {

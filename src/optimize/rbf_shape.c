@@ -6,7 +6,7 @@
  *   dL/dq_k = w_k sum_r a_r grad phi(q_k - x_r)
  *           - sum_l (l_k w_l + w_k l_l) grad phi(q_k - q_l) - l_k c - w_k m_xyz             (A)
  * because d[w; c] = -M^-1 dM [w; c] and M is symmetric. */
-#include "apsm/rbf_shape.h"
+#include "optimize/rbf_shape.h"
 
 #include <math.h>
 #include <string.h>

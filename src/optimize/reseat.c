@@ -8,7 +8,7 @@
  *
  * in Lloyd's iteration on the template.  What is carried to the other shapes by the warp keeps the
  * correspondence of the surfaces: only where it is sampled changes. */
-#include "apsm/reseat.h"
+#include "optimize/reseat.h"
 
 #include <math.h>
 #include <stdlib.h>

@@ -12,7 +12,7 @@
  * in single precision), each with a bounding sphere.  A group meets the blocks that may hold such
  * particles; each of its points skips those that do not.  Sums run in an order that the input alone
  * decides.  In single precision: sampling_patch.c. */
-#include "apsm/sampling_loss.h"
+#include "optimize/sampling_loss.h"
 
 #include <math.h>
 #include <stdint.h>

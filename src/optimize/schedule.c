@@ -1,6 +1,6 @@
 #include "optimize/schedule.h"
 
-#include "apsm/optimizer.h"
+#include "optimize/optimizer.h"
 
 schedule schedule_of_stage(const apsm_options *o, int stage)
 {

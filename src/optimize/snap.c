@@ -1,5 +1,5 @@
 /* Step and snap; METHOD (11). */
-#include "apsm/snap.h"
+#include "optimize/snap.h"
 
 #include <math.h>
 

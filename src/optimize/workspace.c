@@ -4,9 +4,9 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/rbf_shape.h"
-#include "apsm/sampling_loss.h"
+#include "optimize/correspondence_loss.h"
+#include "optimize/rbf_shape.h"
+#include "optimize/sampling_loss.h"
 
 double *optimizer_doubles(size_t n)
 {

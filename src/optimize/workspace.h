@@ -2,9 +2,9 @@
 #ifndef APSM_OPTIMIZE_WORKSPACE_H
 #define APSM_OPTIMIZE_WORKSPACE_H
 
-#include "apsm/fidelity.h"
-#include "apsm/optimizer.h"
 #include "apsm/polyharmonic.h"
+#include "optimize/fidelity.h"
+#include "optimize/optimizer.h"
 #include "optimize/schedule.h"
 
 /* Scratch of one thread.  Point arrays have room for R points, particle arrays for J. */

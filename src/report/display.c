@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/remesh.h"
 #include "apsm/surface_distance.h"
+#include "groom/remesh.h"
 #include "report/order.h"
 
 /* Faces that are shown: of all shapes together about this many, which a browser draws smoothly

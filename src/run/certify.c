@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
+#include "optimize/correspondence_loss.h"
 
 enum { CERTIFICATE_VERSION = 1 };
 

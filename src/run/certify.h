@@ -2,8 +2,8 @@
 #ifndef APSM_RUN_CERTIFY_H
 #define APSM_RUN_CERTIFY_H
 
-#include "apsm/certificate.h"
-#include "apsm/cohort.h"
+#include "initialize/cohort.h"
+#include "optimize/certificate.h"
 
 struct json_t;
 

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/optimizer.h"
+#include "optimize/optimizer.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"

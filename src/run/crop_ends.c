@@ -4,8 +4,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/common_ends.h"
 #include "geometry/vec3.h"
+#include "groom/common_ends.h"
 #include "run/manifest.h"
 
 /* More than this share of its surface no shape gives away. */

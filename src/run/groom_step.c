@@ -6,8 +6,8 @@
 
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
-#include "apsm/align.h"
-#include "apsm/template_choice.h"
+#include "groom/align.h"
+#include "model/template_choice.h"
 #include "run/crop_ends.h"
 #include "run/groom_inputs.h"
 #include "run/kept.h"

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/psm.h"
+#include "optimize/psm.h"
 #include "run/kept.h"
 #include "run/manifest.h"
 #include "run/session.h"

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/particle_search.h"
-#include "apsm/psm.h"
+#include "optimize/particle_search.h"
+#include "optimize/psm.h"
 #include "run/manifest.h"
 #include "run/session.h"
 

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
 #include "apsm/report.h"
 #include "files/io.h"
+#include "linalg/linalg.h"
 #include "run/groom_inputs.h"
 #include "run/kept.h"
 #include "run/manifest.h"

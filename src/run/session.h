@@ -5,12 +5,12 @@
 
 #include <time.h>
 
-#include "apsm/cohort.h"
 #include "apsm/files.h"
-#include "apsm/optimizer.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
-#include "apsm/store.h"
+#include "files/store.h"
+#include "initialize/cohort.h"
+#include "optimize/optimizer.h"
 
 struct json_t;
 

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/checkpoint_file.h"
+#include "files/checkpoint_file.h"
 #include "run/session.h"
 #include "run/settings.h"
 

@@ -3,8 +3,8 @@
 #define APSM_TEST_COHORT_RUN_H
 
 #include "apsm/affine.h"
-#include "apsm/optimizer.h"
 #include "cmocka_all.h"
+#include "optimize/optimizer.h"
 #include "synthetic.h"
 
 typedef struct cohort_run {

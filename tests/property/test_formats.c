@@ -10,7 +10,7 @@
 #include "apsm/files.h"
 #include "apsm/points_file.h"
 #include "apsm/project.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "folder.h"
 
 static const char *const extensions[] = { ".particles", ".lpts",     ".wpts", ".csv",

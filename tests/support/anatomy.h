@@ -14,7 +14,7 @@
 
 #include "anatomy_table.h"
 #include "apsm/adapters.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "solids_implicit.h"
 
 typedef enum anatomy_kind {

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/random.h"
+#include "core/random.h"
 
 /* A test without memory is no test. */
 static inline double *check_alloc(size_t n)

@@ -17,7 +17,7 @@
 
 #include "apsm/adapters.h"
 #include "apsm/context.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "make_cohort.h"
 #include "option_words.h"
 #include "synthetic.h"

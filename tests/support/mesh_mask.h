@@ -9,8 +9,8 @@
 #include <string.h>
 
 #include "apsm/mesh.h"
-#include "apsm/random.h"
 #include "apsm/volume.h"
+#include "core/random.h"
 
 enum { MASK_MARGIN = 3 };
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "apsm/mesh.h"
-#include "apsm/random.h"
+#include "core/random.h"
 
 static inline void mess_reserve(apsm_mesh *m, size_t vertices, size_t faces)
 {

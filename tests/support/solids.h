@@ -8,8 +8,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/random.h"
 #include "apsm/volume.h"
+#include "core/random.h"
 
 /* Signed distance at x, negative inside (exact near the surface). */
 typedef double (*solid_fn)(const double x[3]);

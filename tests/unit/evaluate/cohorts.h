@@ -6,7 +6,7 @@
 #include <stdlib.h>
 
 #include "apsm/metrics.h"
-#include "apsm/random.h"
+#include "core/random.h"
 
 /* I shapes of J particles about a mean away from the origin, from `modes` random modes whose
  * standard deviations are 5 k^-1, k = 1, 2, ...  The caller frees. */

@@ -3,9 +3,9 @@
 
 #include <string.h>
 
-#include "apsm/certificate.h"
-#include "apsm/correspondence_loss.h"
-#include "apsm/random.h"
+#include "core/random.h"
+#include "optimize/certificate.h"
+#include "optimize/correspondence_loss.h"
 #include "shapes.h"
 
 enum { J = 128, I = 6 };

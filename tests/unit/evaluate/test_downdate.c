@@ -7,10 +7,10 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "evaluate/downdate.h"
 #include "golden.h"
+#include "linalg/linalg.h"
 
 enum { R = 40 };
 static const double ZERO = 1e-12;

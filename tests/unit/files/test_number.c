@@ -13,7 +13,7 @@
 
 #include "apsm/files.h"
 #include "apsm/particles_file.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "folder.h"
 #include "locale_comma.h"
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "apsm/files.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "files/sheets.h"
 #include "folder.h"
 

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "apsm/affine.h"
-#include "apsm/random.h"
+#include "core/random.h"
 
 static void random_matrix(apsm_random *rng, double A[9])
 {

@@ -2,7 +2,7 @@
 
 #include "apsm/affine.h"
 #include "apsm/bvh.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "geometry/bvh_guess.h"
 #include "shapes.h"
 

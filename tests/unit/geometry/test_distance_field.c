@@ -1,6 +1,6 @@
 #include "cmocka_all.h"
 
-#include "apsm/distance_field.h"
+#include "geometry/distance_field.h"
 #include "golden.h"
 #include "shapes.h"
 

@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "apsm/geodesic.h"
-#include "apsm/random.h"
+#include "core/random.h"
+#include "geometry/geodesic.h"
 #include "golden.h"
 #include "shapes.h"
 

@@ -3,9 +3,9 @@
 #define APSM_TEST_ALIGN_SHAPES_H
 
 #include "apsm/affine.h"
-#include "apsm/align.h"
-#include "apsm/random.h"
 #include "cmocka_all.h"
+#include "core/random.h"
+#include "groom/align.h"
 #include "shapes.h"
 
 /* An ellipsoid (half-axes a, b, c) whose radius varies with direction u by the factor

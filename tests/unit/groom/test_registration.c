@@ -8,7 +8,7 @@
 #include <cmocka.h>
 
 #include "apsm/bvh.h"
-#include "apsm/registration.h"
+#include "groom/registration.h"
 #include "shapes.h"
 
 enum { POINTS = 400 };

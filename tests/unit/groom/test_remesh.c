@@ -1,8 +1,8 @@
 /* Remeshing: what must hold on shapes with sharp tips, thin sheets, handles, slivers. */
 #include "cmocka_all.h"
 
-#include "apsm/remesh.h"
 #include "apsm/topology.h"
+#include "groom/remesh.h"
 #include "shapes.h"
 
 static apsm_mesh remeshed(const apsm_mesh *mesh, size_t faces, apsm_remesh_report *report)

@@ -3,8 +3,8 @@
 
 #include <stdio.h>
 
-#include "apsm/groom.h"
 #include "apsm/topology.h"
+#include "groom/groom.h"
 #include "shapes.h"
 
 /* Room for `more` vertices and faces behind the mesh's own. */

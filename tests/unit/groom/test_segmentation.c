@@ -1,8 +1,8 @@
 /* Segmentations of known bodies, voxels long and short, mirrored and turned. */
 #include "cmocka_all.h"
 
-#include "apsm/groom.h"
 #include "apsm/topology.h"
+#include "groom/groom.h"
 #include "solids.h"
 
 typedef struct outcome {

@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "apsm/farthest_point.h"
 #include "golden.h"
+#include "initialize/farthest_point.h"
 #include "shapes.h"
 
 static apsm_mesh golden_mesh(const json_t *c)

@@ -6,9 +6,9 @@
 
 #include <cmocka.h>
 
-#include "apsm/assignment.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "golden.h"
+#include "initialize/assignment.h"
 #include "shapes.h"
 
 /* A permutation whose prices prove that none is cheaper.  Returns its cost. */

@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "apsm/projection.h"
 #include "golden.h"
+#include "initialize/projection.h"
 #include "shapes.h"
 
 static double distance2(const double *a, const double *b)

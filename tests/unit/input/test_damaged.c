@@ -9,7 +9,7 @@
 #include <math.h>
 
 #include "apsm/adapters.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "scratch.h"
 #include "shapes.h"
 

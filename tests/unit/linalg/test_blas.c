@@ -7,8 +7,8 @@
 
 #include <math.h>
 
-#include "apsm/linalg.h"
 #include "check.h"
+#include "linalg/linalg.h"
 
 /* A = M M^T + n I with M random: symmetric, definite. */
 static void definite_matrix(size_t n, double *A)

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 
 #include "apsm/affine.h"
-#include "apsm/procrustes.h"
-#include "apsm/random.h"
+#include "core/random.h"
+#include "model/procrustes.h"
 
 enum { I = 6, J = 20, N = 3 * J };
 

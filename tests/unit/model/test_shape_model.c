@@ -6,8 +6,8 @@
 
 #include <cmocka.h>
 
-#include "apsm/random.h"
 #include "apsm/shape_model.h"
+#include "core/random.h"
 #include "golden.h"
 
 static apsm_context *ctx;

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 
 #include "apsm/affine.h"
-#include "apsm/template_choice.h"
+#include "model/template_choice.h"
 #include "synthetic.h"
 
 enum { I = 7, TYPICAL = 3 };

@@ -8,9 +8,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
 #include "check.h"
 #include "golden.h"
+#include "optimize/correspondence_loss.h"
 
 /* The fixture's four shapes of 16 particles. */
 enum { I = 4, J = 16 };

@@ -8,11 +8,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/eigenshape_loss.h"
-#include "apsm/frobenius_loss.h"
-#include "apsm/linalg.h"
 #include "check.h"
 #include "golden.h"
+#include "linalg/linalg.h"
+#include "optimize/eigenshape_loss.h"
+#include "optimize/frobenius_loss.h"
 
 enum { K = 5, J = 12, N3 = 3 * J };
 

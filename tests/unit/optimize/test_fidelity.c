@@ -2,14 +2,14 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/farthest_point.h"
-#include "apsm/linalg.h"
-#include "apsm/optimizer.h"
-#include "apsm/random.h"
-#include "apsm/snap.h"
 #include "cmocka_all.h"
+#include "core/random.h"
+#include "initialize/farthest_point.h"
+#include "linalg/linalg.h"
+#include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
+#include "optimize/optimizer.h"
+#include "optimize/snap.h"
 #include "synthetic.h"
 
 enum { I = 6, J = 48, LEVEL = 4 };

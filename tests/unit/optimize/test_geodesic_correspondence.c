@@ -4,9 +4,9 @@
 
 #include <string.h>
 
-#include "apsm/geodesic_correspondence.h"
-#include "apsm/random.h"
+#include "core/random.h"
 #include "golden.h"
+#include "optimize/geodesic_correspondence.h"
 #include "shapes.h"
 
 static double distance2(const double *a, const double *b)

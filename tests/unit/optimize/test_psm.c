@@ -3,8 +3,8 @@
  * but cohort and options. */
 #include "cmocka_all.h"
 
-#include "apsm/psm.h"
 #include "check.h"
+#include "optimize/psm.h"
 #include "optimize/psm_entropy.h"
 #include "optimize/psm_sweep.h"
 #include "shapes.h"

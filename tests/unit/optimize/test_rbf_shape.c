@@ -8,9 +8,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/rbf_shape.h"
 #include "check.h"
 #include "golden.h"
+#include "optimize/rbf_shape.h"
 
 typedef struct fit {
     apsm_rbf_shape shape;

@@ -2,11 +2,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/linalg.h"
-#include "apsm/particle_search.h"
-#include "apsm/reseat.h"
-#include "apsm/snap.h"
 #include "cmocka_all.h"
+#include "linalg/linalg.h"
+#include "optimize/particle_search.h"
+#include "optimize/reseat.h"
+#include "optimize/snap.h"
 #include "synthetic.h"
 
 enum { I = 8, J = 40, LEVEL = 4 };

@@ -8,11 +8,11 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/rbf_shape.h"
-#include "apsm/sampling_loss.h"
 #include "check.h"
 #include "core/exp.h"
 #include "golden.h"
+#include "optimize/rbf_shape.h"
+#include "optimize/sampling_loss.h"
 
 /* ---- exp ---- */
 

@@ -8,13 +8,13 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/correspondence_loss.h"
-#include "apsm/eigenshape_loss.h"
-#include "apsm/rbf_shape.h"
-#include "apsm/sampling_loss.h"
-#include "apsm/snap.h"
 #include "check.h"
 #include "golden.h"
+#include "optimize/correspondence_loss.h"
+#include "optimize/eigenshape_loss.h"
+#include "optimize/rbf_shape.h"
+#include "optimize/sampling_loss.h"
+#include "optimize/snap.h"
 #include "shapes.h"
 
 /* ---- one complete epoch of three spheres, tests/golden/step.json ---- */

@@ -3,8 +3,8 @@
 #ifndef APSM_COMMON_ENDS_H
 #define APSM_COMMON_ENDS_H
 
-#include "apsm/align.h"
-#include "apsm/groom.h"
+#include "groom/align.h"
+#include "groom/groom.h"
 
 #ifdef __cplusplus
 extern "C" {

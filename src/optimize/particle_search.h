@@ -3,8 +3,8 @@
 #ifndef APSM_PARTICLE_SEARCH_H
 #define APSM_PARTICLE_SEARCH_H
 
-#include "apsm/cohort.h"
 #include "apsm/options.h"
+#include "initialize/cohort.h"
 
 #ifdef __cplusplus
 extern "C" {

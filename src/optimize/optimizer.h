@@ -8,8 +8,8 @@
 #ifndef APSM_OPTIMIZER_H
 #define APSM_OPTIMIZER_H
 
-#include "apsm/cohort.h"
 #include "apsm/options.h"
+#include "initialize/cohort.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,11 +3,11 @@
 #define APSM_COHORT_H
 
 #include "apsm/bvh.h"
-#include "apsm/distance_field.h"
-#include "apsm/geodesic.h"
 #include "apsm/mesh.h"
-#include "apsm/store.h"
 #include "apsm/topology.h"
+#include "files/store.h"
+#include "geometry/distance_field.h"
+#include "geometry/geodesic.h"
 
 #ifdef __cplusplus
 extern "C" {

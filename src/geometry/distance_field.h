@@ -16,7 +16,7 @@
 #define APSM_DISTANCE_FIELD_H
 
 #include "apsm/bvh.h"
-#include "apsm/random.h"
+#include "core/random.h"
 
 #ifdef __cplusplus
 extern "C" {

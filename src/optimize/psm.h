@@ -7,7 +7,7 @@
 #ifndef APSM_PSM_H
 #define APSM_PSM_H
 
-#include "apsm/optimizer.h"
+#include "optimize/optimizer.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -6,8 +6,8 @@
 #include <stdbool.h>
 
 #include "apsm/mesh.h"
-#include "apsm/remesh.h"
 #include "apsm/volume.h"
+#include "groom/remesh.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,7 +3,7 @@
 #ifndef APSM_FARTHEST_POINT_H
 #define APSM_FARTHEST_POINT_H
 
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #ifdef __cplusplus
 extern "C" {

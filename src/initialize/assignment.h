@@ -3,7 +3,7 @@
 #ifndef APSM_ASSIGNMENT_H
 #define APSM_ASSIGNMENT_H
 
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,7 +3,7 @@
 #ifndef APSM_REGISTRATION_H
 #define APSM_REGISTRATION_H
 
-#include "apsm/align.h" /* apsm_cloud */
+#include "groom/align.h" /* apsm_cloud */
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,7 +3,7 @@
 #ifndef APSM_RESEAT_H
 #define APSM_RESEAT_H
 
-#include "apsm/cohort.h"
+#include "initialize/cohort.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,7 +3,7 @@
 #ifndef APSM_CERTIFICATE_H
 #define APSM_CERTIFICATE_H
 
-#include "apsm/geodesic_correspondence.h"
+#include "optimize/geodesic_correspondence.h"
 
 #ifdef __cplusplus
 extern "C" {

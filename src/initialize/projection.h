@@ -3,7 +3,7 @@
 #define APSM_PROJECTION_H
 
 #include "apsm/bvh.h"
-#include "apsm/registration.h"
+#include "groom/registration.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -8,7 +8,7 @@
 #define APSM_GEODESIC_CORRESPONDENCE_H
 
 #include "apsm/bvh.h"
-#include "apsm/geodesic.h"
+#include "geometry/geodesic.h"
 
 #ifdef __cplusplus
 extern "C" {
