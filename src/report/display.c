@@ -64,15 +64,15 @@ static apsm_status make_modes(making *w)
     const model_folder *m = w->m;
     display *d = w->d;
     const size_t n = 3 * d->template_mesh.nv, J3 = 3 * m->J;
-    d->modes = m->modes < MODES_MOST ? m->modes : MODES_MOST;
+    d->modes = m->model.modes < MODES_MOST ? m->model.modes : MODES_MOST;
     d->mean = malloc(n * sizeof *d->mean);
     d->mode = malloc((d->modes * n + 1) * sizeof *d->mode);
     if (!d->mean || !d->mode) return APSM_ERR_MEMORY;
-    apsm_warp_apply(&w->shown_warp, m->mean, d->mean);
+    apsm_warp_apply(&w->shown_warp, m->model.mean, d->mean);
     for (size_t k = 0; k < d->modes; k++) {
         double *y = d->mode + k * n;
-        apsm_warp_apply(&w->shown_warp, m->mode + k * J3, y);
-        for (size_t x = 0; x < n; x++) y[x] *= sqrt(m->variance[k]);
+        apsm_warp_apply(&w->shown_warp, m->model.mode + k * J3, y);
+        for (size_t x = 0; x < n; x++) y[x] *= sqrt(m->model.variance[k]);
     }
     return APSM_OK;
 }

@@ -3,7 +3,7 @@
 #define APSM_REPORT_DISPLAY_H
 
 #include "apsm/warp.h"
-#include "report/model_folder.h"
+#include "folder/model_folder.h"
 
 /* One shape and its reconstruction: the template's mesh warped to the shape's particles. */
 typedef struct display_shape {

@@ -10,8 +10,8 @@
 #include <string.h>
 
 #include "apsm/warp.h"
+#include "folder/model_folder.h"
 #include "report/colours.h"
-#include "report/model_folder.h"
 #include "report/picture.h"
 #include "report/raster.h"
 
@@ -73,15 +73,15 @@ static apsm_status warp_modes(const apsm_warp *warp, sheet *s)
 {
     const model_folder *m = s->m;
     const size_t n = 3 * s->mesh.nv;
-    s->modes = m->modes < MODES_SHOWN ? m->modes : MODES_SHOWN;
+    s->modes = m->model.modes < MODES_SHOWN ? m->model.modes : MODES_SHOWN;
     s->mean = malloc((n + 1) * sizeof *s->mean);
     s->mean_normals = malloc((n + 1) * sizeof *s->mean_normals);
     s->mode = malloc((s->modes * n + 1) * sizeof *s->mode);
     if (!s->mean || !s->mean_normals || !s->mode) return APSM_ERR_MEMORY;
-    apsm_warp_apply(warp, m->mean, s->mean);
+    apsm_warp_apply(warp, m->model.mean, s->mean);
     for (size_t k = 0; k < s->modes; k++) {
-        apsm_warp_apply(warp, m->mode + k * m->J * 3, s->mode + k * n);
-        for (size_t x = 0; x < n; x++) s->mode[k * n + x] *= sqrt(m->variance[k]);
+        apsm_warp_apply(warp, m->model.mode + k * m->J * 3, s->mode + k * n);
+        for (size_t x = 0; x < n; x++) s->mode[k * n + x] *= sqrt(m->model.variance[k]);
     }
     memcpy(s->mesh.V, s->mean, n * sizeof *s->mean);
     apsm_mesh_vertex_normals(&s->mesh, s->mean_normals);
@@ -121,9 +121,9 @@ static void choose_direction(const model_folder *m, double to[3])
 {
     double c[2] = { 0 }, xx = 0, xy = 0, yy = 0;
     for (size_t j = 0; j < m->J; j++)
-        for (int k = 0; k < 2; k++) c[k] += m->mean[3 * j + (size_t)k] / (double)m->J;
+        for (int k = 0; k < 2; k++) c[k] += m->model.mean[3 * j + (size_t)k] / (double)m->J;
     for (size_t j = 0; j < m->J; j++) {
-        const double x = m->mean[3 * j] - c[0], y = m->mean[3 * j + 1] - c[1];
+        const double x = m->model.mean[3 * j] - c[0], y = m->model.mean[3 * j + 1] - c[1];
         xx += x * x, xy += x * y, yy += y * y;
     }
     const double angle = 0.5 * atan2(2 * xy, xx - yy), pitch = 0.35;
@@ -372,19 +372,6 @@ static size_t choose_letters(const sheet *s, size_t width)
     return size < 9 ? 9 : size > 22 ? 22 : size;
 }
 
-static bool certified(const model_folder *m, const char *name)
-{
-    size_t i;
-    json_t *shape;
-    json_array_foreach(json_object_get(m->certificate, "per_shape"), i, shape)
-    {
-        const char *of = json_string_value(json_object_get(shape, "name"));
-        const char *verdict = json_string_value(json_object_get(shape, "verdict"));
-        if (of && strcmp(of, name) == 0) return verdict && strcmp(verdict, "certified") == 0;
-    }
-    return false;
-}
-
 /* Names below the shapes; those that need review stand out and say so. */
 static apsm_status name_shapes(apsm_context *ctx, const sheet *s)
 {
@@ -392,7 +379,7 @@ static apsm_status name_shapes(apsm_context *ctx, const sheet *s)
     for (size_t i = 0; i < s->n; i++) {
         const size_t shape = s->options->what == APSM_PICTURE_SHAPE ? s->shape : i;
         const char *name = s->m->project.subjects[shape].name;
-        const bool fine = certified(s->m, name);
+        const bool fine = model_folder_is_certified(s->m, shape);
         picture_style style = { .pixels = pixels, .bold = !fine, .align = PICTURE_CENTRE };
         memcpy(style.colour, fine ? ink : bad, 3);
         APSM_TRY(picture_text(ctx, s->picture, tile_x(s, i) + s->width / 2,
@@ -423,7 +410,7 @@ static apsm_status name_modes(apsm_context *ctx, const sheet *s)
     picture *p = s->picture;
     char text[128];
     double total = 0;
-    for (size_t k = 0; k < s->m->modes; k++) total += s->m->variance[k];
+    for (size_t k = 0; k < s->m->model.modes; k++) total += s->m->model.variance[k];
     picture_style style = { .pixels = pixels, .align = PICTURE_CENTRE };
     memcpy(style.colour, soft, 3);
     for (size_t k = 0; k < COLUMNS_OF_MODES; k++) {
@@ -435,7 +422,7 @@ static apsm_status name_modes(apsm_context *ctx, const sheet *s)
     memcpy(style.colour, ink, 3);
     for (size_t k = 0; k < s->modes; k++) {
         snprintf(text, sizeof text, "Mode %zu, %.3g %% of the variance", k + 1,
-                 total > 0 ? 100 * s->m->variance[k] / total : 0);
+                 total > 0 ? 100 * s->m->model.variance[k] / total : 0);
         APSM_TRY(
             picture_text(ctx, p, pixels, tile_y(s, COLUMNS_OF_MODES * k), s->width, &style, text));
     }
@@ -509,12 +496,12 @@ static apsm_status prepare(apsm_context *ctx, sheet *s)
 {
     const apsm_picture what = s->options->what;
     const double h = json_number_value(json_object_get(s->m->certificate, "h"));
-    if (what == APSM_PICTURE_MODES && s->m->modes == 0)
+    if (what == APSM_PICTURE_MODES && s->m->model.modes == 0)
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: the shapes do not vary: there are no modes to draw", s->m->path);
     s->colour = malloc((s->m->J + 1) * sizeof *s->colour);
     if (!s->colour) return APSM_ERR_MEMORY;
-    colours_choose(s->m->J, s->m->mean, s->colour);
+    colours_choose(s->m->J, s->m->model.mean, s->colour);
     s->ball = (what == APSM_PICTURE_COHORT ? 0.21 : 0.16) * h;
     if (what == APSM_PICTURE_SHAPE) APSM_TRY(find_shape(ctx, s));
     choose_view(s);
@@ -542,6 +529,8 @@ static apsm_status check_options(apsm_context *ctx, const apsm_render_options *o
     return APSM_OK;
 }
 
+enum { SHOWN_PARTS = FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED | FOLDER_MANIFESTED };
+
 apsm_status apsm_render(apsm_context *ctx, const char *folder, const apsm_render_options *options,
                         const char *path)
 {
@@ -549,7 +538,7 @@ apsm_status apsm_render(apsm_context *ctx, const char *folder, const apsm_render
     picture p = { 0 };
     sheet s = { .options = options, .m = &m, .picture = &p };
     APSM_TRY(check_options(ctx, options));
-    apsm_status status = model_folder_read(ctx, folder, &m);
+    apsm_status status = model_folder_read(ctx, folder, SHOWN_PARTS, &m);
     if (status == APSM_OK) status = prepare(ctx, &s);
     if (status == APSM_OK) status = draw(ctx, &s);
     if (status == APSM_OK) status = picture_write(ctx, &p, path);

@@ -9,9 +9,10 @@
 #include <string.h>
 
 #include "apsm/files.h"
+#include "folder/model_folder.h"
+#include "folder/names.h"
 #include "report/colours.h"
 #include "report/display.h"
-#include "report/model_folder.h"
 #include "report/pack.h"
 #include "report/viewer.h"
 
@@ -62,7 +63,7 @@ static void choose_steps(composing *c)
     double hi[3] = { -INFINITY, -INFINITY, -INFINITY }, distance = 0;
     for (int k = 0; k < 3; k++) c->lo[k] = INFINITY;
     widen(c->lo, hi, m->I * m->J, m->P);
-    widen(c->lo, hi, m->J, m->mean);
+    widen(c->lo, hi, m->J, m->model.mean);
     widen(c->lo, hi, nv, d->mean);
     for (size_t i = 0; i < d->I; i++) {
         const display_shape *s = &d->shape[i];
@@ -76,7 +77,7 @@ static void choose_steps(composing *c)
     c->largest_distance = step_of(distance, 1);
     double mode = largest(0, d->modes * nv * 3, d->mode);
     for (size_t k = 0; k < d->modes; k++)
-        mode = fmax(mode, sqrt(m->variance[k])); /* bounds the particles' displacements */
+        mode = fmax(mode, sqrt(m->model.variance[k])); /* bounds the particles' displacements */
     c->mode_step = step_of(mode, mode_levels);
 }
 
@@ -119,7 +120,7 @@ static json_t *json_scores(const composing *c, size_t i)
     for (size_t k = 0; k < c->d->modes; k++) {
         double b = 0;
         for (size_t x = 0; x < 3 * m->J; x++)
-            b += (m->P[i * m->J * 3 + x] - m->mean[x]) * m->mode[k * m->J * 3 + x];
+            b += (m->P[i * m->J * 3 + x] - m->model.mean[x]) * m->model.mode[k * m->J * 3 + x];
         json_array_append_new(row, json_real(b));
     }
     return row;
@@ -147,7 +148,8 @@ static json_t *json_modes(composing *c)
     double *p = malloc(J3 * sizeof *p);
     json_t *modes = p ? json_array() : NULL;
     for (size_t k = 0; modes && k < d->modes; k++) {
-        for (size_t x = 0; x < J3; x++) p[x] = sqrt(m->variance[k]) * m->mode[k * J3 + x];
+        for (size_t x = 0; x < J3; x++)
+            p[x] = sqrt(m->model.variance[k]) * m->model.mode[k * J3 + x];
         json_array_append_new(modes, json_pack("{s:o, s:o}", "vertices",
                                                displacements(c, nv, d->mode + k * nv * 3),
                                                "particles", displacements(c, m->J, p)));
@@ -160,7 +162,7 @@ static json_t *json_mean(composing *c)
 {
     const apsm_mesh *mesh = &c->d->template_mesh;
     return json_pack("{s:o, s:o, s:o, s:o}", "vertices", positions(c, mesh->nv, c->d->mean),
-                     "faces", faces(c, mesh), "particles", positions(c, c->m->J, c->m->mean),
+                     "faces", faces(c, mesh), "particles", positions(c, c->m->J, c->m->model.mean),
                      "modes", json_modes(c));
 }
 
@@ -196,7 +198,7 @@ static json_t *json_colours(composing *c)
     const size_t J = c->m->J;
     uint32_t *chosen = malloc((J + 1) * sizeof *chosen);
     if (!chosen) return NULL;
-    colours_choose(J, c->m->mean, chosen);
+    colours_choose(J, c->m->model.mean, chosen);
     json_t *colours = pack_integers(&c->bytes, J, 1, 1, chosen);
     free(chosen);
     return colours;
@@ -221,8 +223,8 @@ static json_t *compose(composing *c, const char *title)
         (json_int_t)m->J, "template", (json_int_t)m->template_index, "origin", c->lo[0], c->lo[1],
         c->lo[2], "step", c->step, "largest_distance", c->largest_distance, "mode_step",
         c->mode_step, "colours", json_colours(c), "variances",
-        apsm_json_vector(m->modes, m->variance), "mean", json_mean(c), "shapes", json_shapes(c),
-        "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
+        apsm_json_vector(m->model.modes, m->model.variance), "mean", json_mean(c), "shapes",
+        json_shapes(c), "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
         json_manifest(m->manifest));
     return root;
 }
@@ -268,13 +270,15 @@ static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
     return status;
 }
 
+enum { SHOWN_PARTS = FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED | FOLDER_MANIFESTED };
+
 apsm_status apsm_report_write(apsm_context *ctx, const char *folder)
 {
     model_folder m = { 0 };
     display d = { 0 };
     composing c = { .m = &m, .d = &d };
-    char *path = apsm_path_join(folder, "report.html");
-    apsm_status status = path ? model_folder_read(ctx, folder, &m) : APSM_ERR_MEMORY;
+    char *path = apsm_path_join(folder, FOLDER_REPORT);
+    apsm_status status = path ? model_folder_read(ctx, folder, SHOWN_PARTS, &m) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = display_make(ctx, &m, &d);
     if (status == APSM_OK) status = write_file(ctx, &c, path);
     pack_free(&c.bytes);

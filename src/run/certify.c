@@ -6,9 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "folder/names.h"
 #include "optimize/correspondence_loss.h"
-
-enum { CERTIFICATE_VERSION = 1 };
 
 /* Room for F = 2.0 in the rows of a shape, and to tell how far neighbours beyond it are: that is
  * looked up only where it may change the verdict. */
@@ -205,7 +204,7 @@ json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *certif
     for (size_t i = 0; i < certificate->I; i++)
         json_array_append_new(shapes, json_shape(cohort->shape[i].name, &certificate->shape[i]));
     return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:{s:f, s:f, s:f, s:f}, s:o}",
-                     "format", "apsm-certificate", "version", CERTIFICATE_VERSION, "verdict",
+                     "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
                      verdict(count_certified(certificate) == certificate->I), "certified",
                      (json_int_t)count_certified(certificate), "shapes", (json_int_t)certificate->I,
                      "template", cohort->shape[cohort->template_index].name, "h", certificate->h,

@@ -8,11 +8,11 @@
 #include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/particles_file.h"
+#include "folder/model_json.h"
+#include "folder/names.h"
 #include "run/certify.h"
 #include "run/manifest.h"
 #include "run/session.h"
-
-enum { MODEL_VERSION = 1, EVALUATION_VERSION = 1 };
 
 /* Modes whose meshes are written: those that make up this share of the variance, at most. */
 static const double shown_share = 0.95;
@@ -132,24 +132,6 @@ static json_t *all_or_none(json_t *array, size_t n)
     return NULL;
 }
 
-static json_t *json_modes(const apsm_shape_model *m)
-{
-    json_t *modes = json_array();
-    for (size_t k = 0; k < m->modes; k++)
-        json_array_append_new(modes, apsm_json_matrix(m->J, 3, m->mode + k * m->J * 3));
-    return all_or_none(modes, m->modes);
-}
-
-static apsm_status write_model(const evaluation_work *w)
-{
-    const apsm_shape_model *m = &w->model;
-    json_t *root = json_pack("{s:s, s:i, s:I, s:I, s:o, s:o, s:o}", "format", "apsm-model",
-                             "version", MODEL_VERSION, "shapes", (json_int_t)m->I, "particles",
-                             (json_int_t)m->J, "variances", apsm_json_vector(m->modes, m->variance),
-                             "mean", apsm_json_matrix(m->J, 3, m->mean), "modes", json_modes(m));
-    return write_json(w->run, "model.json", root);
-}
-
 static apsm_status open_csv(apsm_run *run, const char *name, apsm_writer **writer)
 {
     char *path = run_path(run, name);
@@ -158,23 +140,16 @@ static apsm_status open_csv(apsm_run *run, const char *name, apsm_writer **write
     return status;
 }
 
-static apsm_status write_scores(const evaluation_work *w)
+static apsm_status write_model(const evaluation_work *w)
 {
-    const apsm_shape_model *m = &w->model;
-    apsm_writer *csv = NULL;
-    APSM_TRY(open_csv(w->run, "scores.csv", &csv));
-    apsm_writer_printf(csv, "name");
-    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",mode_%zu", k + 1);
-    for (size_t i = 0; i < m->I; i++) {
-        apsm_writer_printf(csv, "\n");
-        apsm_writer_csv(csv, name_of(w, i));
-        for (size_t k = 0; k < m->modes; k++) {
-            apsm_writer_printf(csv, ",");
-            apsm_writer_number(csv, m->score[i * m->modes + k]);
-        }
-    }
-    apsm_writer_printf(csv, "\n");
-    return apsm_writer_commit(csv);
+    apsm_run *run = w->run;
+    char *model = run_path(run, FOLDER_MODEL), *scores = run_path(run, FOLDER_SCORES_CSV);
+    apsm_status status = model && scores ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = model_json_write(run->ctx, model, &w->model);
+    if (status == APSM_OK) status = scores_csv_write(run->ctx, scores, run->names, &w->model);
+    free(model);
+    free(scores);
+    return status;
 }
 
 /* ---- evaluation.json, evaluation.csv ---- */
@@ -211,7 +186,7 @@ static apsm_status write_evaluation(const evaluation_work *w)
     const char *template_name = name_of(w, w->run->cohort.template_index);
     json_t *root = json_pack(
         "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
-        "apsm-evaluation", "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles,
+        FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles,
         "shapes", (json_int_t)e->shapes, "definition", apsm_definition_name(e->definition),
         "definition_text", apsm_definition_text(e->definition), "specificity_samples",
         (json_int_t)e->samples, "template", template_name, "surface_distance", json_surface(w),
@@ -221,7 +196,7 @@ static apsm_status write_evaluation(const evaluation_work *w)
         apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
         apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
         apsm_json_vector(e->n_specificity, e->specificity_error));
-    return write_json(w->run, "evaluation.json", root);
+    return write_json(w->run, FOLDER_EVALUATION, root);
 }
 
 static void write_csv_numbers(apsm_writer *csv, size_t n, const double *x)
@@ -235,7 +210,7 @@ static void write_csv_numbers(apsm_writer *csv, size_t n, const double *x)
 static apsm_status write_evaluation_csv(const evaluation_work *w)
 {
     apsm_writer *csv = NULL;
-    APSM_TRY(open_csv(w->run, "evaluation.csv", &csv));
+    APSM_TRY(open_csv(w->run, FOLDER_EVALUATION_CSV, &csv));
     apsm_writer_printf(csv, "name,surface_mean,surface_p95,surface_max,mismatched_1.5_1.5,"
                             "mismatched_1.5_2.0,swaps,folds,off_surface_max,verdict\n");
     for (size_t i = 0; i < w->I; i++) {
@@ -359,11 +334,10 @@ static apsm_status evaluate_and_write(evaluation_work *w)
 {
     APSM_TRY(compute(w));
     APSM_TRY(write_model(w));
-    APSM_TRY(write_scores(w));
     APSM_TRY(write_evaluation(w));
     APSM_TRY(write_evaluation_csv(w));
     APSM_TRY(
-        write_json(w->run, "certificate.json", certify_json(&w->run->cohort, &w->certificate)));
+        write_json(w->run, FOLDER_CERTIFICATE, certify_json(&w->run->cohort, &w->certificate)));
     return write_meshes(w);
 }
 

@@ -7,9 +7,8 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
+#include "folder/names.h"
 #include "run/outputs.h"
-
-enum { MANIFEST_VERSION = 1 };
 
 /* In their order.  The report is none to be timed: it tells the times of the others. */
 static const char *const stages[] = { "groom", "initialize", "optimize", "evaluate", "report" };
@@ -22,14 +21,14 @@ static apsm_status no_memory(apsm_run *run)
 
 static json_t *new_manifest(void)
 {
-    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}, s:{}}", "format", "apsm-manifest",
+    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}, s:{}}", "format", FORMAT_MANIFEST,
                      "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options", "inputs",
                      "stages", "outputs");
 }
 
 static apsm_status check_shape(apsm_run *run, const char *path)
 {
-    APSM_TRY(apsm_json_check(run->ctx, path, run->manifest, "apsm-manifest", MANIFEST_VERSION));
+    APSM_TRY(apsm_json_check(run->ctx, path, run->manifest, FORMAT_MANIFEST, MANIFEST_VERSION));
     if (json_is_object(json_object_get(run->manifest, "options")) &&
         json_is_array(json_object_get(run->manifest, "inputs")) &&
         json_is_object(json_object_get(run->manifest, "stages")))

@@ -74,7 +74,7 @@ static void write_record(apsm_writer *w, const apsm_epoch_record *r)
 static apsm_status write_history(const recorder *r)
 {
     apsm_writer *w = NULL;
-    char *path = run_path(r->run, "history.csv");
+    char *path = run_path(r->run, FOLDER_HISTORY);
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_writer_open(r->run->ctx, path, &w);
     free(path);

@@ -9,6 +9,7 @@
 #include "apsm/project.h"
 #include "apsm/run.h"
 #include "files/store.h"
+#include "folder/names.h"
 #include "initialize/cohort.h"
 #include "optimize/optimizer.h"
 
@@ -37,11 +38,11 @@ struct apsm_run {
 };
 
 /* Names of files in the model folder. */
-#define RUN_PROJECT    "project.swproj"
-#define RUN_MANIFEST   "manifest.json"
-#define RUN_INITIAL    "state/initial.ckpt"
-#define RUN_CHECKPOINT "state/optimize.ckpt"
-#define RUN_JOURNAL    "state/work.journal"
+#define RUN_PROJECT    FOLDER_PROJECT
+#define RUN_MANIFEST   FOLDER_MANIFEST
+#define RUN_INITIAL    FOLDER_INITIAL
+#define RUN_CHECKPOINT FOLDER_CHECKPOINT
+#define RUN_JOURNAL    FOLDER_JOURNAL
 
 /* ---- session.c ---- */
 

@@ -1,0 +1,63 @@
+/* model_folder.h -- what a run has left in a model folder, read back: everything that says
+ * something about a finished model (report, pictures, fit, statistics) stands on this. */
+#ifndef APSM_FOLDER_MODEL_FOLDER_H
+#define APSM_FOLDER_MODEL_FOLDER_H
+
+#include "apsm/mesh.h"
+#include "apsm/options.h"
+#include "apsm/project.h"
+#include "apsm/shape_model.h"
+
+struct json_t;
+
+/* What to read beside project and model; | joins them. */
+enum {
+    FOLDER_PARTICLES = 1,   /* P */
+    FOLDER_SCORES = 2,      /* model.score */
+    FOLDER_EVALUATED = 4,   /* evaluation */
+    FOLDER_CERTIFIED = 8,   /* certificate */
+    FOLDER_MANIFESTED = 16, /* manifest */
+    FOLDER_ALL = 31
+};
+
+/* Owns everything.  Zero-initialise with {0}; model_folder_free leaves it so. */
+typedef struct model_folder {
+    char *path;
+    apsm_project project;   /* subjects[i].name, .alignment, ... of shape i */
+    const char **names;     /* I, borrowed from the project */
+    size_t I, J;            /* shapes, particles */
+    size_t template_index;  /* < I */
+    apsm_shape_model model; /* in the world frame */
+    double *P;              /* I x J x 3, world frame, or NULL */
+    struct json_t *evaluation, *certificate, *manifest; /* the files, or NULL */
+} model_folder;
+
+/* Reads the project, the model, and the parts that are asked for.  m is overwritten, and {0} on
+ * failure.  APSM_ERR_STATE: the folder holds no project, has not been evaluated, or files in it are
+ * of other shapes than the project's; APSM_ERR_FORMAT, _IO: a file is damaged.  Particles are read
+ * in parallel. */
+apsm_status model_folder_read(apsm_context *ctx, const char *path, unsigned parts,
+                              model_folder *m) APSM_NODISCARD;
+void model_folder_free(model_folder *m);
+
+/* Path of a file (folder/names.h) in the folder: malloc'ed, NULL if out of memory. */
+char *model_folder_path(const model_folder *m, const char *name);
+
+/* Row-major map from shape i's own (groomed) frame to the world frame of the model. */
+void model_folder_to_world(const model_folder *m, size_t i, double M[16]);
+/* The groomed mesh of shape i (template_index: the template's), in the world frame. */
+apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i,
+                              apsm_mesh *mesh) APSM_NODISCARD;
+/* p (J x 3, out) <- the particles of shape i in its own frame. */
+apsm_status model_folder_local_particles(apsm_context *ctx, const model_folder *m, size_t i,
+                                         double *p) APSM_NODISCARD;
+
+/* The options that the model was made with; what the project does not name is as by default. */
+apsm_status model_folder_options(apsm_context *ctx, const model_folder *m,
+                                 apsm_options *options) APSM_NODISCARD;
+
+/* Whether the certificate (which must have been read) certifies shape i; all: every shape. */
+bool model_folder_is_certified(const model_folder *m, size_t i);
+bool model_folder_is_all_certified(const model_folder *m);
+
+#endif

@@ -1,0 +1,23 @@
+/* model_json.h -- model.json (mean, modes, variances) and scores.csv (of the shapes, by name). */
+#ifndef APSM_FOLDER_MODEL_JSON_H
+#define APSM_FOLDER_MODEL_JSON_H
+
+#include "apsm/shape_model.h"
+
+/* Both write atomically; the scores of the model's shapes are named in its order. */
+apsm_status model_json_write(apsm_context *ctx, const char *path,
+                             const apsm_shape_model *model) APSM_NODISCARD;
+apsm_status scores_csv_write(apsm_context *ctx, const char *path, const char *const *names,
+                             const apsm_shape_model *model) APSM_NODISCARD;
+
+/* model (out, {0} on failure) <- all but the scores.  Refused, with a line: another format or a
+ * newer version, parts that do not fit each other, variances that are not positive and descending.
+ */
+apsm_status model_json_read(apsm_context *ctx, const char *path,
+                            apsm_shape_model *model) APSM_NODISCARD;
+/* model->score (malloc'ed) <- the scores; refused unless the file has the model's modes and the
+ * I shapes of these names, in this order. */
+apsm_status scores_csv_read(apsm_context *ctx, const char *path, const char *const *names,
+                            apsm_shape_model *model) APSM_NODISCARD;
+
+#endif
