@@ -12,47 +12,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
-#include "apsm/affine.h"
 #include "apsm/bvh.h"
-#include "apsm/project.h"
-
-static void check(apsm_context *ctx, apsm_status status)
-{
-    if (status == APSM_OK) return;
-    fprintf(stderr, "bench_truth_poses: %s %s\n", apsm_status_text(status), apsm_error_text(ctx));
-    exit(1);
-}
-
-/* The shape's vertices where grooming has put them. */
-static apsm_mesh read_posed(apsm_context *ctx, const char *truth, const apsm_subject *s)
-{
-    char path[2048];
-    apsm_mesh mesh = { 0 };
-    double M[16];
-    const char *text = apsm_subject_column(s, "reflection");
-    snprintf(path, sizeof path, "%s/%s.ply", truth, s->name);
-    check(ctx, apsm_vtk_read_mesh(ctx, path, &mesh));
-    if (text) {
-        char *end = NULL;
-        for (int k = 0; k < 16; k++) M[k] = strtod(k ? end : text, &end);
-        apsm_affine_apply(M, mesh.nv, mesh.V, mesh.V);
-    }
-    apsm_affine_apply(s->alignment, mesh.nv, mesh.V, mesh.V);
-    return mesh;
-}
+#include "truth_world.h"
 
 /* present (nv): whether the vertex is on the groomed mesh, and not where the shape was cut off. */
 static void find_present(apsm_context *ctx, const char *model, const apsm_subject *s,
                          const apsm_mesh *truth, double near, bool *present)
 {
-    char path[2048];
-    apsm_mesh mesh = { 0 };
+    apsm_mesh mesh = read_groomed(ctx, model, s);
     apsm_bvh *bvh;
-    snprintf(path, sizeof path, "%s/%s", model, s->groomed);
-    check(ctx, apsm_vtk_read_mesh(ctx, path, &mesh));
-    apsm_mesh_transform(&mesh, s->alignment);
-    check(ctx, apsm_bvh_build(&mesh, &bvh));
+    must(ctx, apsm_bvh_build(&mesh, &bvh));
     for (size_t v = 0; v < truth->nv; v++) {
         apsm_closest c;
         apsm_bvh_closest(bvh, truth->V + 3 * v, INFINITY, &c);
@@ -112,11 +81,11 @@ int main(int argc, char **argv)
         return 2;
     }
     snprintf(path, sizeof path, "%s/project.swproj", argv[2]);
-    check(ctx, apsm_project_read(ctx, path, &project));
+    must(ctx, apsm_project_read(ctx, path, &project));
     const char *name = apsm_project_get(&project, "apsm", "template_used");
     const size_t t = name ? apsm_project_find(&project, name) : project.n;
     if (t == project.n) return 1;
-    apsm_mesh fixed = read_posed(ctx, argv[1], &project.subjects[t]);
+    apsm_mesh fixed = read_truth(ctx, argv[1], &project.subjects[t]);
     const double near = 0.02 * radius(&fixed);
     double sum = 0, most = 0, widest = 0;
     size_t wrong = 0;
@@ -125,7 +94,7 @@ int main(int argc, char **argv)
     find_present(ctx, argv[2], &project.subjects[t], &fixed, near, there);
     for (size_t i = 0; i < project.n; i++) {
         if (i == t) continue;
-        apsm_mesh mesh = read_posed(ctx, argv[1], &project.subjects[i]);
+        apsm_mesh mesh = read_truth(ctx, argv[1], &project.subjects[i]);
         find_present(ctx, argv[2], &project.subjects[i], &mesh, near, here);
         const pose_error e = error_of(&mesh, here, &fixed, there);
         printf("{\"bench\": \"truth_poses\", \"shape\": \"%s\", \"degrees\": %.3g, "
