@@ -8,13 +8,12 @@
  *
  *   truth      every particle of every shape, carried to the template along the triangulation: its
  *              distance from the template's own particle; `lost` are more than two spacings off
- *   landmark   LANDMARKS vertices of the template, spread evenly, which no particle knows of, warped
- *              to a shape by the particles: distance from the true place there
- *   distance   two-way, of the true surfaces (with `groomed`, of the groomed ones: what was cut off
- *              has no particles), with the template warped; `other`: the mean over OTHERS other
- *              shapes in the template's place, which no fit knew of
- *   model      G(1), S(1), C(1); `own`: those of the template's particles carried to all shapes by
- *              the truth */
+ *   landmark   LANDMARKS vertices of the template, spread evenly, which no particle knows of,
+ * warped to a shape by the particles: distance from the true place there distance   two-way, of the
+ * true surfaces (with `groomed`, of the groomed ones: what was cut off has no particles), with the
+ * template warped; `other`: the mean over OTHERS other shapes in the template's place, which no fit
+ * knew of model      G(1), S(1), C(1); `own`: those of the template's particles carried to all
+ * shapes by the truth */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -39,9 +39,9 @@ static const cli_option own[] = {
       "mirror the inputs whose file name matches (left sides among right ones)", NULL },
     { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
       "leave out the inputs whose file name matches", NULL },
-    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS, "NAME", "template", NULL,
+    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE, "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
-      "best (default auto)",
+      "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },
     { "original-frame", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, NULL, "original_frame", "true",
       "also write particles in the frame of the input files, with mirrored shapes mirrored back",

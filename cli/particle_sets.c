@@ -125,6 +125,9 @@ static apsm_status add_project(apsm_context *ctx, cli_sets *sets, const char *pa
     if (project.n == 0) status = apsm_fail(ctx, APSM_ERR_STATE, "%s: holds no shapes", path);
     for (size_t i = 0; status == APSM_OK && i < project.n; i++)
         status = add_subject(ctx, sets, path, &project, &project.subjects[i]);
+    if (status == APSM_OK)
+        status = apsm_text_set(&sets->template_used,
+                               apsm_project_get(&project, "apsm", "template_used"));
     apsm_project_free(&project);
     return status;
 }
@@ -160,6 +163,7 @@ void cli_sets_free(cli_sets *sets)
 {
     for (size_t i = 0; i < sets->n; i++) set_free(&sets->sets[i]);
     free(sets->sets);
+    free(sets->template_used);
     *sets = (cli_sets){ 0 };
 }
 

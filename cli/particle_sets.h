@@ -19,7 +19,8 @@ typedef struct cli_set {
 typedef struct cli_sets {
     size_t n, capacity;
     cli_set *sets;
-    bool cohort; /* an input stands for a cohort, however many shapes it has */
+    bool cohort;         /* an input stands for a cohort, however many shapes it has */
+    char *template_used; /* name of the template of a project that was made by apsm, else NULL */
 } cli_sets;
 
 /* Reads all inputs: particle files, .npy of several shapes, projects and model folders (the world

@@ -1,7 +1,8 @@
 /* evaluate FILE...: figures of a model from particle files of any program, and its meshes if they
  * are given in the same order and in the frame of the particles; or from a project, with its
- * meshes.  Writes nothing; the figures are the result.  Without a project there is no template: the
- * shape whose particles are nearest to the mean is warped to the others. */
+ * meshes.  Writes nothing; the figures are the result.  The shape that is warped to the others is
+ * the one that is named, else the project's template, else the one whose particles are nearest to
+ * the mean. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,9 +19,9 @@ typedef struct files_work {
     apsm_context *ctx;
     cli_sets in;
     const char *const *mesh_file;
-    size_t I, J, n_meshes;
-    double *P;         /* I x J x 3 */
-    apsm_mesh *meshes; /* I, or NULL */
+    size_t I, J, n_meshes, t; /* t: the shape in the template's place */
+    double *P;                /* I x J x 3 */
+    apsm_mesh *meshes;        /* I, or NULL */
     apsm_evaluation evaluation;
 } files_work;
 
@@ -175,10 +176,32 @@ static size_t nearest_to_mean(const files_work *w, const double *mean)
     return best;
 }
 
+/* The shape of this name (NULL: none), or I. */
+static size_t find_shape(const files_work *w, const char *name)
+{
+    size_t i = name ? 0 : w->I;
+    while (i < w->I && strcmp(w->in.sets[i].name, name) != 0) i++;
+    return i;
+}
+
+static apsm_status choose_template(files_work *w, const char *wanted, const double *mean)
+{
+    const bool named = wanted && strcmp(wanted, "auto") != 0;
+    w->t = find_shape(w, named ? wanted : w->in.template_used);
+    if (w->t < w->I) return APSM_OK;
+    if (named)
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "--template %s: no such shape; the first is called %s", wanted,
+                         w->in.sets[0].name);
+    w->t = nearest_to_mean(w, mean);
+    return APSM_OK;
+}
+
 static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_options *options)
 {
     *options = apsm_options_defaults();
-    static const char *const keys[] = { "definition", "specificity_samples", "specificity_modes" };
+    static const char *const keys[] = { "definition", "specificity_samples", "specificity_modes",
+                                        "other_templates" };
     for (size_t k = 0; k < sizeof keys / sizeof *keys; k++) {
         const char *value = cli_args_get(args, keys[k]);
         if (value) APSM_TRY(apsm_options_set(ctx, options, keys[k], value));
@@ -186,11 +209,11 @@ static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_op
     return APSM_OK;
 }
 
-static apsm_status compute(files_work *w, const apsm_options *options)
+static apsm_status compute(files_work *w, const char *template_name, const apsm_options *options)
 {
     apsm_shape_model model = { 0 };
     apsm_status status = apsm_shape_model_fit(w->ctx, w->I, w->J, w->P, &model);
-    const size_t t = status == APSM_OK ? nearest_to_mean(w, model.mean) : 0;
+    if (status == APSM_OK) status = choose_template(w, template_name, model.mean);
     apsm_shape_model_free(&model);
     APSM_TRY(status);
     const apsm_mesh_source shapes = apsm_mesh_source_array(w->meshes);
@@ -201,9 +224,18 @@ static apsm_status compute(files_work *w, const apsm_options *options)
                                         .samples = (size_t)options->specificity_samples,
                                         .specificity_modes = (size_t)options->specificity_modes,
                                         .shape = w->meshes ? &shapes : NULL,
-                                        .template_mesh = w->meshes ? &w->meshes[t] : NULL,
-                                        .template_index = t };
+                                        .template_mesh = w->meshes ? &w->meshes[w->t] : NULL,
+                                        .template_index = w->t,
+                                        .others = (size_t)options->other_templates };
     return apsm_evaluate(w->ctx, &input, &w->evaluation);
+}
+
+static void say_others(cli_ui *ui, const apsm_evaluation *e)
+{
+    const apsm_surface_aggregate *a = &e->other_templates;
+    if (e->others == 0) return;
+    cli_say(ui, "with %zu other shapes as template: mean %.6g, mean of max %.6g, max %.6g",
+            e->others, a->mean, a->mean_max, a->max);
 }
 
 static void say(cli_ui *ui, const files_work *w)
@@ -213,8 +245,10 @@ static void say(cli_ui *ui, const files_work *w)
             apsm_definition_name(e->definition), apsm_definition_text(e->definition));
     if (e->surface) {
         const apsm_surface_aggregate *a = &e->surface_summary.two_way;
-        cli_say(ui, "surface distance, two-way: mean %.6g, mean of max %.6g, max %.6g", a->mean,
-                a->mean_max, a->max);
+        cli_say(ui,
+                "surface distance, two-way: mean %.6g, mean of max %.6g, max %.6g (template %s)",
+                a->mean, a->mean_max, a->max, w->in.sets[w->t].name);
+        say_others(ui, e);
     }
     cli_say(ui, "modes compactness generalization specificity");
     for (size_t m = 0; m < e->n_generalization && m < e->modes; m++)
@@ -233,7 +267,7 @@ apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli
     if (status == APSM_OK) status = read_operands(&w, args);
     if (status == APSM_OK) status = gather(&w);
     if (status == APSM_OK) status = read_meshes(&w);
-    if (status == APSM_OK) status = compute(&w, &options);
+    if (status == APSM_OK) status = compute(&w, cli_args_get(args, "template"), &options);
     if (status == APSM_OK) say(ui, &w);
     apsm_evaluation_free(&w.evaluation);
     for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);

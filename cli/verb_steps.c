@@ -74,6 +74,11 @@ apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *u
 apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     if (args->n_inputs > 0) return apsm_cli_evaluate_files(ctx, args, ui);
+    if (cli_args_get(args, "template"))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "--template: a model folder is judged by its own template; judge it by "
+                         "another with apsm evaluate %s/project.swproj --template NAME",
+                         args->out_dir ? args->out_dir : "MODEL_DIR");
     return do_step(ctx, args, apsm_run_evaluate);
 }
 

@@ -66,6 +66,7 @@ typedef struct apsm_evaluate_input {
                                        surface distances */
     const apsm_mesh *template_mesh; /* warped to every shape; world frame */
     size_t template_index;
+    size_t others;         /* shapes that take the template's place in turn; 0: none */
     const apsm_warp *warp; /* of template_mesh by the template's particles; NULL: made here */
 } apsm_evaluate_input;
 
@@ -81,6 +82,8 @@ typedef struct apsm_evaluation {
     size_t n_compactness, n_generalization, n_specificity;
     apsm_surface_distance *surface; /* shapes, or NULL */
     apsm_surface_summary surface_summary;
+    size_t others; /* that took the template's place */
+    apsm_surface_aggregate other_templates;
 } apsm_evaluation;
 
 /* Everything above in one call.  A definition with a warning logs it.  evaluation is overwritten,

@@ -157,6 +157,9 @@ extern "C" {
         "most modes that specificity is measured for; 0: the definition's own number (paper: 20, " \
         "else all)")                                                                               \
     BOOL(surface_distance, true, "measure two-way surface distances (needs meshes)")               \
+    INT(other_templates, 3, 0, 1000,                                                               \
+        "shapes that take the template's place in turn for further surface distances, which no "   \
+        "fit knew of; 0: none")                                                                    \
     /* run */                                                                                      \
     REAL(checkpoint_seconds, 10, 0, 1e9,                                                           \
          "seconds between two checkpoints, more if writing one takes long; 0: after every epoch")

@@ -33,8 +33,7 @@ typedef struct apsm_surface_aggregate {
     double mean, max, mean_max;
 } apsm_surface_aggregate;
 typedef struct apsm_surface_summary {
-    apsm_surface_aggregate two_way;                  /* all shapes */
-    apsm_surface_aggregate pull, push, disagreement; /* without the template, as ShapeWorks */
+    apsm_surface_aggregate two_way, pull, push, disagreement; /* without the template */
 } apsm_surface_summary;
 
 /* Summary of n >= 1 distances; weight NULL: all 1.  order (n) is scratch.  O(n log n). */
@@ -79,9 +78,17 @@ apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
                                    const apsm_mesh *template_mesh, size_t I, const double *P,
                                    const apsm_mesh_source *shape,
                                    apsm_surface_distance *result) APSM_NODISCARD;
-/* template_index >= I: no shape is the template. */
+/* The template, which is warped to itself, is left out.  template_index >= I: no shape is it. */
 void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, size_t template_index,
                             apsm_surface_summary *summary);
+
+/* Two-way distances with other shapes in the template's place, which nothing was fitted to:
+ * `others` of them (at most I - 1; 0: nothing is measured), evenly taken after the template, each
+ * warped to at most 32 shapes, evenly taken, without itself.  mean: of the aggregates; its `max`
+ * the largest. others warps, and distances of as many times the shapes. */
+apsm_status apsm_other_templates(apsm_context *ctx, size_t I, size_t J, const double *P,
+                                 const apsm_mesh_source *shape, size_t template_index,
+                                 size_t others, apsm_surface_aggregate *mean) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

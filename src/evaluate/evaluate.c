@@ -71,9 +71,11 @@ static apsm_status measure_surfaces(apsm_context *ctx, const apsm_evaluate_input
     const apsm_status status = apsm_surface_distances(ctx, in->warp ? in->warp : &own, mesh, in->I,
                                                       in->P, in->shape, e->surface);
     apsm_warp_free(&own);
-    if (status == APSM_OK)
-        apsm_surface_summarize(in->I, e->surface, in->template_index, &e->surface_summary);
-    return status;
+    APSM_TRY(status);
+    apsm_surface_summarize(in->I, e->surface, in->template_index, &e->surface_summary);
+    e->others = in->others < in->I - 1 ? in->others : in->I - 1;
+    return apsm_other_templates(ctx, in->I, in->J, in->P, in->shape, in->template_index, e->others,
+                                &e->other_templates);
 }
 
 apsm_status apsm_evaluate(apsm_context *ctx, const apsm_evaluate_input *input,

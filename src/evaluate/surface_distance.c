@@ -290,10 +290,83 @@ void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, siz
                             apsm_surface_summary *summary)
 {
     *summary = (apsm_surface_summary){
-        .two_way = aggregate(I, distance, offsetof(apsm_surface_distance, two_way), SIZE_MAX),
+        .two_way = aggregate(I, distance, offsetof(apsm_surface_distance, two_way), template_index),
         .pull = aggregate(I, distance, offsetof(apsm_surface_distance, pull), template_index),
         .push = aggregate(I, distance, offsetof(apsm_surface_distance, push), template_index),
         .disagreement =
             aggregate(I, distance, offsetof(apsm_surface_distance, disagreement), template_index),
     };
+}
+
+/* ---- other templates ---- */
+
+/* Every stride-th shape of a cohort. */
+typedef struct selection {
+    const apsm_mesh_source *all;
+    size_t stride, n, J;
+    double *P;                       /* n x J x 3 */
+    apsm_surface_distance *distance; /* n */
+} selection;
+
+static apsm_status get_selected(apsm_context *ctx, size_t i, const apsm_mesh **mesh,
+                                const apsm_bvh **bvh, void *user)
+{
+    const selection *s = user;
+    return s->all->get(ctx, i * s->stride, mesh, bvh, s->all->user);
+}
+
+static void release_selected(size_t i, const apsm_mesh *mesh, const apsm_bvh *bvh, void *user)
+{
+    const selection *s = user;
+    if (s->all->release) s->all->release(i * s->stride, mesh, bvh, s->all->user);
+}
+
+/* Shape t with particles p in the template's place, warped to the selected shapes but itself. */
+static apsm_status judge_by(apsm_context *ctx, size_t t, const double *p, selection *s,
+                            apsm_surface_aggregate *result)
+{
+    const apsm_mesh *mesh = NULL;
+    const apsm_bvh *bvh = NULL;
+    const apsm_mesh_source source = { get_selected, release_selected, s };
+    apsm_warp warp = { 0 };
+    APSM_TRY(s->all->get(ctx, t, &mesh, &bvh, s->all->user));
+    apsm_status status = apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, s->J, p, &warp);
+    if (status == APSM_OK)
+        status = apsm_surface_distances(ctx, &warp, mesh, s->n, s->P, &source, s->distance);
+    if (status == APSM_OK)
+        *result = aggregate(s->n, s->distance, offsetof(apsm_surface_distance, two_way),
+                            t % s->stride == 0 ? t / s->stride : SIZE_MAX);
+    apsm_warp_free(&warp);
+    if (s->all->release) s->all->release(t, mesh, bvh, s->all->user);
+    return status;
+}
+
+apsm_status apsm_other_templates(apsm_context *ctx, size_t I, size_t J, const double *P,
+                                 const apsm_mesh_source *shape, size_t template_index,
+                                 size_t others, apsm_surface_aggregate *mean)
+{
+    enum { MOST = 32 };
+    selection s = { .all = shape, .stride = (I + MOST - 1) / MOST, .J = J };
+    *mean = (apsm_surface_aggregate){ 0 };
+    if (others + 1 > I) others = I > 0 ? I - 1 : 0;
+    if (others == 0) return APSM_OK;
+    s.n = (I + s.stride - 1) / s.stride;
+    s.P = malloc(s.n * 3 * J * sizeof *s.P);
+    s.distance = calloc(s.n, sizeof *s.distance);
+    apsm_status status =
+        s.P && s.distance ? APSM_OK
+                          : apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for surface distances");
+    for (size_t k = 0; status == APSM_OK && k < s.n; k++)
+        memcpy(s.P + k * 3 * J, P + k * s.stride * 3 * J, 3 * J * sizeof *P);
+    for (size_t k = 0; status == APSM_OK && k < others; k++) {
+        const size_t t = (template_index + 1 + k * (I - 1) / others) % I;
+        apsm_surface_aggregate a = { 0 };
+        status = judge_by(ctx, t, P + t * 3 * J, &s, &a);
+        mean->mean += a.mean / (double)others;
+        mean->mean_max += a.mean_max / (double)others;
+        mean->max = fmax(mean->max, a.max);
+    }
+    free(s.P);
+    free(s.distance);
+    return status;
 }

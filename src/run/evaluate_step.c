@@ -103,6 +103,7 @@ static apsm_status compute(evaluation_work *w)
         .shape = run->options.surface_distance ? &shapes : NULL,
         .template_mesh = mesh,
         .template_index = t,
+        .others = (size_t)run->options.other_templates,
         .warp = &w->warp,
     };
     APSM_TRY(apsm_shape_model_fit(run->ctx, w->I, w->J, w->P, &w->model));
@@ -169,6 +170,14 @@ static json_t *json_shape_distance(const evaluation_work *w, size_t i)
                      "disagreement", json_distance(&d->disagreement));
 }
 
+static json_t *json_others(const evaluation_work *w)
+{
+    const apsm_surface_aggregate *a = &w->evaluation.other_templates;
+    if (w->evaluation.others == 0) return json_null();
+    return json_pack("{s:I, s:f, s:f, s:f}", "templates", (json_int_t)w->evaluation.others, "mean",
+                     a->mean, "max", a->max, "mean_max", a->mean_max);
+}
+
 static json_t *json_surface(const evaluation_work *w)
 {
     if (!w->evaluation.surface) return json_null();
@@ -176,8 +185,8 @@ static json_t *json_surface(const evaluation_work *w)
     json_t *shapes = json_array();
     for (size_t i = 0; i < w->I; i++) json_array_append_new(shapes, json_shape_distance(w, i));
     shapes = all_or_none(shapes, w->I);
-    return json_pack("{s:f, s:f, s:f, s:o}", "mean", a->mean, "max", a->max, "mean_max",
-                     a->mean_max, "per_shape", shapes);
+    return json_pack("{s:f, s:f, s:f, s:o, s:o}", "mean", a->mean, "max", a->max, "mean_max",
+                     a->mean_max, "other_templates", json_others(w), "per_shape", shapes);
 }
 
 static apsm_status write_evaluation(const evaluation_work *w)
@@ -320,8 +329,13 @@ static void tell(const evaluation_work *w)
     apsm_context *ctx = w->run->ctx;
     const apsm_evaluation *e = &w->evaluation;
     if (e->surface)
-        apsm_log(ctx, APSM_LOG_INFO, "surface distance: mean %.4g, max %.4g (two-way)",
-                 e->surface_summary.two_way.mean, e->surface_summary.two_way.max);
+        apsm_log(ctx, APSM_LOG_INFO, "surface distance: mean %.4g, max %.4g (two-way; template %s)",
+                 e->surface_summary.two_way.mean, e->surface_summary.two_way.max,
+                 name_of(w, w->run->cohort.template_index));
+    if (e->others > 0)
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "surface distance with %zu other shapes as template: mean %.4g, max %.4g",
+                 e->others, e->other_templates.mean, e->other_templates.max);
     if (e->n_generalization > 0)
         apsm_log(ctx, APSM_LOG_INFO,
                  "one mode: compactness %.3f, generalization %.4g, specificity %.4g (%s)",

@@ -15,7 +15,8 @@ enum { TEXTS = sizeof texts / sizeof texts[0] };
 /* Options that can change without making the particles different. */
 static const char *const harmless[] = { "definition",        "specificity_samples",
                                         "specificity_modes", "surface_distance",
-                                        "original_frame",    "checkpoint_seconds" };
+                                        "other_templates",   "original_frame",
+                                        "checkpoint_seconds" };
 
 static bool is_one_of(const char *const *words, size_t n, const char *word)
 {

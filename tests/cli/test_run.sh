@@ -128,6 +128,17 @@ expect 0 "" groom cohort -o steps "${quick[@]}"
 for step in initialize optimize evaluate; do expect 0 "" $step -o steps; done
 expect 0 "" report steps
 same_folder model steps "run, and step by step"
+# One model has one surface distance, whoever reads it; another template gives another.
+expect 0 "" evaluate -o steps
+figures=$(sed -n 's/.*surface distance: mean \([0-9.]*\), .*template \(.*\))$/\1 \2/p' said)
+expect 0 "${figures% *}" evaluate steps/project.swproj
+grep -q "(template ${figures#* })" said || fail "another template: $figures; $(cat said)"
+grep -q "with 3 other shapes as template" said || fail "no other templates: $(cat said)"
+other=s0 && [ "${figures#* }" = s0 ] && other=s1
+expect 0 "(template $other)" evaluate steps/project.swproj --template $other --other-templates 0
+grep -q "other shapes as template" said && fail "--other-templates 0: $(cat said)"
+expect 2 "no such shape" evaluate steps/project.swproj --template nobody
+expect 2 "its own template" evaluate -o steps --template $other
 expect 0 "" run cohort -o again --config model/manifest.json
 same_folder model again "options from the manifest"
 
