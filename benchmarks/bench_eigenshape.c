@@ -40,7 +40,6 @@ int main(int argc, char **argv)
 {
     size_t sizes[16] = { 128, 512, 1024 };
     const size_t n = bench_sizes(argc, argv, sizes, 3);
-    apsm_linalg_single_thread();
     const double gemm = bench_limit_gemm();
     for (size_t i = 0; i < n; i++) measure(sizes[i], gemm);
     return 0;

@@ -10,7 +10,6 @@
 #include "apsm/input.h"
 #include "core/random.h"
 #include "groom/align.h"
-#include "linalg/linalg.h"
 
 enum { POINTS = 400 };
 
@@ -119,7 +118,6 @@ int main(int argc, char **argv)
     apsm_context *ctx = apsm_context_new();
     apsm_input_list list = { 0 };
     if (!ctx) return 1;
-    apsm_linalg_single_thread();
     check(ctx, apsm_input_expand(ctx, 1, &folder, NULL, NULL, &list));
     model *m = calloc(list.n, sizeof *m);
     double *work = malloc(apsm_icp_work_size(POINTS) * sizeof *work);

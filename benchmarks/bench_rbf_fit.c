@@ -56,7 +56,6 @@ int main(int argc, char **argv)
 {
     size_t sizes[16] = { 128, 512, 1024 };
     const size_t n = bench_sizes(argc, argv, sizes, 3);
-    apsm_linalg_single_thread();
     const double sqrt32 = bench_limit_sqrt32(), stream = bench_limit_stream();
     for (size_t i = 0; i < n; i++) measure(sizes[i], sqrt32, stream);
     return 0;

@@ -48,7 +48,6 @@ int main(int argc, char **argv)
         fprintf(stderr, "bench_specificity: 3 shapes and 7 particles at least\n");
         return 2;
     }
-    apsm_linalg_single_thread();
     apsm_context_set_threads(b.ctx, 1);
     double *P = make_cohort(I, J, exponent);
     bench_must(apsm_shape_model_fit(b.ctx, I, J, P, &b.model));

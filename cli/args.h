@@ -41,7 +41,7 @@ typedef enum cli_progress_mode {
 } cli_progress_mode;
 
 /* A key of apsm/options.h, "preset", or one of the texts "labels", "reflect_match", "exclude",
- * "template", "original_frame", "seed"; both owned. */
+ * "template", "seed"; both owned. */
 typedef struct cli_pair {
     char *key, *value;
 } cli_pair;

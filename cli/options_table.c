@@ -43,9 +43,6 @@ static const cli_option own[] = {
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },
-    { "original-frame", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, NULL, "original_frame", "true",
-      "also write particles in the frame of the input files, with mirrored shapes mirrored back",
-      NULL },
     { "preset", 0, CLI_SETS, CLI_GROUP_MODEL, STEPS, "NAME", "preset", NULL,
       "a named set of options: default, paper-literal-femur, paper-literal-liver or "
       "paper-literal-hip; other options change it",
@@ -95,7 +92,7 @@ static const struct {
     { "alpha", 0, CLI_GROUP_MODEL },         { "beta", 0, CLI_GROUP_MODEL },
     { "gamma", 0, CLI_GROUP_MODEL },         { "stage1_epochs", 0, CLI_GROUP_MODEL },
     { "stage2_epochs", 0, CLI_GROUP_MODEL }, { "align", 0, CLI_GROUP_INPUT },
-    { "cuts", 0, CLI_GROUP_INPUT },
+    { "cuts", 0, CLI_GROUP_INPUT },          { "original_frame", 0, CLI_GROUP_INPUT },
 };
 
 static void dashed(const char *prefix, const char *key, char name[48])
@@ -146,8 +143,8 @@ cli_option *cli_options_list(size_t *n)
 
 /* ---- Names ---- */
 
-static const char *const texts[] = { "preset",   "labels",         "reflect_match", "exclude",
-                                     "template", "original_frame", "seed" };
+static const char *const texts[] = { "preset",  "labels",   "reflect_match",
+                                     "exclude", "template", "seed" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

@@ -10,6 +10,7 @@
 #include <stdint.h>
 
 #include "apsm/context.h"
+#include "apsm/number.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -51,16 +52,6 @@ apsm_status apsm_replace_file(apsm_context *ctx, const char *temp, const char *p
  * more than limit bytes is refused (APSM_ERR_FORMAT). */
 apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, char **data,
                            size_t *size) APSM_NODISCARD;
-
-/* ---- Numbers as text -------------------------------------------------------------------- */
-
-enum { APSM_NUMBER_LENGTH = 32 };
-/* The shortest of 15, 16 or 17 significant digits that reads back as the same double; not finite:
- * "nan", "inf", "-inf". */
-void apsm_format_number(double x, char text[APSM_NUMBER_LENGTH]);
-/* Reads one decimal number that fills text[0..length).  False if it is anything else: empty,
- * hexadecimal, "nan", "inf", with a decimal comma, beyond the range of double. */
-bool apsm_parse_number(const char *text, size_t length, double *x);
 
 /* ---- Folders and paths ------------------------------------------------------------------ */
 

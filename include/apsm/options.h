@@ -161,6 +161,9 @@ extern "C" {
         "shapes that take the template's place in turn for further surface distances, which no "   \
         "fit knew of; 0: none")                                                                    \
     /* run */                                                                                      \
+    BOOL(original_frame, false,                                                                    \
+         "also write particles in the frame of the input files, with mirrored shapes mirrored "    \
+         "back")                                                                                   \
     REAL(checkpoint_seconds, 10, 0, 1e9,                                                           \
          "seconds between two checkpoints, more if writing one takes long; 0: after every epoch")
 

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
+
 /* #dflt is the text as it stands in the table: true, not what the macro true stands for. */
 #define ROW_INT(name, dflt, lo, hi, doc)  { #name, APSM_OPTION_INT, #dflt, lo, hi, NULL, doc },
 #define ROW_REAL(name, dflt, lo, hi, doc) { #name, APSM_OPTION_REAL, #dflt, lo, hi, NULL, doc },
@@ -83,22 +85,28 @@ static apsm_status out_of_range(apsm_context *ctx, const apsm_option_info *o, co
                      o->most);
 }
 
-/* strtod and strtol follow the process's locale; option texts never hold group separators, and a
- * program that sets LC_NUMERIC gets a parse error rather than a wrong value. */
+/* strtol alone would also take " 1". */
+static bool parse_whole(const char *text, long *x)
+{
+    char *end = NULL;
+    if (!strchr("+-0123456789", *text) || !*text) return false;
+    errno = 0;
+    *x = strtol(text, &end, 10);
+    return end != text && !*end && !errno;
+}
+
 static apsm_status set_number(apsm_context *ctx, const apsm_option_info *o, const char *value,
                               void *at)
 {
-    char *end = NULL;
-    errno = 0;
     if (o->kind == APSM_OPTION_INT) {
-        const long x = strtol(value, &end, 10);
-        if (end == value || *end || errno || (double)x < o->least || (double)x > o->most)
+        long x;
+        if (!parse_whole(value, &x) || (double)x < o->least || (double)x > o->most)
             return out_of_range(ctx, o, value);
         *(long *)at = x;
         return APSM_OK;
     }
-    const double x = strtod(value, &end);
-    if (end == value || *end || !isfinite(x) || x < o->least || x > o->most)
+    double x;
+    if (!apsm_parse_number(value, strlen(value), &x) || x < o->least || x > o->most)
         return out_of_range(ctx, o, value);
     *(double *)at = x;
     return APSM_OK;
@@ -214,6 +222,13 @@ static void word_at(const char *words, int k, char text[64])
     snprintf(text, 64, "%.*s", bar ? (int)(bar - words) : (int)strlen(words), words);
 }
 
+static void get_real(double x, char text[64])
+{
+    const locale_t before = apsm_numbers_begin();
+    snprintf(text, 64, "%.17g", x);
+    apsm_numbers_end(before);
+}
+
 apsm_status apsm_options_get(const apsm_options *options, const char *key, char text[64])
 {
     const int k = find(key);
@@ -224,7 +239,7 @@ apsm_status apsm_options_get(const apsm_options *options, const char *key, char 
         snprintf(text, 64, "%ld", *(const long *)at);
         break;
     case APSM_OPTION_REAL:
-        snprintf(text, 64, "%.17g", *(const double *)at);
+        get_real(*(const double *)at, text);
         break;
     case APSM_OPTION_BOOL:
         snprintf(text, 64, "%s", *(const bool *)at ? "true" : "false");

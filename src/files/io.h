@@ -2,21 +2,17 @@
 #ifndef APSM_FILES_IO_H
 #define APSM_FILES_IO_H
 
-#include <locale.h>
 #include <stdbool.h>
 #include <stdint.h>
 
 #include "apsm/files.h"
+#include "core/number.h"
 
 /* Fails with "PATH: WHAT: reason; remedy" for the given errno; ENOMEM gives APSM_ERR_MEMORY. */
 apsm_status apsm_fail_errno(apsm_context *ctx, const char *path, const char *what, int error);
 
 /* Brings the entry of path in its folder to the disk; 0 or an errno. */
 int apsm_sync_folder_of(const char *path);
-
-/* Between the two, this thread's numbers have a decimal point whatever the user's locale. */
-locale_t apsm_numbers_begin(void);
-void apsm_numbers_end(locale_t before);
 
 /* Length of text that is shown of a user's token in a message. */
 enum { APSM_SHOWN = 40 };

@@ -1,6 +1,7 @@
 /* linalg.h -- the library's only door to BLAS and LAPACK.  Row-major, symmetric matrices by
- * their lower triangle unless said otherwise.  BLAS runs single-threaded inside: threads go
- * over shapes, and results cannot depend on their number. */
+ * their lower triangle unless said otherwise.  BLAS runs single-threaded inside, whatever the
+ * program around has chosen (which it finds again): threads go over shapes, and results cannot
+ * depend on their number. */
 #ifndef APSM_LINALG_H
 #define APSM_LINALG_H
 
@@ -11,10 +12,6 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/* Tells BLAS to use one thread, for the whole process.  apsm_optimize and apsm_run_open call it;
- * call it before using other parts alone.  Harmless to repeat. */
-void apsm_linalg_single_thread(void);
 
 /* A (n x n, in: symmetric, lower triangle used; out: L with A = L L^T, upper triangle
  * untouched).  APSM_ERR_SINGULAR if A is not positive definite. */

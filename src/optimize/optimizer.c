@@ -17,7 +17,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/eigenshape_loss.h"
 #include "optimize/epoch.h"
@@ -367,7 +366,6 @@ static apsm_status optimize(apsm_context *ctx, const apsm_cohort *cohort,
                             const apsm_options *options, apsm_optimizer_state *state, bool quiet,
                             apsm_epoch_fn on_epoch, void *user)
 {
-    apsm_linalg_single_thread();
     optimizer op;
     APSM_TRY(optimizer_alloc(ctx, cohort, options, state, &op));
     op.quiet = quiet;

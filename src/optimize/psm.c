@@ -30,7 +30,6 @@
 
 #include "apsm/affine.h"
 #include "geometry/vec3.h"
-#include "linalg/linalg.h"
 #include "model/procrustes.h"
 #include "optimize/psm_entropy.h"
 #include "optimize/psm_sweep.h"
@@ -474,7 +473,6 @@ apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "%zu shapes in the state, %zu in the cohort; at least 2 particles needed",
                          state->I, cohort->I);
-    apsm_linalg_single_thread();
     psm p = { .ctx = ctx,
               .cohort = cohort,
               .o = options,

@@ -72,7 +72,7 @@ static apsm_status write_subject(apsm_context *ctx, size_t i, int worker, void *
     }
     if (status == APSM_OK)
         status = write_frame(ctx, f->run, s->name, "world", f->J, world, &s->world_particles);
-    if (status == APSM_OK && strcmp(apsm_run_text(f->run, "original_frame"), "true") == 0)
+    if (status == APSM_OK && f->run->options.original_frame)
         status = write_original(ctx, f->run, s, f->J, local);
     free(local);
     return status;

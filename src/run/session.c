@@ -8,7 +8,6 @@
 
 #include "apsm/report.h"
 #include "files/io.h"
-#include "linalg/linalg.h"
 #include "run/groom_inputs.h"
 #include "run/kept.h"
 #include "run/manifest.h"
@@ -78,10 +77,24 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     return settings_settle(run, s);
 }
 
+static bool is_complete(const apsm_run_settings *s)
+{
+    if (!s || !s->folder || !*s->folder) return false;
+    if ((s->n_inputs > 0 && !s->inputs) || (s->n_set > 0 && !s->set)) return false;
+    for (size_t k = 0; k < s->n_inputs; k++)
+        if (!s->inputs[k]) return false;
+    for (size_t k = 0; k < s->n_set; k++)
+        if (!s->set[k][0] || !s->set[k][1]) return false;
+    return true;
+}
+
 apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, apsm_run **out)
 {
+    if (!out) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_run_open: no place for the run");
     *out = NULL;
-    apsm_linalg_single_thread();
+    if (!ctx || !is_complete(settings))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "apsm_run_open: needs a context, a folder, and no text that is NULL");
     apsm_run *run = calloc(1, sizeof *run);
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;

@@ -1,5 +1,6 @@
 #include "run/settings.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -8,8 +9,7 @@
 
 /* ---- texts beside the option table ---- */
 
-static const char *const texts[] = { "labels",   "reflect_match",  "exclude",
-                                     "template", "original_frame", "seed" };
+static const char *const texts[] = { "labels", "reflect_match", "exclude", "template", "seed" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */
@@ -47,12 +47,15 @@ const apsm_options *apsm_run_options(const apsm_run *run)
 
 /* ---- settling the options ---- */
 
+/* strtoull alone would also take " -1". */
 static apsm_status take_seed(apsm_run *run, const char *text)
 {
     char *end;
+    errno = 0;
     const unsigned long long seed = strtoull(text, &end, 10);
-    if (end == text || *end || *text == '-')
-        return apsm_fail(run->ctx, APSM_ERR_ARG, "seed = %s: give a whole number >= 0", text);
+    if (*text < '0' || *text > '9' || *end || errno)
+        return apsm_fail(run->ctx, APSM_ERR_ARG, "seed = %s: give a whole number from 0 to %llu",
+                         text, (unsigned long long)UINT64_MAX);
     apsm_context_set_seed(run->ctx, seed);
     return APSM_OK;
 }
@@ -100,7 +103,10 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
         APSM_TRY(apsm_options_get(&run->options, table[k].name, b));
         if (strcmp(a, b) == 0) continue;
         if (!is_harmless(table[k].name)) return refuse_change(run, table[k].name, a, b);
-        if (strcmp(table[k].name, "checkpoint_seconds") != 0) stage_undo(run, "evaluate");
+        if (strcmp(table[k].name, "original_frame") == 0)
+            stage_undo(run, "optimize"); /* particles/ */
+        else if (strcmp(table[k].name, "checkpoint_seconds") != 0)
+            stage_undo(run, "evaluate");
     }
     return APSM_OK;
 }
@@ -108,9 +114,7 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
 static apsm_status refuse_other_text(apsm_run *run, const char *key, const char *value)
 {
     if (!is_text(key) || strcmp(apsm_run_text(run, key), value) == 0) return APSM_OK;
-    if (!is_harmless(key)) return refuse_change(run, key, apsm_run_text(run, key), value);
-    stage_undo(run, "optimize"); /* original_frame: particles/ */
-    return APSM_OK;
+    return refuse_change(run, key, apsm_run_text(run, key), value);
 }
 
 /* Of the project's texts, those that are not in the option table; owned by the caller. */
@@ -175,8 +179,11 @@ apsm_status settings_settle(apsm_run *run, const apsm_run_settings *s)
 apsm_status settings_try(apsm_run *run, const apsm_run_settings *s)
 {
     run->options = apsm_options_defaults();
-    for (size_t k = 0; k < s->n_set; k++)
-        if (!is_text(s->set[k][0])) APSM_TRY(take_pair(run, s->set[k][0], s->set[k][1]));
+    for (size_t k = 0; k < s->n_set; k++) {
+        const char *key = s->set[k][0], *value = s->set[k][1];
+        if (strcmp(key, "seed") == 0) APSM_TRY(take_seed(run, value));
+        if (!is_text(key)) APSM_TRY(take_pair(run, key, value));
+    }
     return apsm_options_check(run->ctx, &run->options);
 }
 

@@ -290,7 +290,7 @@ for i in 0 1 2; do
     "$synthetic" bump pair/left_$i.ply index $i mirror 1 turn 100 shift 7
 done
 expect 0 "3 of them mirrored" run pair -o mirrored "${quick[@]}" --reflect-match left \
-    --original-frame --template right_1
+    --set original_frame=yes --template right_1
 particles mirrored 64 6
 [ "$(grep -c '"mirrored": "yes"' mirrored/project.swproj)" -eq 3 ] || fail "mirrored is not told"
 [ "$(find mirrored/particles -name '*_original.particles' | wc -l)" -eq 6 ] ||

@@ -5,7 +5,9 @@
 
 #include <cmocka.h>
 
+#include <cblas.h>
 #include <math.h>
+#include <pthread.h>
 
 #include "check.h"
 #include "linalg/linalg.h"
@@ -123,6 +125,52 @@ static void products_follow_row_major_order(void **state)
     assert_true(y[0] == 9 && y[1] == 21);
 }
 
+/* The library's calls of these come here first. */
+static int threads_inside;
+void cblas_ssymv(CBLAS_ORDER order, CBLAS_UPLO uplo, blasint n, float alpha, const float *a,
+                 blasint lda, const float *x, blasint incx, float beta, float *y, blasint incy)
+{
+    (void)order, (void)uplo, (void)n, (void)alpha, (void)a, (void)lda, (void)x, (void)incx;
+    (void)beta, (void)y, (void)incy;
+    threads_inside += openblas_get_num_threads();
+}
+
+static void a_call_runs_alone_and_gives_the_threads_back(void **state)
+{
+    (void)state;
+    const float A[1] = { 2 }, x[1] = { 3 };
+    float y[1];
+    openblas_set_num_threads(3);
+    threads_inside = 0;
+    apsm_symv_f32(1, A, x, y);
+    assert_int_equal(threads_inside, 1);
+    assert_int_equal(openblas_get_num_threads(), 3);
+}
+
+static void *many_calls(void *user)
+{
+    double A[64 * 64], *wrong = user;
+    for (int round = 0; round < 500; round++) {
+        for (size_t k = 0; k < 64 * 64; k++) A[k] = k % 65 == 0 ? 4 : 0;
+        if (apsm_cholesky(64, A) != APSM_OK || A[0] != 2) *wrong += 1;
+    }
+    return NULL;
+}
+
+static void threads_of_the_program_get_theirs_back(void **state)
+{
+    (void)state;
+    enum { N = 4 };
+    pthread_t thread[N];
+    double wrong[N] = { 0 };
+    openblas_set_num_threads(3);
+    for (int k = 0; k < N; k++)
+        assert_int_equal(pthread_create(&thread[k], NULL, many_calls, &wrong[k]), 0);
+    for (int k = 0; k < N; k++) pthread_join(thread[k], NULL);
+    for (int k = 0; k < N; k++) assert_true(wrong[k] == 0);
+    assert_int_equal(openblas_get_num_threads(), 3);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -132,7 +180,8 @@ int main(void)
         cmocka_unit_test(logdet_is_the_log_of_the_product),
         cmocka_unit_test(eigenvectors_are_rows_in_descending_order),
         cmocka_unit_test(products_follow_row_major_order),
+        cmocka_unit_test(a_call_runs_alone_and_gives_the_threads_back),
+        cmocka_unit_test(threads_of_the_program_get_theirs_back),
     };
-    apsm_linalg_single_thread();
     return cmocka_run_group_tests_name("linalg", tests, NULL, NULL);
 }

@@ -5,7 +5,6 @@
 #include "cmocka_all.h"
 #include "core/random.h"
 #include "initialize/farthest_point.h"
-#include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
 #include "optimize/optimizer.h"
@@ -34,7 +33,6 @@ static void make_scene(scene *s, synthetic_kind kind, double error, double size)
     const char *const names[I] = { "a", "b", "c", "d", "e", "f" };
     s->ctx = apsm_context_new();
     assert_non_null(s->ctx);
-    apsm_linalg_single_thread();
     for (size_t i = 0; i < I; i++) {
         mesh[i] = synthetic_shape(kind, i, I, LEVEL);
         for (size_t x = 0; x < 3 * mesh[i].nv; x++) mesh[i].V[x] *= size;
@@ -285,7 +283,6 @@ static void test_prior_finds_modes(void **state)
     double P[SHAPES * D];
     apsm_context *ctx = apsm_context_new();
     apsm_fidelity_prior p;
-    apsm_linalg_single_thread();
     apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
     for (size_t i = 0; i < SHAPES; i++) {
         const double a = 8 * apsm_random_normal(&rng), b = 4 * apsm_random_normal(&rng);

@@ -3,7 +3,6 @@
 #include <string.h>
 
 #include "cmocka_all.h"
-#include "linalg/linalg.h"
 #include "optimize/particle_search.h"
 #include "optimize/reseat.h"
 #include "optimize/snap.h"
@@ -43,7 +42,6 @@ static void make_scene(scene *s, bool balls)
     const char *const names[I] = { "a", "b", "c", "d", "e", "f", "g", "h" };
     s->ctx = apsm_context_new();
     assert_non_null(s->ctx);
-    apsm_linalg_single_thread();
     for (size_t i = 0; i < I; i++) {
         mesh[i] = balls ? shape_icosphere(LEVEL) : synthetic_shape(SYNTHETIC_BUMP, i, I, LEVEL);
         for (size_t c = 0; c < 4; c++) M[16 * i + 5 * c] = 1;

@@ -1,7 +1,6 @@
 /* Numbers as text, the same under every locale. */
-#include "files/io.h"
+#include "core/number.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,0 +1,23 @@
+/* number.h -- numbers as text, the same under every locale. */
+#ifndef APSM_NUMBER_H
+#define APSM_NUMBER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { APSM_NUMBER_LENGTH = 32 };
+/* The shortest of 15, 16 or 17 significant digits that reads back as the same double; not finite:
+ * "nan", "inf", "-inf". */
+void apsm_format_number(double x, char text[APSM_NUMBER_LENGTH]);
+/* Reads one decimal number that fills text[0..length).  False if it is anything else: empty,
+ * hexadecimal, "nan", "inf", with a decimal comma, beyond the range of double. */
+bool apsm_parse_number(const char *text, size_t length, double *x);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
