@@ -348,16 +348,11 @@ static apsm_status certify_end(const round_task *t, size_t i, fidelity_work *w, 
     return APSM_OK;
 }
 
-static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void *user)
+static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, shape_result *r)
 {
-    (void)ctx;
-    const round_task *t = user;
     const apsm_fidelity *f = t->f;
-    fidelity_work *w = &t->work[worker];
-    shape_result *r = &t->result[i];
     const size_t D = 3 * f->J;
     double *P = t->P + i * D;
-    if (i == f->cohort->template_index) return APSM_OK;
     memcpy(w->entry, P, D * sizeof *P);
     memcpy(w->a.P, P, D * sizeof *P);
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
@@ -370,6 +365,22 @@ static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void 
     for (size_t j = 0; j < f->J; j++)
         r->step += sqrt(vec3_distance2(P + 3 * j, w->entry + 3 * j)) / (f->h * (double)f->J);
     return APSM_OK;
+}
+
+static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx;
+    const round_task *t = user;
+    if (i == t->f->cohort->template_index) return APSM_OK;
+    return take_round(t, i, &t->work[worker], &t->result[i]);
+}
+
+apsm_status fidelity_round_of(const apsm_fidelity *f, const apsm_fidelity_prior *prior, size_t i,
+                              long round, const double *P0, double *P, fidelity_work *w)
+{
+    shape_result result = { 0 };
+    const round_task t = { .f = f, .prior = prior, .round = round, .P0 = P0, .P = P };
+    return take_round(&t, i, w, &result);
 }
 
 /* ---- a round ---- */

@@ -72,6 +72,12 @@ enum { FIDELITY_ROWS = 256 };
 apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w);
 void fidelity_work_free(fidelity_work *w);
 
+/* A round of shape i alone, with a prior that is there already (its fold i % folds): how a shape
+ * that is new to a finished model is fitted.  P0, P as for apsm_fidelity_round. */
+apsm_status fidelity_round_of(const apsm_fidelity *f, const apsm_fidelity_prior *prior, size_t i,
+                              long round, const double *P0, double *P,
+                              fidelity_work *w) APSM_NODISCARD;
+
 /* Fills s->match and s->distance for particles s->P of shape i. */
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
                       fidelity_work *w);
