@@ -48,10 +48,10 @@ typedef struct aligner {
     bool again;       /* for meshes that have been cropped */
     bool *fits;       /* n: whether that one fits about as well as the best, or the best is such */
     bool *turned;     /* n: whether the best turns more, and fits little better */
-    apsm_medoid_plan *plan;
-    size_t part;      /* of the plan's shapes, or all of them */
-    double *R;        /* plan's candidates x shapes */
-    apsm_cloud dense; /* of the template */
+    apsm_medoid_plan *plan; /* while the medoid is looked for, and what goes with it: */
+    size_t part;            /* of the plan's shapes, or all of them */
+    double *R;              /* plan's candidates x shapes */
+    apsm_cloud dense;       /* of the template */
 } aligner;
 
 apsm_align_options apsm_align_defaults(void)
@@ -396,6 +396,21 @@ static apsm_status pair_task(apsm_context *ctx, size_t k, int worker, void *user
     return APSM_OK;
 }
 
+/* Residuals R of the plan's pairs; candidates that fall behind drop out. */
+static apsm_status race(apsm_context *ctx, aligner *a, apsm_medoid_plan *plan, double *R)
+{
+    APSM_TRY(hold_trees(ctx, a, plan->candidates, plan->candidate));
+    APSM_TRY(hold_trees(ctx, a, plan->shapes, plan->shape));
+    a->plan = plan;
+    a->R = R;
+    const size_t parts = plan->candidates == plan->shapes ? 1 : APSM_MEDOID_PARTS;
+    for (a->part = 0; a->part < parts; a->part++) {
+        APSM_TRY(apsm_parallel_for(ctx, plan->candidates * plan->shapes, pair_task, a, NULL));
+        if (a->part + 1 < parts) apsm_medoid_drop(plan, a->part + 1, R);
+    }
+    return APSM_OK;
+}
+
 static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
 {
     apsm_medoid_plan plan;
@@ -404,17 +419,11 @@ static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
     for (size_t i = 0; i < a->n; i++)
         if (!a->out->mirrored[i]) a->list[eligible++] = i;
     apsm_medoid_draw(eligible, a->list, apsm_context_seed(ctx), &plan);
-    APSM_TRY(hold_trees(ctx, a, plan.candidates, plan.candidate));
-    APSM_TRY(hold_trees(ctx, a, plan.shapes, plan.shape));
-    a->plan = &plan;
-    a->R = R;
-    const size_t parts = plan.candidates == plan.shapes ? 1 : APSM_MEDOID_PARTS;
-    for (a->part = 0; a->part < parts; a->part++) {
-        APSM_TRY(apsm_parallel_for(ctx, plan.candidates * plan.shapes, pair_task, a, NULL));
-        if (a->part + 1 < parts) apsm_medoid_drop(&plan, a->part + 1, R);
-    }
-    *medoid = apsm_medoid_pick(&plan, R);
-    return APSM_OK;
+    const apsm_status status = race(ctx, a, &plan, R);
+    if (status == APSM_OK) *medoid = apsm_medoid_pick(&plan, R);
+    a->plan = NULL;
+    a->R = NULL;
+    return status;
 }
 
 /* M <- T(-centroid of the template) M, the world's frame. */

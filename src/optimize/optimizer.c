@@ -213,9 +213,14 @@ static void fill_record(const optimizer *op, apsm_epoch_record *r)
     r->correspondence = mean_over_shapes(op, offsetof(shape_record, correspondence));
     r->surface_error = sqrt(mean_over_shapes(op, offsetof(shape_record, error2))) / op->state->h;
     r->step = mean_over_shapes(op, offsetof(shape_record, step));
-    /* Of (9) itself, whatever its factor: a cohort's size does not change the figure. */
+}
+
+/* The batch's share in the mean of (9) over the shapes; of (9) itself, whatever its factor: a
+ * cohort's size does not change the figure. */
+static double figure_of_batch(const optimizer *op)
+{
     const double size = op->o->eigen_scale == 0 ? 3.0 * (double)(op->J * op->batch_size) : 1.0;
-    r->eigenshape = op->eigenshape / size;
+    return op->eigenshape / size * ((double)op->batch_size / (double)op->I);
 }
 
 static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
@@ -258,6 +263,7 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     apsm_optimizer_state *s = op->state;
     *r = (apsm_epoch_record){ .mismatched = NAN, .worst_mismatched = NAN };
     op->epoch_seed = s->epochs_run;
+    double eigenshape = 0;
     APSM_TRY(freeze_template(op));
     if (pass_is_due(&op->schedule, s->epoch)) {
         APSM_TRY(run_pass(op, r));
@@ -267,12 +273,15 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     op->w = weights_of_epoch(op->o, &op->schedule, s->stage, s->epoch, s->epochs_run);
     APSM_TRY(renew_factors(op));
     shuffle(op);
-    for (size_t first = 0; first < op->I; first += op->K) {
-        const size_t rest = op->I - first;
-        APSM_TRY(run_batch(op, op->order + first, rest < op->K ? rest : op->K));
+    for (size_t b = 0, first = 0; first < op->I; b++) {
+        const size_t next = batch_begin(op->I, op->K, b + 1);
+        APSM_TRY(run_batch(op, op->order + first, next - first));
+        eigenshape += figure_of_batch(op);
+        first = next;
     }
     if (op->K < op->I) apsm_cohort_mean(op->I, op->J, s->P, s->mean);
     fill_record(op, r);
+    r->eigenshape = eigenshape;
     s->epoch++;
     s->epochs_run++;
     return APSM_OK;

@@ -54,3 +54,16 @@ bool pass_is_due(const schedule *s, long epoch)
     if (epoch < 0) return (epoch + s->settle) % SETTLING == 0;
     return s->pass_interval > 0 && (epoch % s->pass_interval == 0 || epoch == s->decay2);
 }
+
+size_t passes_of_stage(const schedule *s)
+{
+    size_t n = 0;
+    for (long epoch = 0; epoch < s->epochs; epoch++) n += pass_is_due(s, epoch);
+    return n;
+}
+
+size_t batch_begin(size_t I, size_t K, size_t b)
+{
+    const size_t batches = (I + K - 1) / K, least = I / batches, larger = I % batches;
+    return b * least + (b < larger ? b : larger);
+}

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "optimize/optimizer.h"
+#include "optimize/schedule.h"
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -140,9 +141,8 @@ static double optimize_seconds(const apsm_options *o, double I)
     const double factors = kept_bytes(o, I) > 0 ? ceil(adaptive / RENEWAL) / adaptive : 1;
     double seconds = epochs * epoch_seconds(J, false, 0) +
                      adaptive * epoch_seconds(J, o->adaptivity > 0, factors);
-    if (o->geodesic_correspondence && epochs > 0)
-        seconds += (2 + epochs / fmin((double)o->geodesic_interval, fmax(epochs / 4, 1))) *
-                   pass_seconds(J);
+    const schedule stage1 = schedule_of_stage(o, APSM_STAGE_1);
+    seconds += (double)passes_of_stage(&stage1) * pass_seconds(J);
     if (o->fidelity > 0) seconds += (double)o->fidelity_rounds * round_seconds(o);
     return seconds;
 }

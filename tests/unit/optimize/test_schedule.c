@@ -1,0 +1,122 @@
+/* Which epochs do what, how shapes are divided into batches, and what an epoch's record says. */
+#include <math.h>
+#include <string.h>
+
+#include "cmocka_all.h"
+#include "optimize/optimizer.h"
+#include "optimize/schedule.h"
+#include "synthetic.h"
+
+static void batches_differ_by_one_shape_at_most(void **state)
+{
+    (void)state;
+    for (size_t I = 1; I <= 300; I++)
+        for (size_t K = 1; K <= I; K += 7) {
+            const size_t n = (I + K - 1) / K;
+            assert_int_equal(batch_begin(I, K, 0), 0);
+            assert_int_equal(batch_begin(I, K, n), I);
+            for (size_t b = 0; b < n; b++) {
+                const size_t size = batch_begin(I, K, b + 1) - batch_begin(I, K, b);
+                assert_true(size <= K && size >= I / n && size <= I / n + 1);
+            }
+        }
+    assert_int_equal(batch_begin(257, 64, 1), 52); /* not 64, 64, 64, 64 and 1 */
+    assert_int_equal(batch_begin(257, 64, 4), 206);
+}
+
+static void passes_are_counted_as_they_come(void **state)
+{
+    (void)state;
+    apsm_options o = apsm_options_defaults();
+    o.stage1_epochs = 100;
+    o.decay2_at = 0.85;
+    o.geodesic_interval = 25;
+    schedule s = schedule_of_stage(&o, APSM_STAGE_1);
+    assert_int_equal(passes_of_stage(&s), 5); /* 0, 25, 50, 75 and the second decay */
+    o.stage1_epochs = 6;
+    o.geodesic_interval = 25; /* at most half of the stage: 0, 3, and 5 */
+    s = schedule_of_stage(&o, APSM_STAGE_1);
+    assert_int_equal(passes_of_stage(&s), 3);
+    o.geodesic_correspondence = false;
+    s = schedule_of_stage(&o, APSM_STAGE_1);
+    assert_int_equal(passes_of_stage(&s), 0);
+}
+
+/* ---- the record of an epoch with several batches ---- */
+
+enum { I = 4, J = 20, LEVEL = 2 };
+
+static void make_cohort(apsm_context *ctx, apsm_cohort *cohort, double *P)
+{
+    apsm_mesh mesh[I];
+    double M[16 * I] = { 0 };
+    const char *const names[I] = { "a", "b", "c", "d" };
+    for (size_t i = 0; i < I; i++) {
+        mesh[i] = synthetic_shape(SYNTHETIC_BUMP, i, I, LEVEL);
+        for (size_t c = 0; c < 4; c++) M[16 * i + 5 * c] = 1;
+        memcpy(P + i * J * 3, mesh[i].V, J * 3 * sizeof *P);
+        for (size_t x = 0; x < J * 3; x++) P[i * J * 3 + x] += (double)((i * i * 7 + x) % 5);
+    }
+    assert_int_equal(apsm_cohort_build(ctx, I, names, mesh, M, 0, 3, 8, cohort), APSM_OK);
+    for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
+}
+
+static apsm_status take_figure(void *user, const apsm_optimizer_state *state,
+                               const apsm_epoch_record *record)
+{
+    (void)state;
+    *(double *)user = record->eigenshape;
+    return APSM_OK;
+}
+
+static double figure_of_seed(apsm_context *ctx, const apsm_cohort *cohort, const double *P,
+                             uint64_t seed)
+{
+    apsm_options o = apsm_options_defaults();
+    apsm_optimizer_state s;
+    double figure = NAN;
+    o.stage1_epochs = o.burn_in = 0;
+    o.stage2_epochs = 1;
+    o.batch = 2;
+    o.alpha = o.gamma = o.learning_rate = o.fidelity = 0; /* nothing moves */
+    o.step = APSM_STEP_LITERAL;
+    o.snap = APSM_SNAP_NONE;
+    apsm_context_set_seed(ctx, seed);
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &s), APSM_OK);
+    memcpy(s.P, P, I * J * 3 * sizeof *P);
+    assert_int_equal(apsm_optimize(ctx, cohort, &o, &s, take_figure, &figure), APSM_OK);
+    assert_memory_equal(s.P, P, I * J * 3 * sizeof *P);
+    apsm_optimizer_state_free(&s);
+    return figure;
+}
+
+/* Four shapes fall into two pairs in three ways: whichever pair comes last, the mean of both has
+ * three values; the last pair's own figure would have six. */
+static void an_epochs_figure_is_the_mean_over_its_batches(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_cohort cohort;
+    double P[I * J * 3], seen[I * I];
+    size_t n = 0;
+    make_cohort(ctx, &cohort, P);
+    for (uint64_t seed = 0; seed < 60; seed++) {
+        const double x = figure_of_seed(ctx, &cohort, P, seed);
+        size_t k = 0;
+        assert_true(isfinite(x));
+        while (k < n && fabs(seen[k] - x) > 1e-9 * fabs(x)) k++;
+        if (k == n && n < I * I) seen[n++] = x;
+    }
+    assert_int_equal(n, 3);
+    apsm_cohort_free(&cohort);
+    apsm_context_free(ctx);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = { cmocka_unit_test(batches_differ_by_one_shape_at_most),
+                                        cmocka_unit_test(passes_are_counted_as_they_come),
+                                        cmocka_unit_test(
+                                            an_epochs_figure_is_the_mean_over_its_batches) };
+    return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
+}
