@@ -1,0 +1,146 @@
+/* Shapes that a model has not seen, against having been in its cohort.
+ *
+ *     bench_fit whole MODEL_DIR [FOLDS]      folds of the model's shapes are left out of its modes,
+ *                                            and fitted from their groomed meshes
+ *
+ * Correspondence is compared with the particles that the joint model has, in its h. */
+#include "bench.h"
+
+#include "apsm/affine.h"
+#include "fit/fit_model.h"
+#include "folder/model_folder.h"
+#include "geometry/vec3.h"
+
+typedef struct left_out {
+    apsm_context *ctx;
+    model_folder folder;
+    apsm_fit_model *joint;
+    size_t folds;
+} left_out;
+
+static void must(const left_out *b, apsm_status status)
+{
+    if (status == APSM_OK) return;
+    fprintf(stderr, "bench_fit: %s\n", apsm_error_text(b->ctx));
+    exit(1);
+}
+
+static void open_model(left_out *b, const char *path, size_t folds)
+{
+    b->ctx = apsm_context_new();
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED;
+    must(b, model_folder_read(b->ctx, path, parts, &b->folder));
+    must(b, apsm_fit_model_load(b->ctx, path, &b->joint));
+    b->folds = folds;
+}
+
+static apsm_fit_model *without_fold(const left_out *b, size_t fold)
+{
+    apsm_fit_model *m;
+    bool *out = bench_alloc(b->folder.I * sizeof *out);
+    for (size_t i = 0; i < b->folder.I; i++) out[i] = i % b->folds == fold;
+    must(b, fit_model_without(b->ctx, b->joint, out, &m));
+    free(out);
+    return m;
+}
+
+/* Mean distance of particles from those of the joint model. */
+static double apart(size_t J, const double *p, const double *q)
+{
+    double sum = 0;
+    for (size_t j = 0; j < J; j++) sum += sqrt(vec3_distance2(p + 3 * j, q + 3 * j));
+    return sum / (double)J;
+}
+
+static double joint_distance(const left_out *b, size_t i, const apsm_mesh *mesh)
+{
+    apsm_surface_distance d;
+    apsm_mesh warped;
+    const struct apsm_fidelity *f = (const void *)b->joint->fidelity;
+    (void)f;
+    must(b, apsm_mesh_copy(apsm_fit_model_mesh(b->joint), &warped));
+    apsm_warp warp = { 0 };
+    must(b,
+         apsm_warp_build(b->ctx, APSM_PHI_R, warped.nv, warped.V, b->folder.J, b->joint->T, &warp));
+    apsm_warp_apply(&warp, b->folder.P + i * 3 * b->folder.J, warped.V);
+    must(b, apsm_surface_distance_between(b->ctx, mesh, NULL, &warped, NULL, &d));
+    apsm_warp_free(&warp);
+    apsm_mesh_free(&warped);
+    return d.two_way.mean;
+}
+
+static void whole(left_out *b)
+{
+    double slip = 0, in = 0, out = 0, time = 0, worst = 0;
+    size_t n = 0, count[3] = { 0 };
+    for (size_t fold = 0; fold < b->folds; fold++) {
+        apsm_fit_model *m = without_fold(b, fold);
+        for (size_t i = fold; i < b->folder.I; i += b->folds) {
+            if (i == b->folder.template_index) continue;
+            apsm_mesh mesh;
+            apsm_fit fit;
+            apsm_fit_options o = apsm_fit_defaults();
+            double M[16], back[16];
+            must(b, model_folder_mesh(b->ctx, &b->folder, i, &mesh));
+            const double before = joint_distance(b, i, &mesh);
+            model_folder_to_world(&b->folder, i, M);
+            must(b, apsm_affine_invert(M, back));
+            apsm_mesh_transform(&mesh, back);
+            const double start = bench_now();
+            must(b, apsm_fit_surface(b->ctx, m, b->folder.names[i], &mesh, &o, &fit));
+            const double t = bench_now() - start;
+            count[fit.verdict]++;
+            if (fit.verdict != APSM_FIT_GOOD)
+                fprintf(stderr, "%s: %s: %s\n", b->folder.names[i],
+                        apsm_fit_verdict_text(fit.verdict), fit.reason);
+            if (fit.verdict != APSM_FIT_REFUSED) {
+                double *world = bench_doubles(3 * fit.J);
+                apsm_affine_apply(M, fit.J, fit.local, world);
+                const double s = apart(fit.J, world, b->folder.P + i * 3 * fit.J) / b->joint->h;
+                printf("{\"shape\": \"%s\", \"slip\": %.3f, \"joint\": %.4f, \"fit\": %.4f, "
+                       "\"mahalanobis\": %.2f, \"tail\": %.3f, \"residual\": %.3f, \"usual\": "
+                       "%.3f, \"pose\": %.3f, \"seconds\": %.3f}\n",
+                       b->folder.names[i], s, before, fit.distance.two_way.mean, fit.mahalanobis,
+                       fit.tail, fit.residual / b->joint->h, fit.residual_usual / b->joint->h,
+                       fit.pose_residual, t);
+                slip += s;
+                worst = fmax(worst, s);
+                in += before;
+                out += fit.distance.two_way.mean;
+                time += t;
+                n++;
+                free(world);
+            }
+            apsm_fit_free(&fit);
+            apsm_mesh_free(&mesh);
+        }
+        const fit_calibration *c = &m->calibration;
+        fprintf(stderr,
+                "fold %zu: modes %g noise %.4f smooth %.4f reach %g bands %.2f %.2f %.2f "
+                "mahalanobis %.2f residual %.3f most %.3f sizes %.2f %.2f oriented %g\n",
+                fold, c->modes, sqrt(c->noise), sqrt(c->smooth), c->reach, c->band[0], c->band[1],
+                c->band[2], c->mahalanobis, c->residual, c->residual_most, c->size_least,
+                c->size_most, m->oriented);
+        apsm_fit_model_free(m);
+    }
+    printf("{\"shapes\": %zu, \"slip_h\": %.4f, \"worst_slip_h\": %.3f, \"joint_mean\": %.4f, "
+           "\"fit_mean\": %.4f, \"seconds\": %.3f, \"good\": %zu, \"review\": %zu, \"refused\": "
+           "%zu}\n",
+           n, slip / (double)n, worst, in / (double)n, out / (double)n, time / (double)n, count[0],
+           count[1], count[2]);
+}
+
+int main(int argc, char **argv)
+{
+    left_out b = { 0 };
+    if (argc < 3) {
+        fprintf(stderr, "usage: bench_fit whole MODEL_DIR [FOLDS]\n");
+        return 2;
+    }
+    open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
+    if (strcmp(argv[1], "whole") == 0) whole(&b);
+    apsm_fit_model_free(b.joint);
+    model_folder_free(&b.folder);
+    apsm_context_free(b.ctx);
+    return 0;
+}

@@ -1,0 +1,103 @@
+/* fit.h -- a finished model meets a new shape: corresponding particles, what is missing, scores,
+ * and whether the shape is one of the model's kind.  The model is loaded once and never changes;
+ * fits may run in many threads, and one shape's result does not depend on the others.
+ *
+ * Experimental: may still change. */
+#ifndef APSM_FIT_H
+#define APSM_FIT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/mesh.h"
+#include "apsm/options.h"
+#include "apsm/surface_distance.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct apsm_fit_model apsm_fit_model;
+
+/* From a model folder that has been evaluated, or a file of apsm_fit_model_write.  A model needs
+ * three shapes.  *model is owned by the caller, NULL on failure. */
+apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path,
+                                apsm_fit_model **model) APSM_NODISCARD;
+/* One file that holds all that fits need (docs/formats.md), atomically. */
+apsm_status apsm_fit_model_write(apsm_context *ctx, const apsm_fit_model *model,
+                                 const char *path) APSM_NODISCARD;
+void apsm_fit_model_free(apsm_fit_model *model); /* NULL is allowed */
+
+size_t apsm_fit_model_particles(const apsm_fit_model *model);
+size_t apsm_fit_model_shapes(const apsm_fit_model *model);
+const apsm_options *apsm_fit_model_options(const apsm_fit_model *model);
+const apsm_mesh *apsm_fit_model_mesh(const apsm_fit_model *model); /* the template's; world frame */
+
+/* Which hand a shape has: found out, that of the model, the other one. */
+enum { APSM_HAND_AUTO, APSM_HAND_SAME, APSM_HAND_OTHER };
+/* How much of the surface is there: told by openings, all, a part. */
+enum { APSM_EXTENT_AUTO, APSM_EXTENT_WHOLE, APSM_EXTENT_PART };
+
+typedef struct apsm_fit_options {
+    int hand;
+    int extent;
+    bool aligned; /* the shape is in the model's world frame: no pose is searched for */
+    bool force;   /* fit a stranger nevertheless */
+} apsm_fit_options;
+apsm_fit_options apsm_fit_defaults(void); /* auto, auto, false, false */
+
+typedef enum apsm_fit_verdict {
+    APSM_FIT_GOOD,
+    APSM_FIT_REVIEW, /* fitted; reason says what to look at */
+    APSM_FIT_REFUSED /* not of the model's kind; there are no particles */
+} apsm_fit_verdict;
+const char *apsm_fit_verdict_text(apsm_fit_verdict verdict); /* "good", "needs review", "refused" */
+
+enum { APSM_FIT_REASON = 256 };
+
+/* Owns its arrays; zero-initialise with {0}. */
+typedef struct apsm_fit {
+    apsm_fit_verdict verdict;
+    char reason[APSM_FIT_REASON]; /* "" if good */
+    size_t J, modes;
+    bool partial;          /* fitted as a part of a surface, or by landmarks */
+    bool mirrored;         /* the mirror image was fitted */
+    double M[16];          /* input frame to world; det < 0 if mirrored */
+    double reflection[16]; /* input to local frame: the identity unless mirrored */
+    double pose_residual;  /* of the template's surface against the shape's, over the radius */
+    double runner_up;    /* residual of the best clearly different pose over that; INFINITY: none */
+    double mirror_ratio; /* residual of the other hand over that of the one taken; INFINITY: not
+                            tried */
+    double *local, *world, *original; /* J x 3; original: in the frame of the input */
+    double *score;                    /* modes: lengths */
+    double *variance;                 /* modes: of the model, to read the scores by */
+    double *sd;            /* J: standard deviation of a particle, root mean of its coordinates' */
+    bool *observed;        /* J: the surface is there */
+    apsm_mesh mesh;        /* the template's, warped to the particles; world frame */
+    double *mesh_sd;       /* mesh.nv */
+    bool *mesh_observed;   /* mesh.nv */
+    double observed_share; /* of the particles */
+    double counted_share;  /* of the given surface, points or landmarks: what was believed */
+    bool has_distance;
+    apsm_surface_distance distance; /* of the shape's surface and the warped template's */
+    double h;                       /* mean distance of neighbouring particles on the template */
+    double mahalanobis, tail;       /* of the scores, and how probable a larger one is */
+    size_t mahalanobis_modes;
+    double residual, residual_usual; /* miss of a coordinate by the modes, and that of left-out
+                                        shapes; lengths */
+    bool has_certificate, certified;
+    size_t lost, swaps, folds;
+    double off_surface; /* most, in h */
+} apsm_fit;
+void apsm_fit_free(apsm_fit *fit);
+
+/* mesh (borrowed): in any pose; closed and clean (as groomed) where it is whole.  name is for
+ * messages.  A stranger is no failure: see verdict.  fit is overwritten, not freed. */
+apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                             const apsm_mesh *mesh, const apsm_fit_options *options,
+                             apsm_fit *fit) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,214 @@
+/* A new shape meets the model: apsm/fit.h. */
+#include "apsm/fit.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/topology.h"
+#include "fit/parts.h"
+#include "fit/tail.h"
+#include "groom/groom.h"
+#include "optimize/fidelity_shape.h"
+
+apsm_fit_options apsm_fit_defaults(void)
+{
+    return (apsm_fit_options){ APSM_HAND_AUTO, APSM_EXTENT_AUTO, false, false };
+}
+
+void apsm_fit_free(apsm_fit *fit)
+{
+    free(fit->local);
+    free(fit->world);
+    free(fit->original);
+    free(fit->score);
+    free(fit->variance);
+    free(fit->sd);
+    free(fit->observed);
+    free(fit->mesh_sd);
+    free(fit->mesh_observed);
+    apsm_mesh_free(&fit->mesh);
+    *fit = (apsm_fit){ 0 };
+}
+
+apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out)
+{
+    const size_t J = m->model.J, D = 3 * J, K = m->model.modes;
+    const apsm_mesh *mesh = &m->cohort.shape[0].mesh;
+    out->J = J;
+    out->modes = K;
+    out->h = m->h;
+    out->local = malloc(D * sizeof *out->local);
+    out->world = malloc(D * sizeof *out->world);
+    out->original = malloc(D * sizeof *out->original);
+    out->score = malloc(K * sizeof *out->score);
+    out->variance = malloc(K * sizeof *out->variance);
+    out->sd = malloc(J * sizeof *out->sd);
+    out->observed = malloc(J * sizeof *out->observed);
+    out->mesh_sd = malloc(mesh->nv * sizeof *out->mesh_sd);
+    out->mesh_observed = malloc(mesh->nv * sizeof *out->mesh_observed);
+    const bool ok = out->local && out->world && out->original && out->score && out->variance &&
+                    out->sd && out->observed && out->mesh_sd && out->mesh_observed;
+    if (!ok) return APSM_ERR_MEMORY;
+    memcpy(out->variance, m->model.variance, K * sizeof *out->variance);
+    return apsm_mesh_copy(mesh, &out->mesh);
+}
+
+/* ---- what follows from the particles ---- */
+
+/* Vertices take their deviation and flag from the particles that move them. */
+static void carry_to_vertices(const apsm_warp *warp, apsm_fit *out)
+{
+    for (size_t v = 0; v < warp->nv; v++) {
+        double sum = 0, all = 0, seen = 0;
+        for (size_t j = 0; j < warp->J; j++) {
+            const double w = fabs(warp->W[v * warp->J + j]);
+            all += w;
+            sum += w * out->sd[j];
+            seen += out->observed[j] ? w : 0;
+        }
+        out->mesh_sd[v] = sum / all;
+        out->mesh_observed[v] = 2 * seen > all;
+    }
+}
+
+static apsm_status find_reflection(const fit_job *job, double R[16])
+{
+    apsm_mesh copy;
+    apsm_affine_identity(R);
+    if (!job->pose.mirrored || !job->mesh) return APSM_OK;
+    APSM_TRY(apsm_mesh_copy(job->mesh, &copy));
+    apsm_reflect(&copy, R);
+    apsm_mesh_free(&copy);
+    return APSM_OK;
+}
+
+apsm_status fit_frames(fit_job *job)
+{
+    apsm_fit *out = job->out;
+    double back[16];
+    memcpy(out->M, job->pose.M, sizeof out->M);
+    out->mirrored = job->pose.mirrored;
+    APSM_TRY(find_reflection(job, out->reflection));
+    APSM_TRY(apsm_affine_invert(out->M, back));
+    apsm_affine_apply(back, out->J, out->world, out->original);
+    apsm_affine_apply(out->reflection, out->J, out->original, out->local);
+    apsm_warp_apply(&job->m->fidelity->warp, out->world, out->mesh.V);
+    carry_to_vertices(&job->m->fidelity->warp, out);
+    return APSM_OK;
+}
+
+apsm_status fit_scores(fit_job *job)
+{
+    const apsm_shape_model *s = &job->m->model;
+    const fit_calibration *c = &job->m->calibration;
+    apsm_fit *out = job->out;
+    const size_t m = (size_t)c->modes, D = 3 * s->J;
+    double *x = malloc(D * sizeof *x), d2 = 0, miss = 0;
+    if (!x) return APSM_ERR_MEMORY;
+    apsm_shape_model_scores(s, out->world, out->score);
+    apsm_shape_model_synthesize(s, m, out->score, x);
+    for (size_t k = 0; k < m; k++) d2 += out->score[k] * out->score[k] / s->variance[k];
+    for (size_t d = 0; d < D; d++) miss += (out->world[d] - x[d]) * (out->world[d] - x[d]);
+    free(x);
+    out->mahalanobis = sqrt(d2);
+    out->mahalanobis_modes = m;
+    out->tail = m > 0 ? fit_tail_mahalanobis(d2 / c->mahalanobis, (double)s->I, (double)m) : 1;
+    out->residual = sqrt(miss / (double)(D - m));
+    out->residual_usual = c->residual * job->m->h;
+    return APSM_OK;
+}
+
+/* ---- whole surfaces ---- */
+
+static apsm_status place(apsm_context *ctx, fit_job *job)
+{
+    apsm_bvh *bvh = NULL;
+    APSM_TRY(apsm_bvh_build_unsigned(job->mesh, &bvh));
+    const apsm_status status = fit_pose_find(job->m, job->mesh, bvh, job->options, &job->pose);
+    apsm_bvh_free(bvh);
+    APSM_TRY(status);
+    apsm_fit *out = job->out;
+    out->pose_residual = job->pose.residual;
+    out->runner_up = job->pose.runner_up;
+    out->mirror_ratio = job->pose.mirror_ratio;
+    out->mirrored = job->pose.mirrored;
+    memcpy(out->M, job->pose.M, sizeof out->M);
+    apsm_affine_identity(out->reflection);
+    (void)ctx;
+    fit_judge_pose(job);
+    return APSM_OK;
+}
+
+static bool is_refused(const fit_job *job)
+{
+    return job->out->verdict == APSM_FIT_REFUSED && !job->options->force;
+}
+
+static apsm_status finish_whole(apsm_context *ctx, fit_job *job)
+{
+    apsm_fit *out = job->out;
+    APSM_TRY(fit_whole_particles(ctx, job));
+    APSM_TRY(fit_whole_deviations(job));
+    APSM_TRY(fit_frames(job));
+    APSM_TRY(fit_scores(job));
+    APSM_TRY(fit_certify(job));
+    APSM_TRY(apsm_surface_distance_between(ctx, &job->shape.mesh, job->shape.bvh, &out->mesh, NULL,
+                                           &out->distance));
+    out->has_distance = true;
+    fit_judge(job);
+    return APSM_OK;
+}
+
+static apsm_status fit_whole(apsm_context *ctx, fit_job *job)
+{
+    const char *const names[] = { job->name };
+    apsm_cohort one = { 0 };
+    APSM_TRY(place(ctx, job));
+    if (is_refused(job)) return APSM_OK;
+    APSM_TRY(apsm_cohort_build(ctx, 1, names, job->mesh, job->pose.M, 0, 0, 0, &one));
+    job->shape = one.shape[0];
+    const apsm_status status = finish_whole(ctx, job);
+    apsm_cohort_free(&one);
+    return status;
+}
+
+/* ---- the door ---- */
+
+static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh)
+{
+    if (mesh->nv < 4 || mesh->nf < 4)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: a surface of %zu faces cannot be fitted",
+                         name, mesh->nf);
+    for (size_t k = 0; k < 3 * mesh->nv; k++)
+        if (!isfinite(mesh->V[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: vertex %zu is not finite", name, k / 3);
+    for (size_t k = 0; k < 3 * mesh->nf; k++)
+        if (mesh->F[k] >= mesh->nv)
+            return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: face %zu has a vertex that is not there",
+                             name, k / 3);
+    return APSM_OK;
+}
+
+/* What a stranger would get is not handed out. */
+static void withhold(apsm_fit *fit)
+{
+    fit->J = 0;
+    apsm_mesh_free(&fit->mesh);
+}
+
+apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                             const apsm_mesh *mesh, const apsm_fit_options *options, apsm_fit *fit)
+{
+    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    APSM_TRY(check_mesh(ctx, name, mesh));
+    fit_job job = { .m = model, .name = name, .mesh = mesh, .options = options, .out = fit };
+    apsm_status status = fit_alloc(model, fit);
+    if (status == APSM_OK) status = fit_whole(ctx, &job);
+    if (status == APSM_OK && is_refused(&job)) withhold(fit);
+    if (status == APSM_OK) return status;
+    apsm_fit_free(fit);
+    const char *line = apsm_error_text(ctx);
+    return *line ? status : apsm_fail(ctx, status, "%s: %s", name, apsm_status_text(status));
+}

@@ -1,0 +1,84 @@
+/* fit_model.h -- a finished model with all that a new shape is fitted by.  Read-only once made, so
+ * many threads may use one. */
+#ifndef APSM_FIT_FIT_MODEL_H
+#define APSM_FIT_FIT_MODEL_H
+
+#include "apsm/fit.h"
+#include "apsm/options.h"
+#include "apsm/shape_model.h"
+#include "fit/posterior.h"
+#include "groom/align.h"
+#include "groom/registration.h"
+#include "initialize/cohort.h"
+#include "optimize/fidelity.h"
+
+enum { FIT_BANDS = 3 }; /* shares of the particles that are missing: */
+extern const double fit_band_missing[FIT_BANDS];
+
+/* What left-out shapes say about the model; plain numbers, stored with it.  Lengths in h. */
+typedef struct fit_calibration {
+    double modes;                 /* of the prior: as many as predict left-out shapes best */
+    double noise;                 /* variance of a coordinate beside modes and smooth process */
+    double smooth;                /* variance of a coordinate in the smooth process */
+    double reach;                 /* exp(-d^2 / 2 reach^2) of it is shared at a distance d */
+    double band[FIT_BANDS];       /* factors on standard deviations of missing particles */
+    double mahalanobis;           /* left-out shapes' F of (45) over what it should be on average */
+    double residual;              /* root mean square miss of a coordinate by the modes, typical */
+    double residual_most;         /* and of the worst left-out shape */
+    double size_least, size_most; /* of the shapes, relative to the mean's */
+    double distance;              /* two-way, mean over the shapes; 0: not measured */
+    double distance_most;         /* of the worst shape */
+} fit_calibration;
+enum { FIT_CALIBRATION = sizeof(fit_calibration) / sizeof(double) };
+
+struct apsm_fit_model {
+    char *path; /* for messages */
+    apsm_options options;
+    apsm_shape_model model; /* world frame, with scores */
+    double *T;              /* J x 3: the template's particles */
+    apsm_cohort cohort;     /* the template alone */
+    fit_calibration calibration;
+    double oriented;  /* 1: shapes come in one orientation, */
+    double common[9]; /* which this rotation takes to the world's */
+    /* made from the above */
+    double h;
+    double *TN;                /* J x 3: normals of T */
+    apsm_fidelity *fidelity;   /* template, warp, neighbours */
+    apsm_fidelity_prior prior; /* one fold */
+    apsm_registration *registration;
+    apsm_cloud cloud, dense; /* of the template */
+    posterior_model posterior;
+    double *store; /* of the posterior's arrays */
+    double radius; /* root mean square distance of the mean's particles from their centre */
+};
+
+/* From parts that are there (all up to common) to the rest. */
+apsm_status fit_model_prepare(apsm_context *ctx, apsm_fit_model *m) APSM_NODISCARD;
+/* The template's mesh (taken over, also in an error) becomes the model's cohort. */
+apsm_status fit_model_take_mesh(apsm_context *ctx, apsm_mesh *mesh,
+                                apsm_fit_model *m) APSM_NODISCARD;
+
+/* Calibration from particles P (I x J x 3) of the model's shapes; m->h is known. */
+apsm_status fit_calibrate(apsm_context *ctx, const double *P, apsm_fit_model *m) APSM_NODISCARD;
+
+/* The model that the other shapes make (at least 3), with the same template. */
+apsm_status fit_model_without(apsm_context *ctx, const apsm_fit_model *m, const bool *left_out,
+                              apsm_fit_model **without) APSM_NODISCARD;
+
+/* Particles of all shapes of a model: mean + scores; P (I x J x 3, out). */
+void fit_model_particles(const apsm_shape_model *model, double *P);
+
+/* Modes of the smooth process of variance 1 at J points X: columns of a pivoted Cholesky factor of
+ * exp(-|x - y|^2 / 2 reach^2), at most `most` of them; column (most x J, out).  Returns how many;
+ * scratch of J. */
+size_t fit_smooth_columns(size_t J, const double *X, double reach, size_t most, double *column,
+                          double *work);
+/* A posterior model of D = 3 J: the first `modes` of mode (rows of 3 J) with their variances, and
+ * the smooth process of that variance.  store of fit_posterior_size(J, modes). */
+enum { FIT_SMOOTH = 24 };
+size_t fit_posterior_size(size_t J, size_t modes);
+posterior_model fit_posterior_make(size_t J, size_t modes, const double *mean, const double *mode,
+                                   const double *variance, double smooth, double reach,
+                                   double noise, double *store);
+
+#endif

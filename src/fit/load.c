@@ -1,0 +1,97 @@
+/* A model from the folder that a run has left. */
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/files.h"
+#include "fit/fit_model.h"
+#include "fit/model_file.h"
+#include "folder/model_folder.h"
+#include "geometry/vec3.h"
+
+/* The rotation that most shapes' alignments share, within 60 degrees, if four fifths do: from the
+ * orientation in which shapes come to the world's. */
+static void find_orientation(const model_folder *f, apsm_fit_model *m)
+{
+    size_t near = 0;
+    for (size_t k = 0; k < 9; k++) m->common[k] = k % 4 == 0 ? 1 : 0;
+    for (int round = 0; round < 3; round++) {
+        double sum[9] = { 0 };
+        near = 0;
+        for (size_t i = 0; i < f->I; i++) {
+            double M[16], trace = 0;
+            model_folder_to_world(f, i, M);
+            const double scale = vec3_norm(M);
+            for (size_t k = 0; k < 9; k++) trace += m->common[k] * M[4 * (k / 3) + k % 3] / scale;
+            if (round > 0 && !(trace > 2)) continue;
+            near++;
+            for (size_t k = 0; k < 9; k++) sum[k] += M[4 * (k / 3) + k % 3] / scale;
+        }
+        apsm_nearest_rotation(sum, m->common);
+    }
+    m->oriented = 5 * near >= 4 * f->I ? 1 : 0;
+}
+
+/* Two-way distances of the shapes, if they were measured; over h. */
+static void find_distances(const model_folder *f, apsm_fit_model *m)
+{
+    const json_t *distance = json_object_get(f->evaluation, "surface_distance"), *shape;
+    size_t k;
+    m->calibration.distance = json_number_value(json_object_get(distance, "mean"));
+    json_array_foreach(json_object_get(distance, "per_shape"), k, shape)
+        m->calibration.distance_most =
+        fmax(m->calibration.distance_most, json_number_value(json_object_get(shape, "mean")));
+}
+
+static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_model *m)
+{
+    apsm_mesh mesh = { 0 };
+    const size_t D = 3 * f->J;
+    if (f->I < 3)
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: a model of %zu shapes cannot be fitted; it needs 3 at least", m->path,
+                         f->I);
+    m->T = malloc(D * sizeof *m->T);
+    if (!m->T) return APSM_ERR_MEMORY;
+    memcpy(m->T, f->P + f->template_index * D, D * sizeof *m->T);
+    APSM_TRY(model_folder_options(ctx, f, &m->options));
+    APSM_TRY(model_folder_mesh(ctx, f, f->template_index, &mesh));
+    APSM_TRY(fit_model_take_mesh(ctx, &mesh, m));
+    find_orientation(f, m);
+    find_distances(f, m);
+    m->model = f->model; /* taken over */
+    f->model = (apsm_shape_model){ 0 };
+    return APSM_OK;
+}
+
+static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
+{
+    model_folder f;
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED;
+    APSM_TRY(model_folder_read(ctx, m->path, parts, &f));
+    const apsm_status status = take_folder(ctx, &f, m);
+    model_folder_free(&f);
+    return status;
+}
+
+static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
+{
+    APSM_TRY(apsm_is_folder(m->path) ? load_folder(ctx, m) : fit_model_read_file(ctx, m));
+    return fit_model_prepare(ctx, m);
+}
+
+apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path, apsm_fit_model **model)
+{
+    apsm_fit_model *m = calloc(1, sizeof *m);
+    *model = NULL;
+    if (m) m->path = strdup(path);
+    apsm_status status = m && m->path ? load(ctx, m) : APSM_ERR_MEMORY;
+    if (status == APSM_ERR_MEMORY) status = apsm_fail(ctx, status, "%s: out of memory", path);
+    if (status == APSM_OK)
+        *model = m;
+    else
+        apsm_fit_model_free(m);
+    return status;
+}

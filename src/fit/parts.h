@@ -1,0 +1,41 @@
+/* parts.h -- the steps of a fit, in the order of their use. */
+#ifndef APSM_FIT_PARTS_H
+#define APSM_FIT_PARTS_H
+
+#include "fit/fit_model.h"
+#include "fit/pose.h"
+
+/* One fit under way.  Borrowed but for shape. */
+typedef struct fit_job {
+    const apsm_fit_model *m;
+    const char *name;
+    const apsm_mesh *mesh; /* as given */
+    const apsm_fit_options *options;
+    fit_pose pose;
+    apsm_shape shape; /* in the world frame; {0} until posed */
+    apsm_fit *out;
+} fit_job;
+
+/* Arrays of out, sized for the model. */
+apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out) APSM_NODISCARD;
+
+/* Particles of a whole shape (job->shape) to out->world: registration, then (12). */
+apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job) APSM_NODISCARD;
+
+/* From out->world and job->pose to all frames, and the warped mesh. */
+apsm_status fit_frames(fit_job *job) APSM_NODISCARD;
+/* Scores, distance from the mean, miss by the modes. */
+apsm_status fit_scores(fit_job *job) APSM_NODISCARD;
+/* Standard deviations of particles and vertices, all of them observed. */
+apsm_status fit_whole_deviations(fit_job *job) APSM_NODISCARD;
+/* The certificate's part of out, for particles out->world on job->shape. */
+apsm_status fit_certify(fit_job *job) APSM_NODISCARD;
+
+/* The verdict so far worsens to this, with a reason unless a worse one is known. */
+void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...) APSM_PRINTF(3, 4);
+/* What size and pose say, before particles are looked for. */
+void fit_judge_pose(fit_job *job);
+/* What all figures say. */
+void fit_judge(fit_job *job);
+
+#endif

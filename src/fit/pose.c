@@ -1,0 +1,146 @@
+/* As src/groom/align.c does for the shapes of a cohort: search with size removed, on a sample;
+ * where the cohort came in one orientation, the pose near that if it fits about as well; then
+ * registration to rest on all vertices (13). */
+#include "fit/pose.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "geometry/vec3.h"
+#include "groom/icp.h"
+
+enum { ROUGH_POINTS = 150, RESTING = 12 };
+static const double rough = 1e-3, at_rest = 1e-6;
+
+typedef struct search {
+    const apsm_fit_model *m;
+    const apsm_mesh *mesh;
+    apsm_cloud cloud, dense;
+    apsm_surface moving, fixed;
+    double *work;
+} search;
+
+static apsm_icp_options icp_options(const apsm_fit_model *m)
+{
+    apsm_icp_options icp = apsm_icp_defaults();
+    icp.scale = m->options.align == APSM_ALIGN_SIMILARITY;
+    icp.points = ROUGH_POINTS;
+    icp.tolerance = rough;
+    return icp;
+}
+
+static apsm_status open_search(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
+                               search *s)
+{
+    *s = (search){ .m = m, .mesh = mesh };
+    APSM_TRY(apsm_cloud_sample(mesh, apsm_align_defaults().points, 0, 0, &s->cloud));
+    apsm_cloud_find_cuts(mesh, &s->cloud);
+    APSM_TRY(apsm_cloud_of_vertices(mesh, &s->cloud, &s->dense));
+    const size_t a = s->dense.n, b = m->dense.n;
+    s->work = malloc(apsm_icp_work_size(a > b ? a : b) * sizeof *s->work);
+    s->moving = (apsm_surface){ bvh, &s->cloud };
+    s->fixed = (apsm_surface){ m->cohort.shape[0].bvh, &m->cloud };
+    return s->work ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static void close_search(search *s)
+{
+    apsm_cloud_free(&s->cloud);
+    apsm_cloud_free(&s->dense);
+    free(s->work);
+}
+
+/* Makes a similarity rigid; the centre goes where it went. */
+static void remove_scale(const double centre[3], double M[16])
+{
+    const double scale = vec3_norm(M);
+    for (size_t r = 0; r < 3; r++)
+        for (size_t c = 0; c < 3; c++) {
+            const double rigid = M[4 * r + c] / scale;
+            M[4 * r + 3] += (M[4 * r + c] - rigid) * centre[c];
+            M[4 * r + c] = rigid;
+        }
+}
+
+/* Whether the rotation in M is within 60 degrees of the cohort's common one. */
+static bool hardly_turns(const apsm_fit_model *m, const double M[16])
+{
+    double trace = 0;
+    for (size_t k = 0; k < 9; k++) trace += m->common[k] * M[4 * (k / 3) + k % 3];
+    return trace / vec3_norm(M) > 2;
+}
+
+/* The best pose of one hand. */
+static void search_hand(search *s, bool mirrored, apsm_pose *best)
+{
+    apsm_icp_options icp = icp_options(s->m);
+    icp.scale |= s->cloud.cuts + s->m->cloud.cuts == 0;
+    apsm_pose_search(&s->moving, &s->fixed, mirrored, &icp, best, s->work);
+    if (!(s->m->oriented > 0) || mirrored || hardly_turns(s->m, best->M)) return;
+    apsm_pose given;
+    icp.usual = s->m->common;
+    apsm_pose_from(&s->moving, &s->fixed, s->m->common, &icp, &given, s->work);
+    if (!hardly_turns(s->m, given.M) || given.residual > APSM_GIVEN_RATIO * best->residual) return;
+    given.runner_up = fmin(best->residual, best->runner_up);
+    *best = given;
+}
+
+static double ratio(double a, double b)
+{
+    return b > 0 ? a / b : INFINITY;
+}
+
+/* Both hands unless it was told. */
+static void search_hands(search *s, const apsm_fit_options *o, fit_pose *out)
+{
+    apsm_pose same = { .residual = INFINITY }, other = same;
+    if (o->hand != APSM_HAND_OTHER) search_hand(s, false, &same);
+    if (o->hand != APSM_HAND_SAME) search_hand(s, true, &other);
+    out->mirrored =
+        o->hand == APSM_HAND_OTHER ||
+        (o->hand == APSM_HAND_AUTO && other.residual < APSM_MIRROR_RATIO * same.residual);
+    const apsm_pose *best = out->mirrored ? &other : &same;
+    memcpy(out->M, best->M, sizeof out->M);
+    out->residual = best->residual / s->fixed.cloud->radius;
+    out->runner_up = fmax(1, ratio(best->runner_up, best->residual));
+    out->mirror_ratio = o->hand == APSM_HAND_AUTO
+                            ? ratio(out->mirrored ? same.residual : other.residual, best->residual)
+                            : INFINITY;
+}
+
+/* (13): as a shape of the cohort, and so with the same result. */
+static void register_to_rest(search *s, fit_pose *out)
+{
+    apsm_icp_options icp = icp_options(s->m);
+    double residual;
+    if (s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m, out->M))
+        icp.usual = s->m->common;
+    if (!icp.scale) remove_scale(s->cloud.centre, out->M);
+    apsm_icp(&s->moving, &s->fixed, &icp, out->M, &residual, s->work);
+    icp.points = 0;
+    icp.tolerance = at_rest;
+    if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
+    apsm_icp_to_rest(&(apsm_surface){ s->moving.bvh, &s->dense },
+                     &(apsm_surface){ s->fixed.bvh, &s->m->dense }, &icp, out->M, &residual,
+                     s->work);
+}
+
+apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
+                          const apsm_fit_options *options, fit_pose *pose)
+{
+    search s;
+    *pose = (fit_pose){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    apsm_affine_identity(pose->M);
+    apsm_status status = open_search(m, mesh, bvh, &s);
+    if (status == APSM_OK) {
+        pose->size = s.cloud.radius / m->cloud.radius;
+        if (!options->aligned && m->options.align != APSM_ALIGN_NONE) {
+            search_hands(&s, options, pose);
+            register_to_rest(&s, pose);
+        }
+    }
+    close_search(&s);
+    return status;
+}

@@ -1,0 +1,21 @@
+/* pose.h -- where a new shape lies in the model's world: the search and registration of grooming
+ * (groom/align.h) against the model's template. */
+#ifndef APSM_FIT_POSE_H
+#define APSM_FIT_POSE_H
+
+#include "fit/fit_model.h"
+
+typedef struct fit_pose {
+    double M[16]; /* det < 0: mirrored */
+    bool mirrored;
+    double residual;     /* over the template's radius, with size removed unless part */
+    double runner_up;    /* of a clearly different pose over the best; INFINITY: none found */
+    double mirror_ratio; /* of the other hand over the best's; INFINITY: not tried */
+    double size;         /* of the shape over the template's */
+} fit_pose;
+
+/* The pose of a whole shape.  bvh is the mesh's.  O(50,000) closest points. */
+apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
+                          const apsm_fit_options *options, fit_pose *pose) APSM_NODISCARD;
+
+#endif

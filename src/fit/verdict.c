@@ -1,0 +1,82 @@
+/* Is the shape one of the model's kind?  By size, by the pose's residual, by the miss of the modes,
+ * by the surface's distance and by the scores, each against what the cohort and left-out shapes
+ * have.  Wide bounds refuse, narrower ones ask for a look. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+
+#include "fit/parts.h"
+#include "fit/tail.h"
+
+static const double other_size = 1.35;      /* beyond the cohort's sizes by this factor */
+static const double pose_refused = 0.25;    /* of the radius: another shape altogether */
+static const double residual_refused = 2.5; /* times the worst left-out shape's */
+static const double residual_review = 1.5;
+static const double distance_refused = 4; /* times the worst of the cohort */
+static const double distance_review = 2;
+static const double distance_unmeasured = 0.2; /* h: what is taken for that where it is not known */
+static const double tail_review = 1e-3;
+
+const char *apsm_fit_verdict_text(apsm_fit_verdict verdict)
+{
+    static const char *const text[] = { "good", "needs review", "refused" };
+    return text[verdict];
+}
+
+void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...)
+{
+    if (verdict <= out->verdict) return;
+    va_list args;
+    va_start(args, format);
+    out->verdict = verdict;
+    vsnprintf(out->reason, sizeof out->reason, format, args);
+    va_end(args);
+}
+
+void fit_judge_pose(fit_job *job)
+{
+    const fit_calibration *c = &job->m->calibration;
+    const fit_pose *p = &job->pose;
+    apsm_fit *out = job->out;
+    const bool any_size = job->m->options.align == APSM_ALIGN_SIMILARITY;
+    if (!any_size && (p->size * other_size < c->size_least || p->size > other_size * c->size_most))
+        fit_object(out, APSM_FIT_REFUSED,
+                   "is %.2f times as large as the mean; the model's shapes are %.2f to %.2f times",
+                   p->size, c->size_least, c->size_most);
+    if (p->residual > pose_refused)
+        fit_object(out, APSM_FIT_REFUSED,
+                   "another shape: the surfaces are %.2f radii apart in the best pose",
+                   p->residual);
+    if (p->runner_up < APSM_AMBIGUOUS_RATIO)
+        fit_object(out, APSM_FIT_REVIEW, "ambiguous pose: another one fits within %.0f %%",
+                   100 * (p->runner_up - 1));
+}
+
+static void judge_distance(const fit_job *job)
+{
+    const fit_calibration *c = &job->m->calibration;
+    const double usual = c->distance_most > 0 ? c->distance_most : distance_unmeasured;
+    const double distance = job->out->distance.two_way.mean / job->m->h;
+    if (!job->out->has_distance) return;
+    if (distance > distance_review * usual)
+        fit_object(
+            job->out, distance > distance_refused * usual ? APSM_FIT_REFUSED : APSM_FIT_REVIEW,
+            "its surface is %.2g times as far from the fit as that of the model's worst shape",
+            distance / usual);
+}
+
+void fit_judge(fit_job *job)
+{
+    const fit_calibration *c = &job->m->calibration;
+    apsm_fit *out = job->out;
+    const double miss = out->residual / (c->residual_most * job->m->h);
+    if (miss > residual_review)
+        fit_object(out, miss > residual_refused ? APSM_FIT_REFUSED : APSM_FIT_REVIEW,
+                   "the modes miss it by %.2g times as much as the worst left-out shape", miss);
+    judge_distance(job);
+    if (out->tail < tail_review)
+        fit_object(
+            out, APSM_FIT_REVIEW,
+            "far from the mean: Mahalanobis distance %.3g, beyond which one shape in %.0f lies",
+            out->mahalanobis, fmin(1 / fmax(out->tail, 1e-12), 1e12));
+}
