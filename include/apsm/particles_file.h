@@ -20,6 +20,9 @@ apsm_status apsm_particles_read(apsm_context *ctx, const char *path, size_t *n,
 /* As above, and refuses a file that does not hold exactly n particles.  P is caller's, n x 3. */
 apsm_status apsm_particles_read_n(apsm_context *ctx, const char *path, size_t n,
                                   double *P) APSM_NODISCARD;
+/* P (n x 3) <- what apsm_particles_read makes of what apsm_particles_write writes.
+ * APSM_ERR_NONFINITE names the particle. */
+apsm_status apsm_particles_round(apsm_context *ctx, size_t n, double *P) APSM_NODISCARD;
 /* Writes P (n x 3) atomically at 9 significant digits, with a final newline (without it
  * ShapeWorks loses the last particle).  APSM_ERR_NONFINITE names the particle. */
 apsm_status apsm_particles_write(apsm_context *ctx, const char *path, size_t n,

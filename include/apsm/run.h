@@ -1,7 +1,9 @@
-/* run.h -- the whole job, step by step, in a model folder: groom, initialize, optimize, evaluate.
- * Every step reads what the one before left in the folder and can be repeated on its own;
- * docs/formats.md says what the folder holds.  Results do not depend on the threads, on whether the
- * steps ran in one process, or on interruptions. */
+/* run.h -- the whole job, step by step: groom, initialize, optimize, evaluate.
+ *
+ * In a model folder every step reads what the one before left there and can be repeated on its own;
+ * docs/formats.md says what the folder holds.  Without a folder shapes come in as arrays, results
+ * go out as arrays, and no file is touched: the steps are the same, and so are the results.  They
+ * do not depend on the threads, on whether the steps ran in one process, or on interruptions. */
 #ifndef APSM_RUN_H
 #define APSM_RUN_H
 
@@ -9,6 +11,7 @@
 
 #include "apsm/metrics.h"
 #include "apsm/options.h"
+#include "apsm/volume.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -16,7 +19,7 @@ extern "C" {
 
 /* What is asked for.  All borrowed during apsm_run_open. */
 typedef struct apsm_run_settings {
-    const char *folder; /* MODEL_DIR */
+    const char *folder; /* MODEL_DIR; NULL: a job in memory, which takes nothing but set */
     /* groom only; n_inputs 0: the inputs that the project already names */
     size_t n_inputs;
     const char *const *inputs;
@@ -49,6 +52,21 @@ const char *apsm_run_text(const apsm_run *run, const char *name);
  * memory are estimated from measured rates.  One log line each. */
 apsm_status apsm_run_dry(apsm_run *run) APSM_NODISCARD;
 
+/* ---- a job in memory: its shapes ----
+ * name: what the shape is called, unique; no more than 200 bytes of UTF-8, without control
+ * characters and slashes.  reflect: mirror it, as reflect_match does with files.  Everything is
+ * copied.  APSM_ERR_ARG: the job has a folder, an array is NULL, a number is not finite or an index
+ * is out of range; APSM_ERR_STATE: the shapes have been groomed already. */
+
+/* A triangle mesh, V nv x 3 and F nf x 3 (counter-clockwise seen from outside). */
+apsm_status apsm_run_add_mesh(apsm_run *run, const char *name, bool reflect, size_t nv,
+                              const double *V, size_t nf, const uint32_t *F) APSM_NODISCARD;
+/* A segmentation as volume.h has it; the option "labels" says which labels are the shape. */
+apsm_status apsm_run_add_volume(apsm_run *run, const char *name, bool reflect,
+                                const apsm_volume *volume) APSM_NODISCARD;
+
+/* ---- the steps ---- */
+
 /* Inputs to groomed meshes and transforms. */
 apsm_status apsm_run_groom(apsm_run *run) APSM_NODISCARD;
 /* Groomed meshes to first particles. */
@@ -63,8 +81,35 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
                            size_t *problems) APSM_NODISCARD;
 /* The report of what is in the folder, which may be another program's project. */
 apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
-/* All five; with settings.resume those that are not yet done. */
+/* All five; with settings.resume those that are not yet done.  In memory there is no report. */
 apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
+
+/* ---- results, of any job ----
+ * Borrowed from the run: good until its next step or apsm_run_close.  Shapes are in the order of
+ * their names, byte by byte; i must be below apsm_run_shapes.  What is not there yet is NULL or 0.
+ */
+
+size_t apsm_run_shapes(const apsm_run *run);
+const char *apsm_run_shape_name(const apsm_run *run, size_t i);
+size_t apsm_run_template(const apsm_run *run); /* index; apsm_run_shapes if none is chosen yet */
+/* Row-major map from the shape's own frame, that of its input (mirrored, if it was), to the frame
+ * that all have in common; both are those of docs/formats.md, "local" and "world". */
+void apsm_run_to_world(const apsm_run *run, size_t i, double M[16]);
+/* The groomed mesh in its own frame; NULL: not in memory. */
+const apsm_mesh *apsm_run_mesh(const apsm_run *run, size_t i);
+/* Particles (shapes x *J x 3) in the common frame, of the last step that moved any. */
+const double *apsm_run_particles(const apsm_run *run, size_t *J);
+
+/* Of evaluate.  The figures have the names that evaluation.json has: "variances", "compactness",
+ * "generalization", "generalization_standard_error", "specificity", "specificity_standard_error";
+ * and one a shape "surface_mean", "surface_p95", "surface_max".  *n numbers. */
+const apsm_shape_model *apsm_run_model(const apsm_run *run);
+const double *apsm_run_figure(const apsm_run *run, const char *name, size_t *n);
+
+/* The certificate of shape i: whether its correspondence is sound, and if not, the k-th reason why
+ * (a constant text; NULL beyond the last). */
+bool apsm_run_is_certified(const apsm_run *run, size_t i);
+const char *apsm_run_review(const apsm_run *run, size_t i, size_t k);
 
 /* What apsm_run_verify has looked at. */
 typedef struct apsm_verification {

@@ -4,6 +4,7 @@
 
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -150,6 +151,25 @@ apsm_status apsm_particles_read_n(apsm_context *ctx, const char *path, size_t n,
                      "%s: holds %zu particles where %zu are expected; every shape needs the same "
                      "number",
                      path, found, n);
+}
+
+apsm_status apsm_particles_round(apsm_context *ctx, size_t n, double *P)
+{
+    apsm_status status = APSM_OK;
+    const locale_t before = apsm_numbers_begin();
+    for (size_t k = 0; k < 3 * n && status == APSM_OK; k++) {
+        char text[APSM_NUMBER_LENGTH];
+        snprintf(text, sizeof text, "%.9g", P[k]);
+        if (isfinite(P[k]))
+            P[k] = strtod(text, NULL);
+        else
+            status = apsm_fail(ctx, APSM_ERR_NONFINITE,
+                               "coordinate %zu of particle %zu is not "
+                               "finite",
+                               k % 3, k / 3);
+    }
+    apsm_numbers_end(before);
+    return status;
 }
 
 apsm_status apsm_particles_write(apsm_context *ctx, const char *path, size_t n, const double *P)

@@ -65,6 +65,8 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
                            size_t *problems)
 {
     *problems = 0;
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: there are no files to check");
     if (run->n_inputs > 0) return check_inputs(run, report, user, problems);
     return check_project(run, report, user, problems);
 }
@@ -198,6 +200,8 @@ static void describe_plan(const apsm_run *run, size_t shapes)
 
 apsm_status apsm_run_dry(apsm_run *run)
 {
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: there are no files to look at");
     groom_inputs in = { 0 };
     apsm_context *ctx = run->ctx;
     const apsm_status status = groom_inputs_list(run, &in);

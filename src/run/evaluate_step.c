@@ -66,9 +66,21 @@ static apsm_status read_particles(apsm_context *ctx, size_t i, int worker, void 
     return status;
 }
 
+static apsm_status copy_particles(apsm_run *run, evaluation_work *w)
+{
+    if (!run->results.P)
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: optimize its particles first");
+    w->J = run->results.J;
+    w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
+    if (!w->P) return APSM_ERR_MEMORY;
+    memcpy(w->P, run->results.P, w->I * w->J * 3 * sizeof *w->P);
+    return APSM_OK;
+}
+
 static apsm_status load_particles(apsm_run *run, evaluation_work *w)
 {
     w->I = run->project.n;
+    if (run_is_in_memory(run)) return copy_particles(run, w);
     APSM_TRY(read_first(run, w));
     w->P = malloc(w->I * w->J * 3 * sizeof *w->P);
     if (!w->P) return APSM_ERR_MEMORY;
@@ -347,12 +359,32 @@ static void tell(const evaluation_work *w)
 static apsm_status evaluate_and_write(evaluation_work *w)
 {
     APSM_TRY(compute(w));
+    if (run_is_in_memory(w->run)) return APSM_OK;
     APSM_TRY(write_model(w));
     APSM_TRY(write_evaluation(w));
     APSM_TRY(write_evaluation_csv(w));
     APSM_TRY(
         write_json(w->run, FOLDER_CERTIFICATE, certify_json(&w->run->cohort, &w->certificate)));
     return write_meshes(w);
+}
+
+/* What was found becomes the session's. */
+static apsm_status hand_over(evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    run_forget_results(run);
+    run->results = (run_results){ .I = w->I,
+                                  .J = w->J,
+                                  .P = w->P,
+                                  .evaluated = true,
+                                  .model = w->model,
+                                  .evaluation = w->evaluation,
+                                  .certificate = w->certificate };
+    w->P = NULL;
+    w->model = (apsm_shape_model){ 0 };
+    w->evaluation = (apsm_evaluation){ 0 };
+    w->certificate = (cohort_certificate){ 0 };
+    return run_gather_surface(&run->results);
 }
 
 apsm_status apsm_run_evaluate(apsm_run *run)
@@ -370,6 +402,7 @@ apsm_status apsm_run_evaluate(apsm_run *run)
     if (status == APSM_OK) status = manifest_set_options(run);
     if (status == APSM_OK) status = stage_end(run, "evaluate", &clock);
     if (status == APSM_OK) tell(&w);
+    if (status == APSM_OK) status = hand_over(&w);
     certify_free(&w.certificate);
     apsm_evaluation_free(&w.evaluation);
     apsm_shape_model_free(&w.model);

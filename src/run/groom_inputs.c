@@ -7,6 +7,7 @@
 #include "files/stored.h"
 #include "geometry/stored.h"
 #include "run/kept.h"
+#include "run/memory.h"
 
 /* ---- which inputs ---- */
 
@@ -52,6 +53,7 @@ static apsm_status refuse_labels_of_meshes(const apsm_run *run, const groom_inpu
 
 apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
 {
+    if (run_is_in_memory(run)) return memory_list(run, in);
     APSM_TRY(resolve_inputs(run));
     if (run->n_inputs == 0)
         return apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
@@ -91,11 +93,13 @@ static apsm_groom_options groom_options(const apsm_options *o)
     return g;
 }
 
-static apsm_status read_and_groom(apsm_context *ctx, const groom_inputs *in,
-                                  const apsm_input_case *c, apsm_mesh *out)
+static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, const groom_inputs *in,
+                                  size_t i, apsm_mesh *out)
 {
+    const apsm_input_case *c = &in->list.cases[i];
     apsm_input_shape shape = { 0 };
-    apsm_status status = apsm_input_read(ctx, c, &in->labels, &shape);
+    apsm_status status = run_is_in_memory(run) ? memory_read(ctx, run, i, &in->labels, &shape)
+                                               : apsm_input_read(ctx, c, &in->labels, &shape);
     if (status == APSM_OK)
         status = shape.is_mesh ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, NULL)
                                : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options,
@@ -162,11 +166,12 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
 {
     groom_inputs *in = t->in;
     const apsm_input_case *c = &in->list.cases[i];
+    if (run_is_in_memory(t->run)) return read_and_groom(ctx, t->run, in, i, &in->mesh[i]);
     APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
     *lost = kept_find_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
     in->recalled[i] = in->mesh[i].V != NULL;
     if (*lost != APSM_OK || in->recalled[i]) return *lost;
-    APSM_TRY(read_and_groom(ctx, in, c, &in->mesh[i]));
+    APSM_TRY(read_and_groom(ctx, t->run, in, i, &in->mesh[i]));
     return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
 }
 

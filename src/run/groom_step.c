@@ -152,8 +152,8 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     apsm_subject *s;
     const apsm_input_case *c = &w->in.list.cases[i];
     char groomed[1024];
-    char *shape = apsm_path_relative(run->folder, c->path);
-    if (!shape) return APSM_ERR_MEMORY;
+    char *shape = run_is_in_memory(run) ? NULL : apsm_path_relative(run->folder, c->path);
+    if (!shape && !run_is_in_memory(run)) return APSM_ERR_MEMORY;
     snprintf(groomed, sizeof groomed, "groomed/%s.ply", c->name);
     apsm_status status = apsm_project_add(&run->project, c->name, shape, &s);
     free(shape);
@@ -235,6 +235,10 @@ static apsm_status hand_over(groom_work *w)
 static apsm_status save(groom_work *w)
 {
     apsm_run *run = w->run;
+    if (run_is_in_memory(run)) {
+        APSM_TRY(describe_project(w));
+        return hand_over(w);
+    }
     char *folder = run_path(run, "groomed");
     if (!folder) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_make_folder(run->ctx, folder);
@@ -276,6 +280,8 @@ static void tell(const groom_work *w)
 static apsm_status refuse_replacing(apsm_run *run)
 {
     if (run->overwrite || run->resume || run->project.n == 0) return APSM_OK;
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: its shapes are groomed already");
     if (run->n_inputs == 0 && !stage_is_done(run, "groom")) return APSM_OK;
     return apsm_fail(run->ctx, APSM_ERR_STATE,
                      "%s: holds a model already; continue it with --resume, replace it with "
@@ -288,6 +294,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     const stage_clock clock = stage_begin();
     groom_work w = { .run = run };
     APSM_TRY(refuse_replacing(run));
+    run_forget_results(run);
     apsm_status status = groom_inputs_list(run, &w.in);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);

@@ -35,7 +35,7 @@ static apsm_status open_journal(apsm_run *run, bool fresh)
 
 apsm_status kept_begin(apsm_run *run)
 {
-    if (run->kept) return APSM_OK; /* with --resume it was taken up */
+    if (run->kept || run_is_in_memory(run)) return APSM_OK; /* with --resume it was taken up */
     char *folder = run_path(run, "state");
     const apsm_status status = folder ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
     free(folder);
@@ -105,6 +105,7 @@ apsm_status kept_add_job(apsm_run *run, const apsm_input_list *list)
     char *text = NULL;
     size_t size = 0;
     bool ok = true;
+    if (!run->kept) return APSM_OK;
     for (size_t k = 0; k < run->n_inputs && ok; k++)
         ok = add_line(&text, &size, input_word, "", run->inputs[k]);
     for (size_t i = 0; i < list->n && ok; i++)
@@ -328,6 +329,7 @@ static apsm_status keep(apsm_context *ctx, void *user, const char *kind, size_t 
 static void set_keeper(apsm_run *run, apsm_sha256 *scope)
 {
     struct kept_work *kept = run->kept;
+    if (!kept) return;
     apsm_sha256_end(scope, kept->scope.byte);
     kept->keeper = (apsm_keeper){ kept, recall, keep };
     apsm_context_set_keeper(run->ctx, &kept->keeper);

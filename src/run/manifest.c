@@ -16,7 +16,8 @@ enum { STAGES = sizeof stages / sizeof stages[0] };
 
 static apsm_status no_memory(apsm_run *run)
 {
-    return apsm_fail(run->ctx, APSM_ERR_MEMORY, "%s: out of memory for the manifest", run->folder);
+    return apsm_fail(run->ctx, APSM_ERR_MEMORY, "%s: out of memory for the manifest",
+                     run->folder ? run->folder : "job");
 }
 
 static json_t *new_manifest(void)
@@ -39,6 +40,10 @@ static apsm_status check_shape(apsm_run *run, const char *path)
 
 apsm_status manifest_open(apsm_run *run)
 {
+    if (run_is_in_memory(run)) {
+        run->manifest = new_manifest();
+        return run->manifest ? APSM_OK : no_memory(run);
+    }
     char *path = run_path(run, RUN_MANIFEST);
     if (!path) return no_memory(run);
     apsm_status status = APSM_OK;
@@ -55,6 +60,7 @@ apsm_status manifest_open(apsm_run *run)
 
 apsm_status manifest_write(apsm_run *run)
 {
+    if (run_is_in_memory(run)) return APSM_OK;
     char *path = run_path(run, RUN_MANIFEST);
     if (!path) return no_memory(run);
     const apsm_status status = apsm_json_write_sealed(run->ctx, path, run->manifest);

@@ -74,6 +74,7 @@ static void write_record(apsm_writer *w, const apsm_epoch_record *r)
 static apsm_status write_history(const recorder *r)
 {
     apsm_writer *w = NULL;
+    if (run_is_in_memory(r->run)) return APSM_OK;
     char *path = run_path(r->run, FOLDER_HISTORY);
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_writer_open(r->run->ctx, path, &w);
@@ -89,6 +90,8 @@ static apsm_status write_history(const recorder *r)
 
 static apsm_status has_file(const apsm_run *run, const char *name, bool *has)
 {
+    *has = run_is_in_memory(run) && strcmp(name, RUN_INITIAL) == 0 && run->initial.I > 0;
+    if (run_is_in_memory(run)) return APSM_OK;
     char *path = run_path(run, name);
     if (!path) return APSM_ERR_MEMORY;
     *has = apsm_file_exists(path);
@@ -110,8 +113,8 @@ static apsm_status load_start(apsm_run *run, apsm_optimizer_state *state, record
     }
     if (!initial)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
-                         "%s: no initial particles; run `apsm initialize -o %s` first", run->folder,
-                         run->folder);
+                         "%s: no initial particles; run `apsm initialize -o %s` first",
+                         run_place(run), run_place(run));
     return run_load_state(run, RUN_INITIAL, state, NULL, NULL);
 }
 

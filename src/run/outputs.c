@@ -224,6 +224,7 @@ apsm_status outputs_record(apsm_run *run, const char *stage)
 {
     hashing h = { .run = run, .stage = stage };
     apsm_file_list files;
+    if (run_is_in_memory(run)) return APSM_OK;
     outputs_forget(run, stage);
     if (!records(run) && json_object_set_new(run->manifest, "outputs", json_object()))
         return no_memory(run);

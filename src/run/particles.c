@@ -78,8 +78,23 @@ static apsm_status write_subject(apsm_context *ctx, size_t i, int worker, void *
     return status;
 }
 
+/* Steps that come later, and who asks for the results, get what stands in the files. */
+static apsm_status remember(apsm_run *run, size_t J, const double *P)
+{
+    const size_t n = run->project.n * J;
+    run_forget_results(run);
+    run->results.P = malloc(n * 3 * sizeof *P);
+    if (!run->results.P) return apsm_fail(run->ctx, APSM_ERR_MEMORY, "out of memory");
+    memcpy(run->results.P, P, n * 3 * sizeof *P);
+    run->results.I = run->project.n;
+    run->results.J = J;
+    return apsm_particles_round(run->ctx, n, run->results.P);
+}
+
 apsm_status run_write_particles(apsm_run *run, size_t J, const double *P)
 {
+    APSM_TRY(remember(run, J, P));
+    if (run_is_in_memory(run)) return APSM_OK;
     char *folder = run_path(run, "particles");
     if (!folder) return APSM_ERR_MEMORY;
     apsm_status status = apsm_make_folder(run->ctx, folder);

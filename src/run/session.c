@@ -11,6 +11,7 @@
 #include "run/groom_inputs.h"
 #include "run/kept.h"
 #include "run/manifest.h"
+#include "run/memory.h"
 #include "run/outputs.h"
 #include "run/settings.h"
 
@@ -18,6 +19,7 @@
 
 char *run_path(const apsm_run *run, const char *name)
 {
+    if (run_is_in_memory(run)) return NULL;
     return apsm_path_join(run->folder, name);
 }
 
@@ -51,6 +53,7 @@ static apsm_status copy_inputs(apsm_run *run, const apsm_run_settings *s)
 
 static apsm_status open_project(apsm_run *run, bool fresh)
 {
+    if (run_is_in_memory(run)) return apsm_project_init(run->ctx, ".", &run->project);
     if (fresh) return apsm_project_init(run->ctx, run->folder, &run->project);
     char *path = run_path(run, RUN_PROJECT);
     if (!path) return APSM_ERR_MEMORY;
@@ -61,8 +64,21 @@ static apsm_status open_project(apsm_run *run, bool fresh)
     return status;
 }
 
+static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
+{
+    if (s->n_inputs > 0 || s->memory > 0 || s->resume || s->dry)
+        return apsm_fail(run->ctx, APSM_ERR_ARG,
+                         "a job without a folder has no inputs but apsm_run_add_mesh and "
+                         "apsm_run_add_volume, and neither memory, resume nor dry");
+    APSM_TRY(settings_try(run, s));
+    APSM_TRY(open_project(run, true));
+    APSM_TRY(manifest_open(run));
+    return settings_settle(run, s);
+}
+
 static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 {
+    if (!s->folder) return open_in_memory(run, s);
     if (!apsm_is_folder(s->folder)) APSM_TRY(settings_try(run, s));
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
@@ -79,7 +95,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 
 static bool is_complete(const apsm_run_settings *s)
 {
-    if (!s || !s->folder || !*s->folder) return false;
+    if (!s || (s->folder && !*s->folder)) return false;
     if ((s->n_inputs > 0 && !s->inputs) || (s->n_set > 0 && !s->set)) return false;
     for (size_t k = 0; k < s->n_inputs; k++)
         if (!s->inputs[k]) return false;
@@ -93,8 +109,9 @@ apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, 
     if (!out) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_run_open: no place for the run");
     *out = NULL;
     if (!ctx || !is_complete(settings))
-        return apsm_fail(ctx, APSM_ERR_ARG,
-                         "apsm_run_open: needs a context, a folder, and no text that is NULL");
+        return apsm_fail(
+            ctx, APSM_ERR_ARG,
+            "apsm_run_open: needs a context and settings, and no text may be empty or NULL");
     apsm_run *run = calloc(1, sizeof *run);
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;
@@ -141,6 +158,8 @@ void apsm_run_close(apsm_run *run)
 {
     if (!run) return;
     run_unload(run);
+    run_forget_results(run);
+    memory_free(run);
     kept_close(run);
     close_store(run);
     manifest_close(run);
@@ -154,6 +173,7 @@ void apsm_run_close(apsm_run *run)
 
 apsm_status run_remove(apsm_run *run, char *path)
 {
+    if (run_is_in_memory(run)) return APSM_OK;
     if (!path) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path) && remove(path) != 0)
@@ -164,6 +184,7 @@ apsm_status run_remove(apsm_run *run, char *path)
 
 apsm_status run_write_project(apsm_run *run)
 {
+    if (run_is_in_memory(run)) return APSM_OK;
     char *path = run_path(run, RUN_PROJECT);
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_project_write(run->ctx, path, &run->project);
@@ -188,12 +209,15 @@ apsm_status apsm_run_all(apsm_run *run)
     }
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
+    if (run_is_in_memory(run)) return APSM_OK;
     run_unload(run); /* the report reads what it needs */
     return apsm_run_report(run);
 }
 
 apsm_status apsm_run_report(apsm_run *run)
 {
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "a job without a folder has no report");
     APSM_TRY(apsm_report_write(run->ctx, run->folder));
     APSM_TRY(outputs_record(run, "report"));
     return manifest_write(run);

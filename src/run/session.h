@@ -6,18 +6,32 @@
 #include <time.h>
 
 #include "apsm/files.h"
+#include "apsm/metrics.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
 #include "files/store.h"
 #include "folder/names.h"
 #include "initialize/cohort.h"
 #include "optimize/optimizer.h"
+#include "run/certify.h"
 
 struct json_t;
+struct given_shape;
+
+/* What the last steps came to, as in the files. */
+typedef struct run_results {
+    size_t I, J;
+    double *P; /* I x J x 3, world frame, with the digits of the files; NULL: no particles yet */
+    bool evaluated;
+    apsm_shape_model model;
+    apsm_evaluation evaluation;
+    cohort_certificate certificate;
+    double *surface; /* 3 x I: mean, p95, max of the surface distances; NULL: not measured */
+} run_results;
 
 struct apsm_run {
     apsm_context *ctx;
-    char *folder;
+    char *folder; /* NULL: a job in memory, without any file */
     apsm_lock lock;
     apsm_options options;
     bool resume, overwrite;
@@ -35,7 +49,23 @@ struct apsm_run {
     apsm_cohort cohort;     /* I = 0: not loaded */
     const char **names;     /* project.n, borrowed from the project */
     double *transforms;     /* project.n x 16: local to world */
+    run_results results;
+    /* Of a job in memory. */
+    struct given_shape *given; /* n_given, in the order of their names once groomed; memory.h */
+    size_t n_given;
+    apsm_optimizer_state initial; /* what RUN_INITIAL holds of a job in a folder; I = 0: nothing */
 };
+
+/* For messages: where the job is. */
+static inline const char *run_place(const apsm_run *run)
+{
+    return run->folder ? run->folder : "job in memory";
+}
+
+static inline bool run_is_in_memory(const apsm_run *run)
+{
+    return run->folder == NULL;
+}
 
 /* Names of files in the model folder. */
 #define RUN_PROJECT    FOLDER_PROJECT
@@ -46,12 +76,13 @@ struct apsm_run {
 
 /* ---- session.c ---- */
 
-/* Path of a file in the model folder: malloc'ed, NULL if out of memory. */
+/* Path of a file in the model folder: malloc'ed, NULL if out of memory or if there is no folder. */
 char *run_path(const apsm_run *run, const char *name);
 /* Path made as by printf below the folder. */
 char *run_pathf(const apsm_run *run, const char *format, ...) APSM_PRINTF(2, 3);
 
-/* Removes a file of the model folder if it is there; path is run_path's, and freed. */
+/* Removes a file of the model folder if it is there; path is run_path's, and freed.  This, and
+ * whatever else writes a file, does nothing in a job in memory. */
 apsm_status run_remove(apsm_run *run, char *path);
 
 apsm_status run_write_project(apsm_run *run);
@@ -87,9 +118,16 @@ apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer
 apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
                            apsm_epoch_record **records, size_t *n_records);
 
+/* ---- results.c ---- */
+
+/* From the evaluation, for apsm_run_figure. */
+apsm_status run_gather_surface(run_results *results);
+void run_forget_results(apsm_run *run);
+
 /* ---- particles.c ---- */
 
-/* Particles of all shapes (I x J x 3, world) to particles/, with the paths in the project. */
+/* Particles of all shapes (I x J x 3, world) to particles/, with the paths in the project, and to
+ * the results. */
 apsm_status run_write_particles(apsm_run *run, size_t J, const double *P);
 
 #endif

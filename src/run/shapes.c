@@ -76,6 +76,8 @@ apsm_status run_load_meshes(apsm_run *run)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: grooming has not ended; go on with `apsm run --resume -o %s`",
                          run->folder, run->folder);
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: groom its shapes first");
     if (run->project.n == 0)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,

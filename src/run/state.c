@@ -39,10 +39,38 @@ typedef struct state_numbers {
     double h, best_mismatched;
 } state_numbers;
 
+static double *copy_doubles(size_t n, const double *x)
+{
+    double *copy = malloc((n + 1) * sizeof *copy);
+    if (copy && n > 0) memcpy(copy, x, n * sizeof *copy);
+    return copy;
+}
+
+/* to is freed first. */
+static apsm_status copy_state(const apsm_optimizer_state *from, apsm_optimizer_state *to)
+{
+    apsm_optimizer_state copy = *from;
+    copy.P = copy_doubles(from->I * from->J * 3, from->P);
+    copy.mean = copy_doubles(from->J * 3, from->mean);
+    copy.own = from->own ? copy_doubles(from->own_size, from->own) : NULL;
+    apsm_optimizer_state_free(to);
+    *to = copy;
+    if (copy.P && copy.mean && (copy.own || !from->own)) return APSM_OK;
+    apsm_optimizer_state_free(to);
+    return APSM_ERR_MEMORY;
+}
+
+/* In memory only the first particles are kept: nothing interrupts such a job for good. */
+static apsm_status keep_state(apsm_run *run, const char *name, const apsm_optimizer_state *s)
+{
+    return strcmp(name, RUN_INITIAL) == 0 ? copy_state(s, &run->initial) : APSM_OK;
+}
+
 apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer_state *s,
                            const apsm_epoch_record *records, size_t n_records)
 {
     char identity[65];
+    if (run_is_in_memory(run)) return keep_state(run, name, s);
     APSM_TRY(run_identity(run, identity));
     char *folder = run_path(run, "state"), *path = run_path(run, name);
     apsm_checkpoint_writer *w = NULL;
@@ -130,6 +158,7 @@ apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state
 {
     *state = (apsm_optimizer_state){ 0 };
     if (records) *records = NULL;
+    if (run_is_in_memory(run)) return copy_state(&run->initial, state);
     char *path = run_path(run, name);
     apsm_checkpoint *c = NULL;
     apsm_status status = path ? apsm_checkpoint_read(run->ctx, path, &c) : APSM_ERR_MEMORY;

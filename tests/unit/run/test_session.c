@@ -64,12 +64,11 @@ static void what_is_missing_is_told(void **state)
     apsm_context *ctx = apsm_context_new();
     const char *const null_pair[][2] = { { "seed", NULL } };
     const char *const null_input[] = { NULL };
-    const apsm_run_settings bad[] = { { .folder = NULL },
-                                      { .folder = "" },
-                                      { .folder = "x", .n_inputs = 1 },
-                                      { .folder = "x", .n_inputs = 1, .inputs = null_input },
-                                      { .folder = "x", .n_set = 1 },
-                                      { .folder = "x", .n_set = 1, .set = null_pair } };
+    const apsm_run_settings bad[] = {
+        { .folder = "x", .n_inputs = 2 }, { .folder = "" },
+        { .folder = "x", .n_inputs = 1 }, { .folder = "x", .n_inputs = 1, .inputs = null_input },
+        { .folder = "x", .n_set = 1 },    { .folder = "x", .n_set = 1, .set = null_pair }
+    };
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++)
         assert_int_equal(apsm_run_open(ctx, &bad[k], &run), APSM_ERR_ARG);
     assert_int_equal(apsm_run_open(ctx, NULL, &run), APSM_ERR_ARG);
