@@ -97,6 +97,10 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return cli_pairs_assign(p->ctx, a, text);
     case CLI_OUT:
         return take_path(p, o->name, text, &a->out_dir);
+    case CLI_PARTS:
+        return take_path(p, o->name, text, &a->parts);
+    case CLI_ALIGN_PARTS:
+        return take_path(p, o->name, text, &a->align_parts);
     case CLI_TO:
         return take_path(p, o->name, text, &a->to);
     case CLI_WHAT:

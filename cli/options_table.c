@@ -37,6 +37,14 @@ static const cli_option own[] = {
       NULL },
     { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "reflect_match", NULL,
       "mirror the inputs whose file name matches (left sides among right ones)", NULL },
+    { "parts", 0, CLI_PARTS, CLI_GROUP_INPUT, CLI_RUN, "LIST", NULL, NULL,
+      "several parts a subject, one model of all: tibia=REGEX,talus=REGEX (what the names of a "
+      "part's shapes have; the rest of the name is the subject) or tibia=1,talus=2+3 (labels)",
+      NULL },
+    { "align-parts", 0, CLI_ALIGN_PARTS, CLI_GROUP_INPUT, CLI_RUN, "WORD", NULL, NULL,
+      "with --parts: global (all parts move together), apart (each for itself), or the part by "
+      "which the others are aligned (default global)",
+      NULL },
     { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
       "leave out the inputs whose file name matches", NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE, "NAME", "template", NULL,

@@ -1,52 +1,69 @@
 /* run, groom, initialize, optimize, evaluate: open the model folder, do the step; report. */
 #include <stdlib.h>
 
-#include "apsm/run.h"
+#include "apsm/joint.h"
 #include "verbs.h"
 
 typedef apsm_status (*step_fn)(apsm_run *);
+
+/* What was set, as the library takes it: in pairs (n_set, borrowing). */
+static const char *const (*cli_pairs(const cli_args *args, const char *(*pairs)[2]))[2]
+{
+    for (size_t k = 0; k < args->n_set; k++) {
+        pairs[k][0] = args->set[k].key;
+        pairs[k][1] = args->set[k].value;
+    }
+    return (const char *const(*)[2])pairs;
+}
 
 apsm_status cli_open_run(apsm_context *ctx, const cli_args *args, apsm_run_settings settings,
                          apsm_run **run)
 {
     const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
     if (!pairs) return APSM_ERR_MEMORY;
-    for (size_t k = 0; k < args->n_set; k++) {
-        pairs[k][0] = args->set[k].key;
-        pairs[k][1] = args->set[k].value;
-    }
     settings.n_set = args->n_set;
-    settings.set = (const char *const(*)[2])pairs;
+    settings.set = cli_pairs(args, pairs);
     const apsm_status status = apsm_run_open(ctx, &settings, run);
     free(pairs);
     return status;
 }
 
-static apsm_status open_run(apsm_context *ctx, const cli_args *args, apsm_run **run)
+static apsm_run_settings settings_of(const cli_args *args)
 {
-    const apsm_run_settings settings = { .folder = args->out_dir,
-                                         .n_inputs = args->n_inputs,
-                                         .inputs = args->inputs,
-                                         .memory = args->memory,
-                                         .resume = args->resume,
-                                         .overwrite = args->overwrite,
-                                         .dry = args->dry_run };
-    return cli_open_run(ctx, args, settings, run);
+    return (apsm_run_settings){ .folder = args->out_dir,
+                                .n_inputs = args->n_inputs,
+                                .inputs = args->inputs,
+                                .memory = args->memory,
+                                .resume = args->resume,
+                                .overwrite = args->overwrite,
+                                .dry = args->dry_run };
 }
 
 static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step)
 {
     apsm_run *run = NULL;
-    APSM_TRY(open_run(ctx, args, &run));
+    APSM_TRY(cli_open_run(ctx, args, settings_of(args), &run));
     const apsm_status status = args->dry_run ? apsm_run_dry(run) : step(run);
     apsm_run_close(run);
+    return status;
+}
+
+static apsm_status run_parts(apsm_context *ctx, const cli_args *args)
+{
+    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
+    if (!pairs) return APSM_ERR_MEMORY;
+    apsm_joint_settings settings = { settings_of(args), args->parts, args->align_parts };
+    settings.run.set = cli_pairs(args, pairs);
+    settings.run.n_set = args->n_set;
+    const apsm_status status = apsm_joint_run(ctx, &settings);
+    free(pairs);
     return status;
 }
 
 apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     (void)ui;
-    APSM_TRY(do_step(ctx, args, apsm_run_all));
+    APSM_TRY(args->parts ? run_parts(ctx, args) : do_step(ctx, args, apsm_run_all));
     if (!args->dry_run)
         apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s/report.html", args->out_dir,
                  args->out_dir);

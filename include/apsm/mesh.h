@@ -21,6 +21,9 @@ typedef struct apsm_mesh {
 /* Uninitialised arrays of the given sizes.  mesh is overwritten, not freed. */
 apsm_status apsm_mesh_alloc(apsm_mesh *mesh, size_t nv, size_t nf) APSM_NODISCARD;
 apsm_status apsm_mesh_copy(const apsm_mesh *from, apsm_mesh *to) APSM_NODISCARD;
+/* Adds the vertices and faces of another mesh behind its own.  APSM_ERR_GEOMETRY: more than 2^32
+ * vertices; mesh then stays as it was, as it does for want of memory. */
+apsm_status apsm_mesh_append(apsm_mesh *mesh, const apsm_mesh *more) APSM_NODISCARD;
 void apsm_mesh_free(apsm_mesh *mesh);
 
 /* A point on a mesh: its face and barycentric weights of the face's three corners

@@ -4,6 +4,7 @@
 
 #include <jansson.h>
 
+#include "apsm/files.h"
 #include "apsm/project.h"
 
 /* Room for prefix + domain. */
@@ -23,6 +24,8 @@ extern const char *const apsm_project_columns[APSM_COLUMNS];
  * numbers were read, 0 if it is no usable transform.  plain: false if the first nine of 12 are
  * no identity. */
 int apsm_transform_parse(const char *text, double M[16], bool *plain);
+/* The 16 numbers, separated by spaces, so that they are read back as they are. */
+void apsm_transform_text(const double M[16], char text[16 * APSM_NUMBER_LENGTH]);
 
 /* A copy of object with all plain values as strings and no nulls.  NULL: out of memory, or *bad
  * is the key whose value is an object or array. */

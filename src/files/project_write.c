@@ -19,7 +19,7 @@ static bool set(json_t *row, const char *key, const char *text)
     return json_object_set_new(row, key, json_string(text)) == 0;
 }
 
-static void transform_text(const double M[16], char text[16 * APSM_NUMBER_LENGTH])
+void apsm_transform_text(const double M[16], char text[16 * APSM_NUMBER_LENGTH])
 {
     char *at = text;
     for (int i = 0; i < 16; i++) {
@@ -39,7 +39,7 @@ static bool set_transform(json_t *row, const char *key, bool has, const double M
     if (!has) return set(row, key, NULL);
     if (before && apsm_transform_parse(before, old, &plain) && memcmp(old, M, sizeof old) == 0)
         return true;
-    transform_text(M, text);
+    apsm_transform_text(M, text);
     return set(row, key, text);
 }
 

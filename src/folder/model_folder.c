@@ -1,6 +1,7 @@
 #include "folder/model_folder.h"
 
 #include <jansson.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -8,6 +9,7 @@
 #include "apsm/affine.h"
 #include "apsm/files.h"
 #include "apsm/particles_file.h"
+#include "files/project_columns.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
 
@@ -93,21 +95,86 @@ static apsm_status find_template(apsm_context *ctx, model_folder *m)
     return m->template_index < m->I ? APSM_OK : stale(ctx, m, "its files name no template");
 }
 
-static apsm_status read_set(apsm_context *ctx, const model_folder *m, const char *stored, double *p)
+/* ---- parts ---- */
+
+/* Several parts are listed in model.json; without a list all particles are the one part's. */
+static apsm_status take_part(apsm_context *ctx, const model_folder *m, const json_t *json,
+                             size_t first, model_part *part)
+{
+    const char *name = json_string_value(json_object_get(json, "name"));
+    const char *like = json_string_value(json_object_get(json, "template"));
+    const json_int_t J = json_integer_value(json_object_get(json, "particles"));
+    if (!name || !like || J < 1 || (size_t)J > m->J - first)
+        return stale(ctx, m, FOLDER_MODEL " has parts that do not fit it");
+    *part = (model_part){ strdup(name), first, (size_t)J, apsm_project_find(&m->project, like) };
+    if (!part->name) return out_of_memory(ctx, m);
+    return part->template_index < m->I ? APSM_OK : stale(ctx, m, "a part names no template");
+}
+
+static apsm_status take_parts(apsm_context *ctx, model_folder *m, const json_t *list)
+{
+    size_t first = 0;
+    const size_t n = json_array_size(list) > 0 ? json_array_size(list) : 1;
+    m->part = calloc(n, sizeof *m->part);
+    if (!m->part) return out_of_memory(ctx, m);
+    m->parts = n;
+    if (json_array_size(list) == 0) {
+        m->part[0] = (model_part){ NULL, 0, m->J, m->template_index };
+        return APSM_OK;
+    }
+    for (size_t d = 0; d < n; d++) {
+        APSM_TRY(take_part(ctx, m, json_array_get(list, d), first, &m->part[d]));
+        first += m->part[d].J;
+    }
+    return first == m->J ? APSM_OK : stale(ctx, m, FOLDER_MODEL " has parts that do not fit it");
+}
+
+static apsm_status read_parts_of_model(apsm_context *ctx, model_folder *m)
+{
+    json_t *root = NULL;
+    APSM_TRY(read_json(ctx, m, FOLDER_MODEL, FORMAT_MODEL, MODEL_VERSION, &root));
+    const apsm_status status = take_parts(ctx, m, json_object_get(root, "parts"));
+    json_decref(root);
+    return status;
+}
+
+/* A column of part d; the struct holds those of the first. */
+static const char *part_column(const model_folder *m, size_t i, size_t d, const char *prefix)
+{
+    char key[256];
+    snprintf(key, sizeof key, "%s_%s", prefix, m->part[d].name);
+    return apsm_subject_column(&m->project.subjects[i], key);
+}
+
+static apsm_status read_set(apsm_context *ctx, const model_folder *m, const char *stored, size_t J,
+                            double *p)
 {
     if (!stored) return stale(ctx, m, "a shape has no particles");
     char *path = apsm_project_path(&m->project, stored);
     if (!path) return out_of_memory(ctx, m);
-    const apsm_status status = apsm_particles_read_n(ctx, path, m->J, p);
+    const apsm_status status = apsm_particles_read_n(ctx, path, J, p);
     free(path);
     return status;
+}
+
+static apsm_status read_sets(apsm_context *ctx, const model_folder *m, size_t i, bool world,
+                             double *p)
+{
+    const apsm_subject *s = &m->project.subjects[i];
+    const char *first = world ? s->world_particles : s->local_particles;
+    APSM_TRY(read_set(ctx, m, first, m->part[0].J, p));
+    for (size_t d = 1; d < m->parts; d++)
+        APSM_TRY(read_set(ctx, m,
+                          part_column(m, i, d, world ? "world_particles" : "local_particles"),
+                          m->part[d].J, p + 3 * m->part[d].first));
+    return APSM_OK;
 }
 
 static apsm_status read_world(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
     model_folder *m = user;
-    return read_set(ctx, m, m->project.subjects[i].world_particles, m->P + i * m->J * 3);
+    return read_sets(ctx, m, i, true, m->P + i * m->J * 3);
 }
 
 static apsm_status read_particles(apsm_context *ctx, model_folder *m)
@@ -131,6 +198,7 @@ static apsm_status read_parts(apsm_context *ctx, unsigned parts, model_folder *m
         APSM_TRY(
             read_json(ctx, m, FOLDER_MANIFEST, FORMAT_MANIFEST, MANIFEST_VERSION, &m->manifest));
     APSM_TRY(find_template(ctx, m));
+    APSM_TRY(read_parts_of_model(ctx, m));
     if (parts & FOLDER_SCORES) APSM_TRY(read_scores(ctx, m));
     if (parts & FOLDER_PARTICLES) APSM_TRY(read_particles(ctx, m));
     return APSM_OK;
@@ -152,6 +220,8 @@ void model_folder_free(model_folder *m)
     json_decref(m->manifest);
     apsm_shape_model_free(&m->model);
     apsm_project_free(&m->project);
+    for (size_t d = 0; d < m->parts; d++) free(m->part[d].name);
+    free(m->part);
     free(m->names);
     free(m->P);
     free(m->path);
@@ -166,25 +236,66 @@ void model_folder_to_world(const model_folder *m, size_t i, double M[16])
     apsm_affine_multiply(s->procrustes, s->alignment, M);
 }
 
-apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i, apsm_mesh *mesh)
+static apsm_status part_to_world(apsm_context *ctx, const model_folder *m, size_t i, size_t d,
+                                 double M[16])
 {
-    const apsm_subject *s = &m->project.subjects[i];
+    model_folder_to_world(m, i, M);
+    if (d == 0) return APSM_OK;
+    const char *text = part_column(m, i, d, "alignment");
+    bool plain;
+    if (!text || apsm_transform_parse(text, M, &plain) != 16)
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: %s: alignment_%s is no transform; run again",
+                         m->path, m->names[i], m->part[d].name);
+    return APSM_OK;
+}
+
+apsm_status model_folder_part_mesh(apsm_context *ctx, const model_folder *m, size_t i, size_t d,
+                                   apsm_mesh *mesh)
+{
+    const char *stored = d == 0 ? m->project.subjects[i].groomed : part_column(m, i, d, "groomed");
     double M[16];
-    if (!s->groomed) return stale(ctx, m, "a shape has no groomed mesh");
-    char *path = apsm_project_path(&m->project, s->groomed);
+    if (!stored) return stale(ctx, m, "a shape has no groomed mesh");
+    APSM_TRY(part_to_world(ctx, m, i, d, M));
+    char *path = apsm_project_path(&m->project, stored);
     if (!path) return out_of_memory(ctx, m);
     const apsm_status status = apsm_vtk_read_mesh(ctx, path, mesh);
     free(path);
     APSM_TRY(status);
-    model_folder_to_world(m, i, M);
     apsm_mesh_transform(mesh, M);
     return APSM_OK;
+}
+
+/* mesh <- mesh and more; more is freed. */
+static apsm_status join(apsm_context *ctx, const model_folder *m, apsm_mesh *mesh, apsm_mesh *more)
+{
+    apsm_status status = APSM_OK;
+    if (mesh->nv == 0) {
+        *mesh = *more;
+        *more = (apsm_mesh){ 0 };
+    } else if (apsm_mesh_append(mesh, more) != APSM_OK) {
+        status = out_of_memory(ctx, m);
+    }
+    apsm_mesh_free(more);
+    return status;
+}
+
+apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i, apsm_mesh *mesh)
+{
+    apsm_status status = APSM_OK;
+    *mesh = (apsm_mesh){ 0 };
+    for (size_t d = 0; d < m->parts && status == APSM_OK; d++) {
+        apsm_mesh part = { 0 };
+        status = model_folder_part_mesh(ctx, m, i, d, &part);
+        if (status == APSM_OK) status = join(ctx, m, mesh, &part);
+    }
+    if (status != APSM_OK) apsm_mesh_free(mesh);
+    return status;
 }
 
 apsm_status model_folder_local_particles(apsm_context *ctx, const model_folder *m, size_t i,
                                          double *p)
 {
-    return read_set(ctx, m, m->project.subjects[i].local_particles, p);
+    return read_sets(ctx, m, i, false, p);
 }
 
 apsm_status model_folder_options(apsm_context *ctx, const model_folder *m, apsm_options *options)

@@ -20,15 +20,25 @@ enum {
     FOLDER_ALL = 31
 };
 
+/* A part of a subject, such as a bone of a joint: particles first .. first + J - 1.  Owns its name.
+ */
+typedef struct model_part {
+    char *name; /* NULL: the only one */
+    size_t first, J;
+    size_t template_index; /* the shape whose mesh stands for the part's */
+} model_part;
+
 /* Owns everything.  Zero-initialise with {0}; model_folder_free leaves it so. */
 typedef struct model_folder {
     char *path;
-    apsm_project project;   /* subjects[i].name, .alignment, ... of shape i */
-    const char **names;     /* I, borrowed from the project */
-    size_t I, J;            /* shapes, particles */
-    size_t template_index;  /* < I */
-    apsm_shape_model model; /* in the world frame */
-    double *P;              /* I x J x 3, world frame, or NULL */
+    apsm_project project;  /* subjects[i].name, .alignment, ... of shape i */
+    const char **names;    /* I, borrowed from the project */
+    size_t I, J;           /* shapes, particles */
+    size_t template_index; /* < I */
+    size_t parts;          /* 1, or as many as a subject has parts */
+    model_part *part;
+    apsm_shape_model model;                             /* in the world frame */
+    double *P;                                          /* I x J x 3, world frame, or NULL */
     struct json_t *evaluation, *certificate, *manifest; /* the files, or NULL */
 } model_folder;
 
@@ -43,9 +53,13 @@ void model_folder_free(model_folder *m);
 /* Path of a file (folder/names.h) in the folder: malloc'ed, NULL if out of memory. */
 char *model_folder_path(const model_folder *m, const char *name);
 
-/* Row-major map from shape i's own (groomed) frame to the world frame of the model. */
+/* Row-major map from shape i's own (groomed) frame to the world frame of the model; where there are
+ * several parts, that of the first. */
 void model_folder_to_world(const model_folder *m, size_t i, double M[16]);
-/* The groomed mesh of shape i (template_index: the template's), in the world frame. */
+/* The groomed mesh of part d of shape i, in the world frame. */
+apsm_status model_folder_part_mesh(apsm_context *ctx, const model_folder *m, size_t i, size_t d,
+                                   apsm_mesh *mesh) APSM_NODISCARD;
+/* The groomed meshes of all parts of shape i (template_index: the template's) as one. */
 apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i,
                               apsm_mesh *mesh) APSM_NODISCARD;
 /* p (J x 3, out) <- the particles of shape i in its own frame. */

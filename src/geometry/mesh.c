@@ -42,6 +42,21 @@ void mesh_arrays(apsm_mesh *mesh, array_list *list)
     arrays_add(list, &mesh->F, mesh->nf * 3 * sizeof *mesh->F);
 }
 
+apsm_status apsm_mesh_append(apsm_mesh *mesh, const apsm_mesh *more)
+{
+    apsm_mesh all;
+    const size_t nv = mesh->nv, nf = mesh->nf;
+    if (nv + more->nv > UINT32_MAX) return APSM_ERR_GEOMETRY;
+    APSM_TRY(apsm_mesh_alloc(&all, nv + more->nv, nf + more->nf));
+    if (nv > 0) memcpy(all.V, mesh->V, 3 * nv * sizeof *all.V);
+    if (nf > 0) memcpy(all.F, mesh->F, 3 * nf * sizeof *all.F);
+    if (more->nv > 0) memcpy(all.V + 3 * nv, more->V, 3 * more->nv * sizeof *all.V);
+    for (size_t k = 0; k < 3 * more->nf; k++) all.F[3 * nf + k] = more->F[k] + (uint32_t)nv;
+    apsm_mesh_free(mesh);
+    *mesh = all;
+    return APSM_OK;
+}
+
 void apsm_mesh_free(apsm_mesh *mesh)
 {
     free(mesh->V);

@@ -184,3 +184,22 @@ void apsm_pose_shape_compose(const apsm_pose_shape *ps, const apsm_parts *parts,
         apsm_affine_apply(M, count(parts, d), s + 3 * parts->first[d], x + 3 * parts->first[d]);
     }
 }
+
+apsm_status apsm_pose_shape_pose(const apsm_pose_shape *ps, const apsm_parts *parts, double b,
+                                 const double *z, double *xi)
+{
+    for (size_t d = 0; d < ps->n; d++) {
+        const double *S = ps->gyration + 9 * d, root = sqrt((double)count(parts, d));
+        double M[16], back[16];
+        apsm_affine_identity(M);
+        for (size_t k = 0; k < 9; k++) M[4 * (k / 3) + k % 3] = S[k];
+        APSM_TRY(apsm_affine_invert(M, back));
+        for (size_t a = 0; a < 3; a++) {
+            const double *y = z + 6 * d;
+            xi[6 * d + a] =
+                b * (back[4 * a] * y[0] + back[4 * a + 1] * y[1] + back[4 * a + 2] * y[2]);
+            xi[6 * d + 3 + a] = b * y[3 + a] / root;
+        }
+    }
+    return APSM_OK;
+}

@@ -36,4 +36,9 @@ void apsm_pose_shape_free(apsm_pose_shape *result);
 void apsm_pose_shape_compose(const apsm_pose_shape *ps, const apsm_parts *parts, const double *xi,
                              const double *s, double *x);
 
+/* The poses xi (n x 6, out) whose z of (1) is b times a row z (2n x 3) of the models.
+ * APSM_ERR_SINGULAR: a part whose mean particles lie on a line. */
+apsm_status apsm_pose_shape_pose(const apsm_pose_shape *ps, const apsm_parts *parts, double b,
+                                 const double *z, double *xi) APSM_NODISCARD;
+
 #endif

@@ -1,5 +1,3 @@
-/* Reconstructions are warps of the template's mesh as in evaluate (METHOD section 9), and warps are
- * linear in the particles, so that mean and modes go the same way: y = W p. */
 #include "report/display.h"
 
 #include <math.h>
@@ -7,8 +5,7 @@
 #include <string.h>
 
 #include "apsm/surface_distance.h"
-#include "groom/remesh.h"
-#include "report/order.h"
+#include "report/template_surface.h"
 
 /* Faces that are shown: of all shapes together about this many, which a browser draws smoothly
  * and which fit into less than 10 MB; but never so few that a shape loses its look. */
@@ -18,45 +15,14 @@ typedef struct making {
     const model_folder *m;
     display *d;
     size_t faces;
-    apsm_mesh template_mesh; /* as groomed */
-    apsm_warp warp;          /* of template_mesh */
-    apsm_warp shown_warp;    /* of d->template_mesh */
+    template_surface full; /* as groomed */
+    template_surface shown;
 } making;
 
 static size_t faces_shown(size_t I)
 {
     const size_t faces = FACES_TOGETHER / I;
     return faces < FACES_LEAST ? FACES_LEAST : faces > FACES_MOST ? FACES_MOST : faces;
-}
-
-/* shown <- mesh with about `faces` faces, or all of them if it has few or cannot be remeshed. */
-static apsm_status reduce(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *bvh,
-                          size_t faces, apsm_mesh *shown)
-{
-    apsm_remesh_options options = apsm_remesh_defaults();
-    options.target_faces = faces;
-    options.iterations = 3;
-    options.turn = 0;
-    apsm_status status = APSM_ERR_GEOMETRY;
-    if (mesh->nf > faces) status = apsm_remesh(ctx, mesh, bvh, &options, shown, NULL);
-    if (status == APSM_ERR_GEOMETRY) status = apsm_mesh_copy(mesh, shown);
-    return status == APSM_OK ? order_mesh(shown) : status;
-}
-
-static apsm_status make_template(apsm_context *ctx, making *w)
-{
-    const size_t t = w->m->template_index, J = w->m->J;
-    const double *P = w->m->P + t * J * 3;
-    apsm_bvh *bvh = NULL;
-    APSM_TRY(model_folder_mesh(ctx, w->m, t, &w->template_mesh));
-    const apsm_mesh *full = &w->template_mesh;
-    APSM_TRY(apsm_bvh_build_unsigned(full, &bvh));
-    const apsm_status status = reduce(ctx, full, bvh, w->faces, &w->d->template_mesh);
-    apsm_bvh_free(bvh);
-    APSM_TRY(status);
-    APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, full->nv, full->V, J, P, &w->warp));
-    const apsm_mesh *shown = &w->d->template_mesh;
-    return apsm_warp_build(ctx, APSM_PHI_R, shown->nv, shown->V, J, P, &w->shown_warp);
 }
 
 static apsm_status make_modes(making *w)
@@ -68,60 +34,77 @@ static apsm_status make_modes(making *w)
     d->mean = malloc(n * sizeof *d->mean);
     d->mode = malloc((d->modes * n + 1) * sizeof *d->mode);
     if (!d->mean || !d->mode) return APSM_ERR_MEMORY;
-    apsm_warp_apply(&w->shown_warp, m->model.mean, d->mean);
+    template_surface_warp(&w->shown, m->model.mean, d->mean);
     for (size_t k = 0; k < d->modes; k++) {
         double *y = d->mode + k * n;
-        apsm_warp_apply(&w->shown_warp, m->model.mode + k * J3, y);
+        template_surface_warp(&w->shown, m->model.mode + k * J3, y);
         for (size_t x = 0; x < n; x++) y[x] *= sqrt(m->model.variance[k]);
     }
     return APSM_OK;
 }
 
-/* Distances of the shown vertices of both to the other surface at full resolution. */
-static apsm_status measure(const making *w, const apsm_bvh *bvh, const apsm_mesh *warped,
-                           display_shape *s)
+/* A part of a shape: its surface at full resolution, and the template's warped to it. */
+typedef struct part_pair {
+    apsm_mesh own, warped;
+    apsm_bvh *own_tree, *warped_tree;
+} part_pair;
+
+static void part_pair_free(part_pair *p)
 {
-    apsm_bvh *warped_bvh = NULL;
-    APSM_TRY(apsm_bvh_build_unsigned(warped, &warped_bvh));
-    apsm_point_distances(warped_bvh, s->mesh.nv, s->mesh.V, s->distance, NULL);
-    apsm_point_distances(bvh, w->d->template_mesh.nv, s->warped, s->warped_distance, NULL);
-    apsm_bvh_free(warped_bvh);
-    return APSM_OK;
+    apsm_bvh_free(p->own_tree);
+    apsm_bvh_free(p->warped_tree);
+    apsm_mesh_free(&p->own);
+    apsm_mesh_free(&p->warped);
 }
 
-static apsm_status make_from(apsm_context *ctx, const making *w, const double *p,
-                             const apsm_mesh *mesh, apsm_mesh *warped, display_shape *s)
+static apsm_status make_pair(apsm_context *ctx, const making *w, size_t i, size_t d, part_pair *p)
 {
-    apsm_bvh *bvh = NULL;
-    const size_t nv = w->d->template_mesh.nv;
-    APSM_TRY(apsm_bvh_build_unsigned(mesh, &bvh));
-    apsm_status status = reduce(ctx, mesh, bvh, w->faces, &s->mesh);
-    if (status == APSM_OK) {
-        s->distance = malloc((s->mesh.nv + 1) * sizeof *s->distance);
-        s->warped = malloc((3 * nv + 1) * sizeof *s->warped);
-        s->warped_distance = malloc((nv + 1) * sizeof *s->warped_distance);
-        status = s->distance && s->warped && s->warped_distance ? APSM_OK : APSM_ERR_MEMORY;
-    }
-    if (status == APSM_OK) {
-        apsm_warp_apply(&w->warp, p, warped->V);
-        apsm_warp_apply(&w->shown_warp, p, s->warped);
-        status = measure(w, bvh, warped, s);
-    }
-    apsm_bvh_free(bvh);
-    return status;
+    const model_folder *m = w->m;
+    APSM_TRY(model_folder_part_mesh(ctx, m, i, d, &p->own));
+    APSM_TRY(apsm_mesh_copy(&w->full.mesh[d], &p->warped));
+    apsm_warp_apply(&w->full.warp[d], m->P + 3 * (i * m->J + m->part[d].first), p->warped.V);
+    APSM_TRY(apsm_bvh_build_unsigned(&p->own, &p->own_tree));
+    return apsm_bvh_build_unsigned(&p->warped, &p->warped_tree);
+}
+
+/* Adds what is shown of part d, with the distances of its vertices from the other surface at full
+ * resolution. */
+static apsm_status add_part(apsm_context *ctx, const making *w, size_t d, const part_pair *p,
+                            display_shape *s)
+{
+    apsm_mesh shown = { 0 };
+    const size_t first = s->mesh.nv, *of = w->shown.first_vertex;
+    APSM_TRY(reduce_mesh(ctx, &p->own, p->own_tree, w->faces / w->m->parts, &shown));
+    apsm_status status = apsm_mesh_append(&s->mesh, &shown);
+    apsm_mesh_free(&shown);
+    APSM_TRY(status);
+    double *distance = realloc(s->distance, (s->mesh.nv + 1) * sizeof *distance);
+    if (!distance) return APSM_ERR_MEMORY;
+    s->distance = distance;
+    apsm_point_distances(p->warped_tree, s->mesh.nv - first, s->mesh.V + 3 * first,
+                         distance + first, NULL);
+    apsm_point_distances(p->own_tree, of[d + 1] - of[d], s->warped + 3 * of[d],
+                         s->warped_distance + of[d], NULL);
+    return APSM_OK;
 }
 
 static apsm_status make_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
     const making *w = user;
-    apsm_mesh mesh = { 0 }, warped = { 0 };
-    apsm_status status = model_folder_mesh(ctx, w->m, i, &mesh);
-    if (status == APSM_OK) status = apsm_mesh_copy(&w->template_mesh, &warped);
-    if (status == APSM_OK)
-        status = make_from(ctx, w, w->m->P + i * w->m->J * 3, &mesh, &warped, &w->d->shape[i]);
-    apsm_mesh_free(&mesh);
-    apsm_mesh_free(&warped);
+    const size_t nv = w->d->template_mesh.nv;
+    display_shape *s = &w->d->shape[i];
+    s->warped = malloc((3 * nv + 1) * sizeof *s->warped);
+    s->warped_distance = malloc((nv + 1) * sizeof *s->warped_distance);
+    if (!s->warped || !s->warped_distance) return APSM_ERR_MEMORY;
+    template_surface_warp(&w->shown, w->m->P + i * w->m->J * 3, s->warped);
+    apsm_status status = APSM_OK;
+    for (size_t d = 0; d < w->m->parts && status == APSM_OK; d++) {
+        part_pair p = { 0 };
+        status = make_pair(ctx, w, i, d, &p);
+        if (status == APSM_OK) status = add_part(ctx, w, d, &p, s);
+        part_pair_free(&p);
+    }
     return status;
 }
 
@@ -129,12 +112,14 @@ apsm_status display_make(apsm_context *ctx, const model_folder *m, display *d)
 {
     *d = (display){ .I = m->I, .shape = calloc(m->I, sizeof *d->shape) };
     making w = { .m = m, .d = d, .faces = faces_shown(m->I) };
-    apsm_status status = d->shape ? make_template(ctx, &w) : APSM_ERR_MEMORY;
+    apsm_status status = d->shape ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = template_surface_make(ctx, m, 0, &w.full);
+    if (status == APSM_OK) status = template_surface_make(ctx, m, w.faces, &w.shown);
+    if (status == APSM_OK) status = template_surface_mesh(&w.shown, &d->template_mesh);
     if (status == APSM_OK) status = make_modes(&w);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, m->I, make_shape, &w, "report");
-    apsm_mesh_free(&w.template_mesh);
-    apsm_warp_free(&w.warp);
-    apsm_warp_free(&w.shown_warp);
+    template_surface_free(&w.full);
+    template_surface_free(&w.shown);
     return status;
 }
 

@@ -9,11 +9,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/warp.h"
 #include "folder/model_folder.h"
 #include "report/colours.h"
 #include "report/picture.h"
 #include "report/raster.h"
+#include "report/template_surface.h"
 
 static const float bone[3] = { 0.86f, 0.83f, 0.77f };
 static const unsigned char ink[3] = { 0x1b, 0x1f, 0x24 }, soft[3] = { 0x4a, 0x52, 0x60 },
@@ -69,7 +69,7 @@ static double reach_of(const sheet *s)
     return most > 0 ? most : 1;
 }
 
-static apsm_status warp_modes(const apsm_warp *warp, sheet *s)
+static apsm_status warp_modes(const template_surface *surface, sheet *s)
 {
     const model_folder *m = s->m;
     const size_t n = 3 * s->mesh.nv;
@@ -78,9 +78,9 @@ static apsm_status warp_modes(const apsm_warp *warp, sheet *s)
     s->mean_normals = malloc((n + 1) * sizeof *s->mean_normals);
     s->mode = malloc((s->modes * n + 1) * sizeof *s->mode);
     if (!s->mean || !s->mean_normals || !s->mode) return APSM_ERR_MEMORY;
-    apsm_warp_apply(warp, m->model.mean, s->mean);
+    template_surface_warp(surface, m->model.mean, s->mean);
     for (size_t k = 0; k < s->modes; k++) {
-        apsm_warp_apply(warp, m->model.mode + k * m->J * 3, s->mode + k * n);
+        template_surface_warp(surface, m->model.mode + k * m->J * 3, s->mode + k * n);
         for (size_t x = 0; x < n; x++) s->mode[k * n + x] *= sqrt(m->model.variance[k]);
     }
     memcpy(s->mesh.V, s->mean, n * sizeof *s->mean);
@@ -91,13 +91,11 @@ static apsm_status warp_modes(const apsm_warp *warp, sheet *s)
 
 static apsm_status make_mean(apsm_context *ctx, sheet *s)
 {
-    const model_folder *m = s->m;
-    apsm_warp warp = { 0 };
-    APSM_TRY(model_folder_mesh(ctx, m, m->template_index, &s->mesh));
-    apsm_status status = apsm_warp_build(ctx, APSM_PHI_R, s->mesh.nv, s->mesh.V, m->J,
-                                         m->P + m->template_index * m->J * 3, &warp);
-    if (status == APSM_OK) status = warp_modes(&warp, s);
-    apsm_warp_free(&warp);
+    template_surface surface = { 0 };
+    apsm_status status = template_surface_make(ctx, s->m, 0, &surface);
+    if (status == APSM_OK) status = template_surface_mesh(&surface, &s->mesh);
+    if (status == APSM_OK) status = warp_modes(&surface, s);
+    template_surface_free(&surface);
     return status;
 }
 

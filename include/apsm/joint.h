@@ -1,0 +1,39 @@
+/* joint.h -- one model of several parts a subject: the bones of a joint, the chambers of a heart.
+ *
+ * Every part is modelled for itself, with all steps of run.h, in MODEL_DIR/parts/NAME; so its
+ * correspondence knows nothing of how the parts lie to each other.  Then the parts are put together
+ * again as they lie in each subject, and mean, modes, poses and gaps are made of all of them
+ * (docs/method.md, "Several parts").  docs/formats.md says what the folder holds. */
+#ifndef APSM_JOINT_H
+#define APSM_JOINT_H
+
+#include "apsm/run.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* All borrowed during the call. */
+typedef struct apsm_joint_settings {
+    /* Inputs and options as for a single part.  folder is MODEL_DIR.  Each option holds for every
+     * part; resume and overwrite hold for the whole. */
+    apsm_run_settings run;
+    /* "NAME=WHAT,NAME=WHAT,...", two parts at least.  WHAT is a POSIX extended regular expression
+     * without commas, searched in the names of the shapes (what is left of a name when the match is
+     * taken out names the subject), or for all parts the numbers of labels, joined by + where a
+     * part has several: then every input is a subject. */
+    const char *parts;
+    /* "global": all parts of a subject move together, relative pose stays; "apart": every part for
+     * itself; or the name of a part by which the others are aligned.  NULL: global. */
+    const char *align;
+} apsm_joint_settings;
+
+/* The whole job.  Subjects that miss a part are left out of the joint model, with a warning that
+ * names them; their other parts still take part in those parts' models.  A folder that holds files,
+ * but no joint model of ours, is refused. */
+apsm_status apsm_joint_run(apsm_context *ctx, const apsm_joint_settings *settings) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,168 @@
+/* The job: the parts one after the other, each as a job of its own, then all of them together. */
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/files.h"
+#include "assemble/job.h"
+#include "folder/names.h"
+
+/* ---- the folder ---- */
+
+static bool is_empty(const char *folder)
+{
+    apsm_file_list list = { 0 };
+    const bool empty = apsm_list_files(NULL, folder, true, &list) == APSM_OK && list.n == 0;
+    apsm_file_list_free(&list);
+    return empty;
+}
+
+/* Whether the folder's manifest says that it holds a joint. */
+static apsm_status is_joint(const joint_job *job, bool *ours)
+{
+    json_t *root = NULL;
+    char *path = apsm_path_join(job->settings->run.folder, FOLDER_MANIFEST);
+    *ours = false;
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    if (apsm_file_exists(path)) {
+        status = apsm_json_read(job->ctx, path, &root);
+        *ours = status == APSM_OK && json_object_get(root, "joint");
+        json_decref(root);
+    }
+    free(path);
+    return status;
+}
+
+/* A folder that holds something must be ours, and is then only gone on with or replaced if asked.
+ */
+static apsm_status check_folder(const joint_job *job)
+{
+    const apsm_run_settings *s = &job->settings->run;
+    bool ours;
+    if (!apsm_is_folder(s->folder) || is_empty(s->folder)) return APSM_OK;
+    APSM_TRY(is_joint(job, &ours));
+    if (ours && (s->resume || s->overwrite)) return APSM_OK;
+    if (ours)
+        return apsm_fail(job->ctx, APSM_ERR_STATE,
+                         "%s: holds a joint model already; continue it with --resume, replace it "
+                         "with --overwrite, or choose another folder",
+                         s->folder);
+    return apsm_fail(job->ctx, APSM_ERR_STATE,
+                     "%s: holds files that are no joint model of ours; choose another folder",
+                     s->folder);
+}
+
+/* The mark that the folder is ours, before anything else is in it. */
+static apsm_status mark_folder(const joint_job *job)
+{
+    char *path = apsm_path_join(job->settings->run.folder, FOLDER_MANIFEST);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    if (!apsm_file_exists(path)) {
+        json_t *root = json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}, s:{}, s:{}}", "format",
+                                 FORMAT_MANIFEST, "version", MANIFEST_VERSION, "apsm", APSM_VERSION,
+                                 "options", "inputs", "stages", "outputs", "joint");
+        status = apsm_json_write_sealed(job->ctx, path, root);
+        json_decref(root);
+    }
+    free(path);
+    return status;
+}
+
+/* ---- one part ---- */
+
+/* The options that a part's job is given: all but those that are settled here. */
+static size_t options_of_part(const joint_job *job, size_t d, const char *(*set)[2])
+{
+    const apsm_run_settings *s = &job->settings->run;
+    size_t n = 0;
+    for (size_t k = 0; k < s->n_set; k++) {
+        if (strcmp(s->set[k][0], "exclude") == 0) continue;
+        set[n][0] = s->set[k][0];
+        set[n++][1] = s->set[k][1];
+    }
+    if (job->by_label) {
+        set[n][0] = "labels";
+        set[n++][1] = job->part[d].what;
+    }
+    return n;
+}
+
+static size_t inputs_of_part(const joint_job *job, size_t d, const char **inputs)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < job->subjects; i++) {
+        const size_t k = job->subject[i].input[d];
+        if (k != APSM_NO_CASE) inputs[n++] = job->list.cases[k].path;
+    }
+    return n;
+}
+
+static apsm_status run_part(const joint_job *job, size_t d, const char *(*set)[2],
+                            const char **inputs)
+{
+    apsm_run *run = NULL;
+    apsm_run_settings settings = job->settings->run;
+    settings.folder = job->part[d].folder;
+    settings.n_set = options_of_part(job, d, set);
+    settings.set = (const char *const(*)[2])set;
+    settings.n_inputs = inputs_of_part(job, d, inputs);
+    settings.inputs = inputs;
+    settings.resume = job->settings->run.resume && apsm_is_folder(settings.folder);
+    apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu), %zu shapes", job->part[d].name, d + 1,
+             job->n, settings.n_inputs);
+    apsm_status status = apsm_run_open(job->ctx, &settings, &run);
+    if (status == APSM_OK) status = settings.dry ? apsm_run_dry(run) : apsm_run_all(run);
+    apsm_run_close(run);
+    return status;
+}
+
+static apsm_status run_parts(const joint_job *job)
+{
+    const char *(*set)[2] = malloc((job->settings->run.n_set + 1) * sizeof *set);
+    const char **inputs = malloc((job->subjects + 1) * sizeof *inputs);
+    apsm_status status = set && inputs ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, set, inputs);
+    free(set);
+    free(inputs);
+    return status;
+}
+
+/* ---- all ---- */
+
+static apsm_status put_together(joint_job *job)
+{
+    joint_cohort cohort = { 0 };
+    joint_figures figures = { 0 };
+    apsm_status status = joint_load(job, &cohort);
+    if (status == APSM_OK) status = joint_measure(job, &cohort, &figures);
+    if (status == APSM_OK) status = joint_write(job, &cohort, &figures);
+    joint_figures_free(&figures, cohort.n);
+    joint_cohort_free(&cohort);
+    return status;
+}
+
+static apsm_status run_locked(joint_job *job)
+{
+    apsm_lock lock = { .fd = -1 };
+    APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
+    APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
+    apsm_status status = mark_folder(job);
+    if (status == APSM_OK) status = run_parts(job);
+    if (status == APSM_OK) status = put_together(job);
+    apsm_unlock_folder(&lock);
+    return status;
+}
+
+apsm_status apsm_joint_run(apsm_context *ctx, const apsm_joint_settings *settings)
+{
+    joint_job job = { .ctx = ctx, .settings = settings };
+    apsm_status status = joint_parse(&job);
+    if (status == APSM_OK) status = check_folder(&job);
+    if (status == APSM_OK) status = joint_group(&job);
+    if (status == APSM_OK) status = settings->run.dry ? run_parts(&job) : run_locked(&job);
+    joint_job_free(&job);
+    return status;
+}

@@ -1,0 +1,100 @@
+/* job.h -- what the steps of a job of several parts share. */
+#ifndef APSM_ASSEMBLE_JOB_H
+#define APSM_ASSEMBLE_JOB_H
+
+#include "apsm/input.h"
+#include "apsm/joint.h"
+#include "apsm/metrics.h"
+#include "folder/model_folder.h"
+#include "joint/contact.h"
+#include "joint/pose_shape.h"
+
+/* A part as the user names it.  Owned. */
+typedef struct joint_part {
+    char *name;
+    char *what;   /* expression, or labels "1,2" */
+    char *folder; /* MODEL_DIR/parts/NAME */
+} joint_part;
+
+/* A subject: of every part the index of its case, or APSM_NO_CASE.  Owned. */
+#define APSM_NO_CASE SIZE_MAX
+typedef struct joint_subject {
+    char *name;
+    size_t *input; /* n parts */
+} joint_subject;
+
+typedef struct joint_job {
+    apsm_context *ctx;
+    const apsm_joint_settings *settings;
+    bool by_label;
+    size_t n; /* parts */
+    joint_part *part;
+    apsm_joint_alignment alignment;
+    size_t align_by;
+    apsm_input_list list;
+    size_t subjects, complete; /* complete ones come first, either sort by name */
+    joint_subject *subject;
+} joint_job;
+
+/* The last value of an option among those that were set; NULL if it was not. */
+const char *joint_setting(const joint_job *job, const char *key);
+
+/* ---- spec.c: settings->parts and ->align ---- */
+apsm_status joint_parse(joint_job *job);
+
+/* ---- group.c: inputs to subjects ---- */
+apsm_status joint_group(joint_job *job);
+void joint_job_free(joint_job *job);
+
+/* ---- load.c ---- */
+
+/* The complete subjects' particles in the frame of their inputs, mirrored ones turned to the side
+ * of the others, as they lie to each other; then in one frame.  Owns everything. */
+typedef struct joint_cohort {
+    size_t I, n, J;
+    size_t *first;        /* n + 1 */
+    model_folder *folder; /* n: the parts' models */
+    size_t *row;          /* I x n: the subject's place in the part's model */
+    double *place;        /* I x n x 16: groomed mesh of the part to the input's frame (mirrored) */
+    double *align;        /* I x n x 16: from there to the world */
+    double *P;            /* I x J x 3: there */
+    double *Q;            /* I x J x 3: world */
+    bool *mirrored;       /* I */
+} joint_cohort;
+apsm_status joint_load(joint_job *job, joint_cohort *cohort);
+void joint_cohort_free(joint_cohort *cohort);
+/* The groomed mesh of part d of subject i in the world frame. */
+apsm_status joint_mesh(apsm_context *ctx, const joint_cohort *c, size_t i, size_t d,
+                       apsm_mesh *mesh);
+apsm_parts joint_parts(const joint_cohort *cohort);
+
+/* ---- figures.c ---- */
+
+/* How a pair of parts meets in a subject, on its own surfaces and on the reconstructed ones. */
+typedef struct joint_contact {
+    apsm_contact own, rebuilt;
+} joint_contact;
+
+/* Owns everything. */
+typedef struct joint_figures {
+    size_t pairs; /* n (n - 1) / 2: (0,1), (0,2), ..., (1,2), ... */
+    apsm_shape_model model;
+    apsm_evaluation evaluation;
+    apsm_pose_shape poses;
+    size_t *like;    /* n: the subject whose mesh stands for the part's */
+    apsm_warp *warp; /* n: of the meshes of the parts' templates */
+    apsm_mesh *mesh; /* n: those, in the world frame of the part's template subject */
+    apsm_surface_distance *surface; /* I x n */
+    joint_contact *contact;         /* I x pairs */
+    apsm_contact *mean;             /* pairs: of the mean joint */
+} joint_figures;
+apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures);
+void joint_figures_free(joint_figures *figures, size_t n);
+
+/* ---- write.c ---- */
+
+/* All files of the joint; joint.json, which lists them, last. */
+apsm_status joint_write(const joint_job *job, const joint_cohort *cohort,
+                        const joint_figures *figures);
+
+#endif

@@ -1,0 +1,693 @@
+/* The files of a joint model.  Everything is written under names that joint.json lists; it comes
+ * last, and a folder without it, or with other files, is not replaced (assemble.c). */
+#include <jansson.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/adapters.h"
+#include "apsm/affine.h"
+#include "apsm/files.h"
+#include "apsm/particles_file.h"
+#include "apsm/project.h"
+#include "apsm/report.h"
+#include "assemble/job.h"
+#include "files/project_columns.h"
+#include "folder/names.h"
+
+typedef struct writing {
+    const joint_job *job;
+    const joint_cohort *c;
+    const joint_figures *f;
+    json_t *files; /* names written, to be listed with their SHA-256 */
+} writing;
+
+/* MODEL_DIR/name, noted as ours; malloc'ed. */
+static char *path_of(writing *w, const char *format, ...) APSM_PRINTF(2, 3);
+static char *path_of(writing *w, const char *format, ...)
+{
+    char name[1024];
+    va_list args;
+    va_start(args, format);
+    const int length = vsnprintf(name, sizeof name, format, args);
+    va_end(args);
+    if (length < 0 || length >= (int)sizeof name) return NULL;
+    if (json_array_append_new(w->files, json_string(name)) != 0) return NULL;
+    return apsm_path_join(w->job->settings->run.folder, name);
+}
+
+static apsm_status write_json(writing *w, const char *name, json_t *root)
+{
+    char *path = path_of(w, "%s", name);
+    const apsm_status status = path ? apsm_json_write(w->job->ctx, path, root) : APSM_ERR_MEMORY;
+    json_decref(root);
+    free(path);
+    return status;
+}
+
+static const char *subject_name(const writing *w, size_t i)
+{
+    return w->job->subject[i].name;
+}
+
+static const char *part_name(const writing *w, size_t d)
+{
+    return w->job->part[d].name;
+}
+
+static size_t particles_of(const writing *w, size_t d)
+{
+    return w->c->first[d + 1] - w->c->first[d];
+}
+
+/* ---- particles and project ---- */
+
+static apsm_status write_particles(writing *w, size_t i, size_t d, const char *frame,
+                                   const double *x, char **stored)
+{
+    char *path =
+        path_of(w, "particles/%s_%s_%s.particles", subject_name(w, i), part_name(w, d), frame);
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_particles_write(w->job->ctx, path, particles_of(w, d), x);
+    *stored = status == APSM_OK ? apsm_path_relative(w->job->settings->run.folder, path) : NULL;
+    free(path);
+    return status == APSM_OK && !*stored ? APSM_ERR_MEMORY : status;
+}
+
+static apsm_status set_column(apsm_subject *s, const char *prefix, const char *part,
+                              const char *value)
+{
+    char key[128];
+    snprintf(key, sizeof key, "%s_%s", prefix, part);
+    return apsm_subject_set_column(s, key, value);
+}
+
+static apsm_status set_matrix(apsm_subject *s, const char *prefix, const char *part,
+                              const double M[16])
+{
+    char text[16 * APSM_NUMBER_LENGTH];
+    apsm_transform_text(M, text);
+    return set_column(s, prefix, part, text);
+}
+
+/* Local particles of part d are those on its groomed mesh. */
+static apsm_status part_particles(writing *w, size_t i, size_t d, double *x, char *stored[2])
+{
+    double back[16];
+    const size_t at = 3 * (i * w->c->J + w->c->first[d]);
+    APSM_TRY(apsm_affine_invert(w->c->place + 16 * (i * w->c->n + d), back));
+    apsm_affine_apply(back, particles_of(w, d), w->c->P + at, x);
+    APSM_TRY(write_particles(w, i, d, "local", x, &stored[0]));
+    return write_particles(w, i, d, "world", w->c->Q + at, &stored[1]);
+}
+
+/* shape and groomed, as seen from this folder. */
+static apsm_status part_paths(const writing *w, size_t i, size_t d, char *relative[2])
+{
+    const apsm_project *p = &w->c->folder[d].project;
+    const apsm_subject *of = &p->subjects[w->c->row[i * w->c->n + d]];
+    const char *const stored[] = { of->shape, of->groomed };
+    for (int k = 0; k < 2; k++) {
+        char *path = apsm_project_path(p, stored[k]);
+        relative[k] = path ? apsm_path_relative(w->job->settings->run.folder, path) : NULL;
+        free(path);
+        if (!relative[k]) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+/* The first part is the project's domain, whose columns the struct holds. */
+static apsm_status set_first(apsm_subject *s, const double M[16], char *const text[4])
+{
+    s->has_alignment = s->has_procrustes = true;
+    memcpy(s->alignment, M, 16 * sizeof *M);
+    APSM_TRY(apsm_text_set(&s->shape, text[0]));
+    APSM_TRY(apsm_text_set(&s->groomed, text[1]));
+    APSM_TRY(apsm_text_set(&s->local_particles, text[2]));
+    return apsm_text_set(&s->world_particles, text[3]);
+}
+
+static apsm_status set_other(apsm_subject *s, const char *part, const double M[16],
+                             char *const text[4])
+{
+    static const char *const prefix[] = { "shape", "groomed", "local_particles",
+                                          "world_particles" };
+    double identity[16];
+    apsm_affine_identity(identity);
+    for (int k = 0; k < 4; k++) APSM_TRY(set_column(s, prefix[k], part, text[k]));
+    APSM_TRY(set_matrix(s, "alignment", part, M));
+    return set_matrix(s, "procrustes", part, identity);
+}
+
+/* alignment_PART takes the groomed mesh to the world, as in a project of one part. */
+static apsm_status describe_part(writing *w, size_t i, size_t d, double *x, apsm_subject *s)
+{
+    const size_t k = 16 * (i * w->c->n + d);
+    char *text[4] = { NULL, NULL, NULL, NULL };
+    double M[16];
+    apsm_affine_multiply(w->c->align + k, w->c->place + k, M);
+    apsm_status status = part_paths(w, i, d, text);
+    if (status == APSM_OK) status = part_particles(w, i, d, x, text + 2);
+    if (status == APSM_OK)
+        status = d == 0 ? set_first(s, M, text) : set_other(s, part_name(w, d), M, text);
+    for (int m = 0; m < 4; m++) free(text[m]);
+    return status;
+}
+
+static apsm_status describe_subject(writing *w, size_t i, double *x, apsm_project *project)
+{
+    apsm_subject *s;
+    APSM_TRY(apsm_project_add(project, subject_name(w, i), NULL, &s));
+    s->mirrored = w->c->mirrored[i];
+    for (size_t d = 0; d < w->c->n; d++) APSM_TRY(describe_part(w, i, d, x, s));
+    if (w->job->alignment == APSM_JOINT_APART) return APSM_OK;
+    return set_matrix(s, "alignment", "global", w->c->align + 16 * i * w->c->n);
+}
+
+static apsm_status write_project(writing *w)
+{
+    apsm_project project = { 0 };
+    char *path = path_of(w, "%s", FOLDER_PROJECT);
+    double *x = malloc(w->c->J * 3 * sizeof *x);
+    apsm_status status =
+        path && x ? apsm_project_init(w->job->ctx, w->job->settings->run.folder, &project)
+                  : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_text_set(&project.domain, part_name(w, 0));
+    for (size_t i = 0; i < w->c->I && status == APSM_OK; i++)
+        status = describe_subject(w, i, x, &project);
+    if (status == APSM_OK) status = apsm_project_write(w->job->ctx, path, &project);
+    apsm_project_free(&project);
+    free(x);
+    free(path);
+    return status;
+}
+
+/* ---- models ---- */
+
+static json_t *json_parts(const writing *w)
+{
+    json_t *parts = json_array();
+    for (size_t d = 0; d < w->c->n; d++)
+        json_array_append_new(parts, json_pack("{s:s, s:I, s:I, s:s}", "name", part_name(w, d),
+                                               "first", (json_int_t)w->c->first[d], "particles",
+                                               (json_int_t)particles_of(w, d), "template",
+                                               subject_name(w, w->f->like[d])));
+    return parts;
+}
+
+static json_t *json_rows(size_t n, size_t width, const double *x)
+{
+    json_t *rows = json_array();
+    for (size_t k = 0; k < n; k++)
+        json_array_append_new(rows, apsm_json_matrix(width / 3, 3, x + k * width));
+    if (json_array_size(rows) == n) return rows;
+    json_decref(rows);
+    return NULL;
+}
+
+static json_t *json_model(const apsm_shape_model *m)
+{
+    return json_pack("{s:o, s:o, s:o}", "variances", apsm_json_vector(m->modes, m->variance),
+                     "mean", apsm_json_matrix(m->J, 3, m->mean), "modes",
+                     json_rows(m->modes, 3 * m->J, m->mode));
+}
+
+static apsm_status write_model(writing *w)
+{
+    const apsm_shape_model *m = &w->f->model;
+    json_t *root = json_pack("{s:s, s:i, s:I, s:I, s:o}", "format", FORMAT_MODEL, "version",
+                             MODEL_VERSION, "shapes", (json_int_t)m->I, "particles",
+                             (json_int_t)m->J, "parts", json_parts(w));
+    json_t *model = json_model(m);
+    if (!root || !model || json_object_update(root, model) != 0) {
+        json_decref(root);
+        root = NULL;
+    }
+    json_decref(model);
+    return write_json(w, FOLDER_MODEL, root);
+}
+
+static json_t *json_poses_of_part(const writing *w, size_t d)
+{
+    const apsm_pose_shape *ps = &w->f->poses;
+    return json_pack("{s:s, s:o, s:o}", "name", part_name(w, d), "mean_pose",
+                     apsm_json_matrix(4, 4, ps->mean_pose + 16 * d), "moments",
+                     apsm_json_matrix(3, 3, ps->gyration + 9 * d));
+}
+
+static apsm_status write_pose_shape(writing *w)
+{
+    const apsm_pose_shape *ps = &w->f->poses;
+    json_t *parts = json_array();
+    for (size_t d = 0; d < w->c->n; d++) json_array_append_new(parts, json_poses_of_part(w, d));
+    json_t *root =
+        json_pack("{s:s, s:i, s:o, s:f, s:o, s:o, s:o}", "format", "apsm-pose-shape", "version", 1,
+                  "parts", parts, "not_explained", ps->leak, "pose", json_model(&ps->poses),
+                  "shape", json_model(&ps->shapes), "both", json_model(&ps->both));
+    return write_json(w, "pose_shape.json", root);
+}
+
+/* ---- tables ---- */
+
+static apsm_status open_csv(writing *w, const char *name, apsm_writer **csv)
+{
+    char *path = path_of(w, "%s", name);
+    const apsm_status status = path ? apsm_writer_open(w->job->ctx, path, csv) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
+}
+
+static void cell(apsm_writer *csv, double x)
+{
+    apsm_writer_printf(csv, ",");
+    if (isfinite(x)) apsm_writer_number(csv, x);
+}
+
+static apsm_status write_scores(writing *w, const char *name, const char *mode,
+                                const apsm_shape_model *m)
+{
+    apsm_writer *csv = NULL;
+    APSM_TRY(open_csv(w, name, &csv));
+    apsm_writer_printf(csv, "name");
+    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",%s_%zu", mode, k + 1);
+    for (size_t i = 0; i < m->I; i++) {
+        apsm_writer_printf(csv, "\n");
+        apsm_writer_csv(csv, subject_name(w, i));
+        for (size_t k = 0; k < m->modes; k++) cell(csv, m->score[i * m->modes + k]);
+    }
+    apsm_writer_printf(csv, "\n");
+    return apsm_writer_commit(csv);
+}
+
+/* Rotations in degrees about the axes of the part's mean frame, translations in the input's unit.
+ */
+static apsm_status write_poses(writing *w)
+{
+    static const char *const axis[] = { "rx", "ry", "rz", "tx", "ty", "tz" };
+    const double degrees = 180 / acos(-1);
+    apsm_writer *csv = NULL;
+    APSM_TRY(open_csv(w, "poses.csv", &csv));
+    apsm_writer_printf(csv, "name");
+    for (size_t d = 0; d < w->c->n; d++)
+        for (size_t k = 0; k < 6; k++) apsm_writer_printf(csv, ",%s_%s", part_name(w, d), axis[k]);
+    for (size_t i = 0; i < w->c->I; i++) {
+        apsm_writer_printf(csv, "\n");
+        apsm_writer_csv(csv, subject_name(w, i));
+        for (size_t k = 0; k < 6 * w->c->n; k++)
+            cell(csv, w->f->poses.pose[6 * i * w->c->n + k] * (k % 6 < 3 ? degrees : 1));
+    }
+    apsm_writer_printf(csv, "\n");
+    return apsm_writer_commit(csv);
+}
+
+static void contact_row(apsm_writer *csv, const apsm_contact *own, const apsm_contact *rebuilt)
+{
+    const apsm_contact none = { NAN, NAN, NAN };
+    if (!own) own = &none;
+    const double cells[] = { own->gap,     own->depth,     own->overlap,
+                             rebuilt->gap, rebuilt->depth, rebuilt->overlap };
+    for (size_t k = 0; k < sizeof cells / sizeof *cells; k++) cell(csv, cells[k]);
+    apsm_writer_printf(csv, "\n");
+}
+
+static apsm_status write_contacts(writing *w)
+{
+    const size_t n = w->c->n, pairs = w->f->pairs;
+    apsm_writer *csv = NULL;
+    APSM_TRY(open_csv(w, "contacts.csv", &csv));
+    apsm_writer_printf(csv, "name,part,other,gap,depth,overlap,rebuilt_gap,rebuilt_depth,"
+                            "rebuilt_overlap\n");
+    for (size_t i = 0; i <= w->c->I; i++) { /* the mean comes last */
+        size_t pair = 0;
+        for (size_t a = 0; a < n; a++)
+            for (size_t b = a + 1; b < n; b++, pair++) {
+                const joint_contact *k = i < w->c->I ? &w->f->contact[i * pairs + pair] : NULL;
+                if (k)
+                    apsm_writer_csv(csv, subject_name(w, i));
+                else
+                    apsm_writer_printf(csv, "mean of the cohort");
+                apsm_writer_printf(csv, ",%s,%s", part_name(w, a), part_name(w, b));
+                contact_row(csv, k ? &k->own : NULL, k ? &k->rebuilt : &w->f->mean[pair]);
+            }
+    }
+    return apsm_writer_commit(csv);
+}
+
+/* ---- evaluation.json ---- */
+
+static json_t *json_surface_of_part(const writing *w, size_t d)
+{
+    const size_t n = w->c->n;
+    double mean = 0, most = 0;
+    json_t *shapes = json_array();
+    for (size_t i = 0; i < w->c->I; i++) {
+        const apsm_distance_summary *s = &w->f->surface[i * n + d].two_way;
+        mean += s->mean / (double)w->c->I;
+        most += s->max / (double)w->c->I;
+        json_array_append_new(shapes, json_pack("{s:s, s:f, s:f, s:f}", "name", subject_name(w, i),
+                                                "mean", s->mean, "p95", s->p95, "max", s->max));
+    }
+    return json_pack("{s:s, s:f, s:f, s:o}", "name", part_name(w, d), "mean", mean, "mean_max",
+                     most, "per_subject", shapes);
+}
+
+static apsm_status write_evaluation(writing *w)
+{
+    const apsm_evaluation *e = &w->f->evaluation;
+    json_t *parts = json_array();
+    for (size_t d = 0; d < w->c->n; d++) json_array_append_new(parts, json_surface_of_part(w, d));
+    json_t *root = json_pack(
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "format", "apsm-evaluation",
+        "version", 1, "particles", (json_int_t)e->particles, "shapes", (json_int_t)e->shapes,
+        "definition", apsm_definition_name(e->definition), "definition_text",
+        apsm_definition_text(e->definition), "template", subject_name(w, 0),
+        "surface_distance_of_parts", parts, "variances", apsm_json_vector(e->modes, e->variance),
+        "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
+        apsm_json_vector(e->n_generalization, e->generalization), "specificity",
+        apsm_json_vector(e->n_specificity, e->specificity));
+    return write_json(w, FOLDER_EVALUATION, root);
+}
+
+/* ---- certificate.json ---- */
+
+static const json_t *judged_shape(const writing *w, size_t i, size_t d)
+{
+    const model_folder *m = &w->c->folder[d];
+    return json_array_get(json_object_get(m->certificate, "per_shape"), w->c->row[i * w->c->n + d]);
+}
+
+static bool is_certified(const json_t *shape)
+{
+    const char *verdict = json_string_value(json_object_get(shape, "verdict"));
+    return verdict && strcmp(verdict, "certified") == 0;
+}
+
+/* A joint space that the model closes: the rebuilt surfaces go into each other deeper than a
+ * quarter of the particles' distance beyond what the subject's own do. */
+static bool closes(const writing *w, size_t i, size_t pair, double h)
+{
+    const joint_contact *k = &w->f->contact[i * w->f->pairs + pair];
+    return k->rebuilt.depth > k->own.depth + 0.25 * h;
+}
+
+static double spacing_of(const writing *w, size_t d)
+{
+    const json_t *h = json_object_get(w->c->folder[d].certificate, "h");
+    return json_number_value(h);
+}
+
+static json_t *closed_spaces(const writing *w, size_t i)
+{
+    json_t *closed = json_array();
+    size_t pair = 0;
+    for (size_t a = 0; a < w->c->n; a++)
+        for (size_t b = a + 1; b < w->c->n; b++, pair++)
+            if (closes(w, i, pair, fmin(spacing_of(w, a), spacing_of(w, b))))
+                json_array_append_new(closed,
+                                      json_sprintf("%s and %s", part_name(w, a), part_name(w, b)));
+    return closed;
+}
+
+static json_t *json_verdict(const writing *w, size_t i, bool *certified)
+{
+    json_t *parts = json_object(), *reasons = json_array(), *closed = closed_spaces(w, i);
+    *certified = json_array_size(closed) == 0;
+    if (!*certified) json_array_append_new(reasons, json_string("a joint space is closed"));
+    for (size_t d = 0; d < w->c->n; d++) {
+        const json_t *shape = judged_shape(w, i, d);
+        const bool good = is_certified(shape);
+        if (!good) json_array_append_new(reasons, json_sprintf("%s needs review", part_name(w, d)));
+        *certified = *certified && good;
+        json_object_set_new(parts, part_name(w, d), json_deep_copy(shape));
+    }
+    return json_pack("{s:s, s:s, s:o, s:o, s:o}", "name", subject_name(w, i), "verdict",
+                     *certified ? "certified" : "needs review", "reasons", reasons,
+                     "closed_joint_spaces", closed, "parts", parts);
+}
+
+static void tell(const writing *w, size_t certified, const json_t *review)
+{
+    apsm_context *ctx = w->job->ctx;
+    const apsm_pose_shape *ps = &w->f->poses;
+    double pose = 0, shape = 0;
+    size_t i;
+    const json_t *line;
+    for (size_t k = 0; k < ps->poses.modes; k++) pose += ps->poses.variance[k];
+    for (size_t k = 0; k < ps->shapes.modes; k++) shape += ps->shapes.variance[k];
+    apsm_log(ctx, APSM_LOG_INFO,
+             "joint of %zu parts, %zu subjects: %.0f %% of the variance is pose", w->c->n, w->c->I,
+             pose + shape > 0 ? 100 * pose / (pose + shape) : 0.0);
+    json_array_foreach(review, i, line)
+        apsm_log(ctx, APSM_LOG_WARNING, "needs review: %s", json_string_value(line));
+    apsm_log(ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, w->c->I);
+}
+
+/* "NAME: talus needs review, a joint space is closed" */
+static json_t *review_line(const char *name, const json_t *verdict)
+{
+    char text[512];
+    size_t k;
+    const json_t *reason;
+    snprintf(text, sizeof text, "%s", name);
+    json_array_foreach(json_object_get(verdict, "reasons"), k, reason)
+        snprintf(text + strlen(text), sizeof text - strlen(text), "%s%s", k ? ", " : ": ",
+                 json_string_value(reason));
+    return json_string(text);
+}
+
+static apsm_status write_certificate(writing *w)
+{
+    json_t *shapes = json_array(), *review = json_array();
+    size_t certified = 0;
+    for (size_t i = 0; i < w->c->I; i++) {
+        bool good;
+        json_t *verdict = json_verdict(w, i, &good);
+        certified += good;
+        if (!good) json_array_append_new(review, review_line(subject_name(w, i), verdict));
+        json_array_append_new(shapes, verdict);
+    }
+    const bool whole = json_array_size(shapes) == w->c->I;
+    tell(w, certified, review);
+    json_decref(review);
+    json_t *root =
+        json_pack("{s:s, s:i, s:s, s:I, s:I, s:o}", "format", "apsm-certificate", "version", 1,
+                  "verdict", certified == w->c->I ? "certified" : "needs review", "certified",
+                  (json_int_t)certified, "shapes", (json_int_t)w->c->I, "per_shape", shapes);
+    if (!whole) {
+        json_decref(root);
+        root = NULL;
+    }
+    return write_json(w, FOLDER_CERTIFICATE, root);
+}
+
+/* ---- meshes/ ---- */
+
+static apsm_status write_warped(writing *w, size_t d, const double *x, const double *M, char *path)
+{
+    apsm_mesh mesh = { 0 };
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_mesh_copy(&w->f->mesh[d], &mesh);
+    if (status == APSM_OK) {
+        apsm_warp_apply(&w->f->warp[d], x + 3 * w->c->first[d], mesh.V);
+        if (M) apsm_mesh_transform(&mesh, M);
+        status = apsm_vtk_write_mesh(w->job->ctx, path, &mesh);
+    }
+    apsm_mesh_free(&mesh);
+    free(path);
+    return status;
+}
+
+/* In the frame of the groomed meshes, as for a single part. */
+static apsm_status write_rebuilt(writing *w, size_t i)
+{
+    for (size_t d = 0; d < w->c->n; d++) {
+        const size_t k = 16 * (i * w->c->n + d);
+        double M[16];
+        apsm_affine_multiply(w->c->align + k, w->c->place + k, M);
+        APSM_TRY(apsm_affine_invert(M, M));
+        APSM_TRY(write_warped(
+            w, d, w->c->Q + 3 * i * w->c->J, M,
+            path_of(w, "meshes/%s_%s_reconstructed.ply", subject_name(w, i), part_name(w, d))));
+    }
+    return APSM_OK;
+}
+
+static apsm_status write_shown(writing *w, const double *x, const char *label)
+{
+    for (size_t d = 0; d < w->c->n; d++)
+        APSM_TRY(
+            write_warped(w, d, x, NULL, path_of(w, "meshes/%s_%s.ply", label, part_name(w, d))));
+    return APSM_OK;
+}
+
+/* Mode k of the poses (the shapes rest), or of the shapes (the poses rest), at sd deviations. */
+static apsm_status write_mode(writing *w, bool of_poses, size_t k, double sd, double *x)
+{
+    const apsm_pose_shape *ps = &w->f->poses;
+    const apsm_shape_model *m = of_poses ? &ps->poses : &ps->shapes;
+    const apsm_parts parts = joint_parts(w->c);
+    double *s = malloc(ps->J * 3 * sizeof *s), *xi = calloc(6 * ps->n, sizeof *xi);
+    char label[64];
+    apsm_status status = s && xi ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        const double b = sd * sqrt(m->variance[k]), *mode = m->mode + k * m->J * 3;
+        memcpy(s, ps->shapes.mean, ps->J * 3 * sizeof *s);
+        if (of_poses)
+            status = apsm_pose_shape_pose(ps, &parts, b, mode, xi);
+        else
+            for (size_t a = 0; a < 3 * ps->J; a++) s[a] += b * mode[a];
+    }
+    if (status == APSM_OK) {
+        apsm_pose_shape_compose(ps, &parts, xi, s, x);
+        snprintf(label, sizeof label, "%s_mode_%02zu_%s2sd", of_poses ? "pose" : "shape", k + 1,
+                 sd < 0 ? "minus" : "plus");
+        status = write_shown(w, x, label);
+    }
+    free(s);
+    free(xi);
+    return status;
+}
+
+static apsm_status write_modes(writing *w)
+{
+    enum { SHOWN = 3 };
+    double *x = malloc(w->c->J * 3 * sizeof *x);
+    if (!x) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    for (int of_poses = 0; of_poses < 2; of_poses++) {
+        const size_t modes = of_poses ? w->f->poses.poses.modes : w->f->poses.shapes.modes;
+        for (size_t k = 0; k < modes && k < SHOWN && status == APSM_OK; k++) {
+            status = write_mode(w, of_poses, k, -2, x);
+            if (status == APSM_OK) status = write_mode(w, of_poses, k, 2, x);
+        }
+    }
+    free(x);
+    return status;
+}
+
+static apsm_status write_meshes(writing *w)
+{
+    APSM_TRY(write_shown(w, w->f->model.mean, "mean"));
+    APSM_TRY(write_modes(w));
+    for (size_t i = 0; i < w->c->I; i++) APSM_TRY(write_rebuilt(w, i));
+    return APSM_OK;
+}
+
+/* ---- manifest.json ---- */
+
+static apsm_status make_folders(const writing *w)
+{
+    static const char *const names[] = { "particles", "meshes" };
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+        char *path = apsm_path_join(w->job->settings->run.folder, names[k]);
+        const apsm_status status = path ? apsm_make_folder(w->job->ctx, path) : APSM_ERR_MEMORY;
+        free(path);
+        APSM_TRY(status);
+    }
+    return APSM_OK;
+}
+
+static json_t *json_incomplete(const writing *w)
+{
+    json_t *names = json_array();
+    for (size_t i = w->job->complete; i < w->job->subjects; i++)
+        json_array_append_new(names, json_string(subject_name(w, i)));
+    return names;
+}
+
+/* Files that were written: their stage, bytes and SHA-256, as in the manifest of a single part. */
+static apsm_status list_file(const writing *w, const char *name, json_t *list)
+{
+    char hex[65], *path = apsm_path_join(w->job->settings->run.folder, name);
+    long long bytes = 0;
+    apsm_status status = path ? apsm_sha256_file(w->job->ctx, path, hex) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_file_size(w->job->ctx, path, &bytes);
+    free(path);
+    APSM_TRY(status);
+    json_t *entry = json_pack("[s, I, s]", "joint", (json_int_t)bytes, hex);
+    return json_object_set_new(list, name, entry) == 0 ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static apsm_status list_files(const writing *w, json_t *list)
+{
+    size_t k;
+    const json_t *name;
+    json_array_foreach(w->files, k, name) APSM_TRY(list_file(w, json_string_value(name), list));
+    return APSM_OK;
+}
+
+static json_t *json_options(const writing *w)
+{
+    const apsm_run_settings *s = &w->job->settings->run;
+    const char *align = w->job->settings->align;
+    json_t *options = json_pack("{s:s, s:s}", "parts", w->job->settings->parts, "align_parts",
+                                align ? align : "global");
+    for (size_t k = 0; k < s->n_set; k++)
+        json_object_set_new(options, s->set[k][0], json_string(s->set[k][1]));
+    return options;
+}
+
+static json_t *json_inputs(const writing *w)
+{
+    json_t *inputs = json_array();
+    for (size_t k = 0; k < w->job->list.n; k++)
+        json_array_append_new(inputs, json_pack("{s:s, s:s}", "name", w->job->list.cases[k].name,
+                                                "path", w->job->list.cases[k].path));
+    return inputs;
+}
+
+static apsm_status write_manifest(writing *w)
+{
+    json_t *files = json_object();
+    char *path = apsm_path_join(w->job->settings->run.folder, FOLDER_MANIFEST);
+    apsm_status status = path && files ? list_files(w, files) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        json_t *root =
+            json_pack("{s:s, s:i, s:s, s:o, s:o, s:{}, s:{s:o, s:o}, s:O}", "format",
+                      FORMAT_MANIFEST, "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options",
+                      json_options(w), "inputs", json_inputs(w), "stages", "joint", "parts",
+                      json_parts(w), "left_out", json_incomplete(w), "outputs", files);
+        status = apsm_json_write_sealed(w->job->ctx, path, root);
+        json_decref(root);
+    }
+    json_decref(files);
+    free(path);
+    return status;
+}
+
+/* The report reads the manifest, which then lists the report too. */
+static apsm_status write_report(writing *w)
+{
+    APSM_TRY(write_manifest(w));
+    APSM_TRY(apsm_report_write(w->job->ctx, w->job->settings->run.folder));
+    if (json_array_append_new(w->files, json_string(FOLDER_REPORT)) != 0) return APSM_ERR_MEMORY;
+    return write_manifest(w);
+}
+
+static apsm_status write_all(writing *w)
+{
+    APSM_TRY(make_folders(w));
+    APSM_TRY(write_project(w));
+    APSM_TRY(write_model(w));
+    APSM_TRY(write_pose_shape(w));
+    APSM_TRY(write_scores(w, FOLDER_SCORES_CSV, "mode", &w->f->model));
+    APSM_TRY(write_scores(w, "pose_scores.csv", "pose_mode", &w->f->poses.poses));
+    APSM_TRY(write_scores(w, "shape_scores.csv", "shape_mode", &w->f->poses.shapes));
+    APSM_TRY(write_poses(w));
+    APSM_TRY(write_contacts(w));
+    APSM_TRY(write_evaluation(w));
+    APSM_TRY(write_certificate(w));
+    APSM_TRY(write_meshes(w));
+    return write_report(w);
+}
+
+apsm_status joint_write(const joint_job *job, const joint_cohort *cohort,
+                        const joint_figures *figures)
+{
+    writing w = { job, cohort, figures, json_array() };
+    const apsm_status status = w.files ? write_all(&w) : APSM_ERR_MEMORY;
+    json_decref(w.files);
+    return status;
+}
