@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: all program deps configure test test-crash demo demo-segmentations viewer check sanitize bench install package clean help
+.PHONY: all program deps configure test test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -36,6 +36,12 @@ demo-segmentations: deps ## a model of the 40 hippocampus masks in data/hippocam
 	@$(MAKE) --no-print-directory program
 	$(BUILD)/apsm run data/hippocampus -o $(BUILD)/demo-hippocampus --label 1,2 --overwrite
 	@echo "The report: $(CURDIR)/$(BUILD)/demo-hippocampus/report.html"
+
+demo-joint: deps ## one model of tibia, fibula and talus of 27 ankles, in data/ankle and data/talus
+	@$(MAKE) --no-print-directory program
+	$(BUILD)/apsm run data/ankle data/talus -o $(BUILD)/demo-joint --reflect-match '_L_' --overwrite \
+	    --parts tibia=_tibia,fibula=_fibula,talus=_talus
+	@echo "The report: $(CURDIR)/$(BUILD)/demo-joint/report.html"
 
 viewer: ## rebuild the page of `apsm report` from report/viewer (needs npm)
 	cd report/viewer && npm ci --no-audit --no-fund && npm run --silent build

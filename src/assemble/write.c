@@ -337,33 +337,107 @@ static apsm_status write_contacts(writing *w)
 
 /* ---- evaluation.json ---- */
 
+/* Of a part, or of all: the template is left out, since it is its own reconstruction. */
+typedef struct average {
+    size_t n;
+    double mean, worst, max;
+} average;
+
+static void add_distance(average *a, const apsm_distance_summary *d)
+{
+    a->n++;
+    a->mean += d->mean;
+    a->worst += d->max;
+    a->max = fmax(a->max, d->max);
+}
+
+static json_t *json_average(const average *a)
+{
+    const double n = a->n > 0 ? (double)a->n : 1;
+    return json_pack("{s:f, s:f, s:f}", "mean", a->mean / n, "max", a->max, "mean_max",
+                     a->worst / n);
+}
+
 static json_t *json_surface_of_part(const writing *w, size_t d)
 {
-    const size_t n = w->c->n;
-    double mean = 0, most = 0;
+    average a = { 0 };
     json_t *shapes = json_array();
     for (size_t i = 0; i < w->c->I; i++) {
-        const apsm_distance_summary *s = &w->f->surface[i * n + d].two_way;
-        mean += s->mean / (double)w->c->I;
-        most += s->max / (double)w->c->I;
+        const apsm_distance_summary *s = &w->f->surface[i * w->c->n + d].two_way;
+        if (i != w->f->like[d]) add_distance(&a, s);
         json_array_append_new(shapes, json_pack("{s:s, s:f, s:f, s:f}", "name", subject_name(w, i),
                                                 "mean", s->mean, "p95", s->p95, "max", s->max));
     }
-    return json_pack("{s:s, s:f, s:f, s:o}", "name", part_name(w, d), "mean", mean, "mean_max",
-                     most, "per_subject", shapes);
+    json_t *part = json_average(&a);
+    json_object_set_new(part, "name", json_string(part_name(w, d)));
+    json_object_set_new(part, "template", json_string(subject_name(w, w->f->like[d])));
+    json_object_set_new(part, "per_shape", shapes);
+    return part;
+}
+
+static void worse(apsm_distance_summary *sum, const apsm_distance_summary *d, double share)
+{
+    sum->mean += share * d->mean;
+    sum->median += share * d->median;
+    sum->p95 = fmax(sum->p95, d->p95);
+    sum->p99 = fmax(sum->p99, d->p99);
+    sum->max = fmax(sum->max, d->max);
+}
+
+/* Of a subject: means are those of its parts, quantiles and maxima those of the worst part. */
+static apsm_surface_distance distance_of_subject(const writing *w, size_t i)
+{
+    const size_t n = w->c->n;
+    apsm_surface_distance all = { 0 };
+    for (size_t d = 0; d < n; d++) {
+        const apsm_surface_distance *s = &w->f->surface[i * n + d];
+        worse(&all.two_way, &s->two_way, 1 / (double)n);
+        worse(&all.pull, &s->pull, 1 / (double)n);
+        worse(&all.push, &s->push, 1 / (double)n);
+        worse(&all.disagreement, &s->disagreement, 1 / (double)n);
+        all.diagonal = fmax(all.diagonal, s->diagonal);
+    }
+    return all;
+}
+
+static json_t *json_distance(const apsm_distance_summary *d)
+{
+    return json_pack("{s:f, s:f, s:f, s:f, s:f}", "mean", d->mean, "median", d->median, "p95",
+                     d->p95, "p99", d->p99, "max", d->max);
+}
+
+static json_t *json_surface(const writing *w)
+{
+    average a = { 0 };
+    json_t *shapes = json_array(), *parts = json_array();
+    for (size_t i = 0; i < w->c->I; i++) {
+        const apsm_surface_distance s = distance_of_subject(w, i);
+        for (size_t d = 0; d < w->c->n; d++)
+            if (i != w->f->like[d]) add_distance(&a, &w->f->surface[i * w->c->n + d].two_way);
+        json_array_append_new(
+            shapes,
+            json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:o, s:o, s:o}", "name",
+                      subject_name(w, i), "mean", s.two_way.mean, "median", s.two_way.median, "p95",
+                      s.two_way.p95, "p99", s.two_way.p99, "max", s.two_way.max, "diagonal",
+                      s.diagonal, "pull", json_distance(&s.pull), "push", json_distance(&s.push),
+                      "disagreement", json_distance(&s.disagreement)));
+    }
+    for (size_t d = 0; d < w->c->n; d++) json_array_append_new(parts, json_surface_of_part(w, d));
+    json_t *surface = json_average(&a);
+    json_object_set_new(surface, "parts", parts);
+    json_object_set_new(surface, "per_shape", shapes);
+    return surface;
 }
 
 static apsm_status write_evaluation(writing *w)
 {
     const apsm_evaluation *e = &w->f->evaluation;
-    json_t *parts = json_array();
-    for (size_t d = 0; d < w->c->n; d++) json_array_append_new(parts, json_surface_of_part(w, d));
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "format", "apsm-evaluation",
-        "version", 1, "particles", (json_int_t)e->particles, "shapes", (json_int_t)e->shapes,
-        "definition", apsm_definition_name(e->definition), "definition_text",
-        apsm_definition_text(e->definition), "template", subject_name(w, 0),
-        "surface_distance_of_parts", parts, "variances", apsm_json_vector(e->modes, e->variance),
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "format", FORMAT_EVALUATION,
+        "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles, "shapes",
+        (json_int_t)e->shapes, "definition", apsm_definition_name(e->definition), "definition_text",
+        apsm_definition_text(e->definition), "template", subject_name(w, w->f->like[0]),
+        "surface_distance", json_surface(w), "variances", apsm_json_vector(e->modes, e->variance),
         "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "specificity",
         apsm_json_vector(e->n_specificity, e->specificity));

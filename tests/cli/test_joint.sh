@@ -1,0 +1,101 @@
+#!/bin/bash
+# A joint of two balls-and-sockets of known pose: two parts a subject, one of them mirrored in half of the
+# subjects, one subject without a part.  $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+run() { "$apsm" run --quiet "$@" >said 2>&1 || fail "run $*: $(tail -n 2 said)"; }
+refuse() { # CODE WORDS ARGUMENT...
+    local code=$1 words=$2 said
+    shift 2
+    said=$("$apsm" run --quiet "$@" 2>&1)
+    local got=$?
+    [ $got -eq "$code" ] || fail "run $*: exit code $got, not $code: $said"
+    grep -qF -- "$words" <<<"$said" || fail "run $*: does not say '$words': $said"
+}
+# Column C of row NAME of a CSV.
+cell() { awk -F, -v name="$2" -v column="$3" 'NR == 1 { for (k = 1; k <= NF; k++) if ($k == column) c = k }
+    $1 == name { print $c }' "$1"; }
+
+# Every subject has a cup of its own form, and the same ball, turned by 6 degrees more from one to the
+# next about an axis through the origin, then moved away.  Subjects m* are mirror images as a whole.
+mkdir shapes
+for i in 0 1 2 3 4 5; do
+    side=s
+    [ $((i % 2)) -eq 1 ] && side=m
+    "$synthetic" ellipsoid cup.ply level 3 index $i count 6 wobble 0.03 seed 3 || exit 1
+    "$synthetic" ellipsoid ball.ply level 3 index 2 count 6 wobble 0.03 seed 8 \
+        turn $((6 * i - 15)) shift 60 || exit 1
+    mirror=$((i % 2))
+    "$synthetic" cup.ply shapes/${side}${i}_cup.ply mirror $mirror || exit 1
+    "$synthetic" ball.ply shapes/${side}${i}_ball.ply mirror $mirror || exit 1
+done
+cp shapes/s0_ball.ply shapes/s9_ball.ply # a subject without a cup
+fast="-J 32 --faces 1200 --stage1-epochs 4 --stage2-epochs 2"
+parts="--parts cup=_cup,ball=_ball --align-parts cup --reflect-match ^m"
+
+"$apsm" run shapes -o joint $parts $fast >said 2>&1 || fail "joint: $(tail -n 2 said)"
+grep -q 's9: has no cup' said || fail "nothing said of the subject without a cup"
+for file in model.json scores.csv poses.csv pose_shape.json contacts.csv evaluation.json \
+    certificate.json project.swproj manifest.json report.html meshes/mean_cup.ply \
+    meshes/pose_mode_01_plus2sd_ball.ply particles/m1_ball_world.particles \
+    parts/cup/report.html parts/ball/model.json; do
+    [ -s "joint/$file" ] || fail "no $file"
+done
+[ "$(wc -l <joint/poses.csv)" -eq 7 ] || fail "poses.csv: not 6 subjects"
+
+# The planted angles: from one subject to the next the ball turns by 6 degrees, the cup stays.
+for i in 0 1 2 3 4; do
+    a=s$i b=m$((i + 1))
+    [ $((i % 2)) -eq 1 ] && a=m$i b=s$((i + 1))
+    for part in cup ball; do
+        turn=$(for axis in rx ry rz; do
+            echo "$(cell joint/poses.csv $a ${part}_$axis) $(cell joint/poses.csv $b ${part}_$axis)"
+        done | awk '{ d += ($1 - $2) ^ 2 } END { print sqrt(d) }')
+        [ $part = cup ] && want=0 || want=6
+        awk -v t="$turn" -v w=$want 'BEGIN { exit !((t - w) ^ 2 < 1) }' ||
+            fail "the $part turns by $turn degrees from $a to $b, not $want"
+    done
+done
+
+# Turning is no shape: the ball, which is always the same, hardly varies; the cup does.
+most() { awk -F, 'NR > 1 { x = $2 < 0 ? -$2 : $2; if (x > m) m = x } END { print m + 0 }' "$1"; }
+awk -v b="$(most joint/parts/ball/scores.csv)" -v c="$(most joint/parts/cup/scores.csv)" \
+    'BEGIN { exit !(c > 0 && b < 0.1 * c) }' || fail "the ball varies as if it were not always the same"
+
+# The same bytes with two threads, and after an interruption.
+"$apsm" run shapes -o again $parts $fast --threads 2 --quiet 2>/dev/null || fail "second run"
+for file in model.json scores.csv poses.csv pose_shape.json contacts.csv certificate.json; do
+    cmp -s joint/$file again/$file || fail "$file differs with two threads"
+done
+rm again/model.json again/parts/ball/report.html
+"$apsm" run --resume shapes -o again $parts $fast --quiet >said 2>&1 || fail "resume: $(tail -n 1 said)"
+cmp -s joint/model.json again/model.json || fail "resumed: another model"
+
+# A model of all parts is a model: rendered like one.
+"$apsm" render joint -o pictures --quiet >said 2>&1 || fail "render: $(tail -n 1 said)"
+[ -s pictures/modes.png ] || fail "no picture of the joint"
+
+# What is wrong is said before the long part.
+refuse 2 "write --parts" shapes -o x --parts cup
+refuse 2 "two parts of one name" shapes -o x --parts a=_cup,A=_ball
+refuse 2 "is none of the parts" shapes -o x --parts cup=_cup,horn=_horn
+refuse 2 "is both" shapes -o x --parts cup=_cup,any=_
+refuse 2 "give global, apart, or the name of a part" shapes -o x --parts cup=_cup,ball=_ball \
+    --align-parts horn
+refuse 2 "has no labels" shapes -o x --parts cup=1,ball=2
+refuse 2 "labels and names" shapes -o x --parts cup=1,ball=_ball
+[ -e x ] && fail "a refused job left a folder"
+refuse 1 "holds a joint model already" shapes -o joint $parts
+mkdir own && echo mine >own/scores.csv
+refuse 1 "no joint model of ours" shapes -o own $parts
+[ "$(cat own/scores.csv)" = mine ] || fail "a user's file was replaced"
+exit $failed
