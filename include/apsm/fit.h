@@ -97,6 +97,31 @@ apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, con
                              const apsm_mesh *mesh, const apsm_fit_options *options,
                              apsm_fit *fit) APSM_NODISCARD;
 
+/* ---- files ---- */
+
+/* What `apsm fit` is asked for; borrowed. */
+typedef struct apsm_fit_settings {
+    const char *model; /* model folder or file */
+    size_t n_inputs;
+    const char *const *inputs; /* as of apsm_input_expand */
+    const char *labels, *reflect_match, *exclude; /* "" or NULL: none */
+    const char *folder;                           /* where results go */
+    bool overwrite;                               /* results of an earlier fit in folder */
+    apsm_fit_options options;
+} apsm_fit_settings;
+
+/* How many shapes ended how; failed: could not be read or groomed. */
+typedef struct apsm_fit_totals {
+    size_t good, review, refused, failed;
+} apsm_fit_totals;
+
+/* Fits every input and writes fit.json, fit.csv, and for each shape particles, mesh and figures
+ * (docs/formats.md).  One shape after the other is in memory for each thread.  A shape that is
+ * refused or cannot be read is in the tables with its reason and does not end the call.
+ * APSM_ERR_STATE: the folder holds something else. */
+apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
+                         apsm_fit_totals *totals) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

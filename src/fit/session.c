@@ -1,0 +1,231 @@
+/* `apsm fit`: inputs to files.  Each shape is read, groomed as the cohort was, fitted and written
+ * by one task, so a thread holds one shape at a time and no shape depends on another. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/files.h"
+#include "apsm/input.h"
+#include "apsm/topology.h"
+#include "fit/outputs.h"
+#include "groom/groom.h"
+
+typedef struct session {
+    const apsm_fit_settings *settings;
+    apsm_fit_model *model;
+    fit_origin origin;
+    apsm_input_list list;
+    apsm_labels labels;
+    apsm_groom_options groom;
+    fit_row *rows; /* list.n */
+} session;
+
+/* ---- one input to a surface ---- */
+
+/* A cap of more than this share of the surface is a part that is not there. */
+static const double small_cap = 0.02;
+
+static bool is_open(const apsm_mesh *mesh)
+{
+    apsm_mesh_defects defects;
+    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
+}
+
+/* *extent: WHOLE or PART.  A part is taken as it is. */
+static apsm_status groom_surface(apsm_context *ctx, const session *s, const char *path,
+                                 apsm_mesh *raw, apsm_mesh *mesh, int *extent)
+{
+    apsm_groom_report report;
+    const bool may_be_part = *extent == APSM_EXTENT_AUTO && is_open(raw);
+    apsm_status status = APSM_ERR_GEOMETRY;
+    if (*extent != APSM_EXTENT_PART) {
+        memset(&report, 0, sizeof report);
+        status = apsm_groom_mesh(ctx, path, raw, &s->groom, mesh, &report);
+        if (!may_be_part || (status == APSM_OK && report.largest_cap <= small_cap)) {
+            *extent = APSM_EXTENT_WHOLE;
+            return status;
+        }
+        if (status == APSM_OK) apsm_mesh_free(mesh);
+    }
+    *extent = APSM_EXTENT_PART;
+    *mesh = *raw;
+    *raw = (apsm_mesh){ 0 };
+    return APSM_OK;
+}
+
+static apsm_status read_surface(apsm_context *ctx, const session *s, const apsm_input_case *c,
+                                apsm_mesh *mesh, int *extent)
+{
+    apsm_input_shape shape = { 0 };
+    apsm_groom_report report = { 0 };
+    apsm_status status = apsm_input_read(ctx, c, &s->labels, &shape);
+    if (status == APSM_OK && shape.is_mesh)
+        status = groom_surface(ctx, s, c->path, &shape.mesh, mesh, extent);
+    else if (status == APSM_OK) {
+        status = apsm_groom_segmentation(ctx, c->path, &shape.volume, &s->groom, mesh, &report);
+        if (*extent == APSM_EXTENT_AUTO)
+            *extent = report.border ? APSM_EXTENT_PART : APSM_EXTENT_WHOLE;
+    }
+    apsm_input_shape_free(&shape);
+    return status;
+}
+
+/* ---- one shape ---- */
+
+static apsm_status hash_input(apsm_context *ctx, const char *path, char hex[65])
+{
+    char *data = NULL;
+    if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
+    APSM_TRY(apsm_input_data_file(path, &data));
+    const char *const files[] = { path, data };
+    const apsm_status status = apsm_sha256_files(ctx, data ? 2 : 1, files, hex);
+    free(data);
+    return status;
+}
+
+static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_input_case *c,
+                             fit_row *row, apsm_fit *fit)
+{
+    apsm_mesh mesh = { 0 };
+    apsm_fit_options options = s->settings->options;
+    APSM_TRY(hash_input(ctx, c->path, row->sha256));
+    APSM_TRY(read_surface(ctx, s, c, &mesh, &options.extent));
+    if (c->reflect) options.hand = APSM_HAND_OTHER;
+    const apsm_status status = apsm_fit_surface(ctx, s->model, c->path, &mesh, &options, fit);
+    apsm_mesh_free(&mesh);
+    return status;
+}
+
+/* Figures and scores stay for the tables; the rest goes. */
+static apsm_status keep_figures(apsm_fit *fit, fit_row *row)
+{
+    double *score = fit->score;
+    if (*fit->reason) {
+        row->problem = strdup(fit->reason);
+        if (!row->problem) return APSM_ERR_MEMORY;
+    }
+    row->figures = *fit;
+    fit_row *r = row;
+    r->figures.local = r->figures.world = r->figures.original = NULL;
+    r->figures.variance = r->figures.sd = r->figures.mesh_sd = NULL;
+    r->figures.observed = r->figures.mesh_observed = NULL;
+    r->figures.mesh = (apsm_mesh){ 0 };
+    r->figures.score = score;
+    return APSM_OK;
+}
+
+static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    session *s = user;
+    const apsm_input_case *c = &s->list.cases[i];
+    fit_row *row = &s->rows[i];
+    apsm_fit fit = { 0 };
+    row->name = c->name;
+    row->path = c->path;
+    apsm_status status = fit_input(ctx, s, c, row, &fit);
+    if (status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED) return status;
+    if (status != APSM_OK) {
+        const char *line = apsm_error_text(ctx);
+        row->failed = true;
+        row->problem = strdup(*line ? line : apsm_status_text(status));
+        return row->problem ? APSM_OK : APSM_ERR_MEMORY;
+    }
+    status = keep_figures(&fit, row);
+    if (status == APSM_OK) status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
+    if (row->figures.score == fit.score) fit.score = NULL; /* the row's now */
+    apsm_fit_free(&fit);
+    return status;
+}
+
+/* ---- the folder ---- */
+
+static bool has(const char *folder, const char *name)
+{
+    char *path = apsm_path_join(folder, name);
+    const bool there = path && (apsm_file_exists(path) || apsm_is_folder(path));
+    free(path);
+    return there;
+}
+
+static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
+{
+    static const char *const part[] = { "particles", "meshes", "shapes" };
+    if (has(o->folder, "project.swproj") || has(o->folder, "manifest.json"))
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: is a model folder; give fits a folder of their own", o->folder);
+    if (has(o->folder, FIT_JSON) && !o->overwrite)
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: holds fits already; give another folder, or --overwrite", o->folder);
+    for (size_t k = 0; k < 3; k++) {
+        if (has(o->folder, part[k]) && !has(o->folder, FIT_JSON) && !o->overwrite)
+            return apsm_fail(ctx, APSM_ERR_STATE,
+                             "%s: holds %s that no finished fit has left; give another folder, or "
+                             "--overwrite",
+                             o->folder, part[k]);
+        char *path = apsm_path_join(o->folder, part[k]);
+        const apsm_status status = path ? apsm_make_folder(ctx, path) : APSM_ERR_MEMORY;
+        free(path);
+        APSM_TRY(status);
+    }
+    return APSM_OK;
+}
+
+/* ---- all ---- */
+
+static apsm_status open_session(apsm_context *ctx, session *s)
+{
+    const apsm_fit_settings *o = s->settings;
+    APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->labels));
+    APSM_TRY(
+        apsm_input_expand(ctx, o->n_inputs, o->inputs, o->exclude, o->reflect_match, &s->list));
+    APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
+    APSM_TRY(open_folder(ctx, o));
+    fit_origin_of(s->model, o->model, &o->options, &s->origin);
+    const apsm_options *options = apsm_fit_model_options(s->model);
+    s->groom = apsm_groom_defaults();
+    s->groom.fill_cavities = s->groom.fill_holes = options->fill_holes;
+    s->groom.keep_largest = options->largest_component;
+    s->groom.remesh = options->remesh;
+    s->groom.remesh_options.target_faces = (size_t)options->faces;
+    s->rows = calloc(s->list.n, sizeof *s->rows);
+    return s->rows ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static void close_session(session *s)
+{
+    for (size_t i = 0; s->rows && i < s->list.n; i++) {
+        free(s->rows[i].problem);
+        free(s->rows[i].figures.score);
+    }
+    free(s->rows);
+    apsm_labels_free(&s->labels);
+    apsm_input_list_free(&s->list);
+    apsm_fit_model_free(s->model);
+}
+
+static void count(apsm_context *ctx, const session *s, apsm_fit_totals *totals)
+{
+    for (size_t i = 0; i < s->list.n; i++) {
+        const fit_row *row = &s->rows[i];
+        const apsm_fit_verdict v = row->figures.verdict;
+        size_t *of[] = { &totals->good, &totals->review, &totals->refused };
+        ++*(row->failed ? &totals->failed : of[v]);
+        if (row->failed || v != APSM_FIT_GOOD)
+            apsm_log(ctx, APSM_LOG_WARNING, "%s: %s: %s", row->name,
+                     row->failed ? "failed" : apsm_fit_verdict_text(v), row->problem);
+    }
+}
+
+apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
+                         apsm_fit_totals *totals)
+{
+    session s = { .settings = settings };
+    *totals = (apsm_fit_totals){ 0 };
+    apsm_status status = open_session(ctx, &s);
+    if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");
+    if (status == APSM_OK)
+        status = fit_write_tables(ctx, settings->folder, &s.origin, s.list.n, s.rows);
+    if (status == APSM_OK) count(ctx, &s, totals);
+    close_session(&s);
+    return status;
+}
