@@ -111,6 +111,12 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return take_path(p, o->name, text, &a->view);
     case CLI_WIDTH:
         return take_path(p, o->name, text, &a->width);
+    case CLI_HAND:
+        return take_path(p, o->name, text, &a->hand);
+    case CLI_EXTENT:
+        return take_path(p, o->name, text, &a->extent);
+    case CLI_MODEL:
+        return take_path(p, o->name, text, &a->model);
     case CLI_CONFIG:
         return take_path(p, o->name, text, &a->config);
     case CLI_THREADS:
@@ -127,6 +133,10 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return a->dry_run = true, APSM_OK;
     case CLI_FLAG_QUIET:
         return a->quiet = true, APSM_OK;
+    case CLI_FLAG_ALIGNED:
+        return a->aligned = true, APSM_OK;
+    case CLI_FLAG_FORCE:
+        return a->force = true, APSM_OK;
     case CLI_FLAG_HELP:
         return a->help = true, APSM_OK;
     case CLI_FLAG_HELP_ALL:
@@ -315,10 +325,31 @@ static apsm_status require_one_model(const parsing *p)
                      a->verb->operands);
 }
 
+static apsm_status require_fit(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs >= 2 && a->out_dir) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "fit needs %s: apsm fit %s",
+                     a->n_inputs == 0  ? "a model"
+                     : a->n_inputs < 2 ? "shapes behind the model"
+                                       : "an output folder",
+                     a->verb->operands);
+}
+
+static apsm_status require_export(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs == 1 && a->model) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "export needs %s: apsm export %s",
+                     a->model ? "one model folder" : "a file to write", a->verb->operands);
+}
+
 static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
+    if (a->verb->verb == CLI_FIT) return require_fit(p);
+    if (a->verb->verb == CLI_EXPORT) return require_export(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);
     if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir && !evaluates_files(a))

@@ -19,7 +19,9 @@ typedef enum cli_verb {
     CLI_REPORT = 1 << 7,
     CLI_CONVERT = 1 << 8,
     CLI_RENDER = 1 << 9,
-    CLI_VERIFY = 1 << 10
+    CLI_VERIFY = 1 << 10,
+    CLI_FIT = 1 << 16,
+    CLI_EXPORT = 1 << 17
 } cli_verb;
 
 typedef struct cli_verb_info {
@@ -56,6 +58,8 @@ typedef struct cli_args {
     const char *to; /* of convert: extension of the files in out_dir; NULL if not given */
     const char *parts, *align_parts;         /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
+    const char *hand, *extent;               /* of fit, as given; NULL if not */
+    const char *model;                       /* of export: the file; NULL if not */
     const char *config;                      /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
@@ -64,6 +68,7 @@ typedef struct cli_args {
     size_t memory; /* bytes; 0: no limit */
     cli_progress_mode progress;
     bool resume, overwrite, dry_run, quiet;
+    bool aligned, force; /* of fit */
 } cli_args;
 
 /* Understands argv (kept, borrowed; its order may change).  args is overwritten.  Anything unknown,

@@ -10,14 +10,16 @@
 enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
-    READS = GROOMS | CLI_CHECK,
-    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY
+    READS = GROOMS | CLI_CHECK | CLI_FIT,
+    ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
+          CLI_FIT | CLI_EXPORT
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
-      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY, "DIR", NULL, NULL,
-      "the model folder (convert, render: the file or folder to write); made if it does not exist",
+      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT, "DIR", NULL, NULL,
+      "the model folder (convert, render, fit: the file or folder to write); made if it does not "
+      "exist",
       NULL },
     { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
       "write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, npy, "
@@ -32,6 +34,19 @@ static const cli_option own[] = {
       NULL },
     { "width", 0, CLI_WIDTH, CLI_GROUP_INPUT, CLI_RENDER, "N", NULL, NULL,
       "width of the picture in pixels, 64 to 8000 (default: as the picture needs)", NULL },
+    { "model", 0, CLI_MODEL, CLI_GROUP_INPUT, CLI_EXPORT, "FILE", NULL, NULL,
+      "the file to write: all that fit needs of the model", NULL },
+    { "hand", 0, CLI_HAND, CLI_GROUP_INPUT, CLI_FIT, "WORD", NULL, NULL,
+      "side of the shapes: auto (found out), same (as the model), other (mirror them) (default "
+      "auto)",
+      NULL },
+    { "extent", 0, CLI_EXTENT, CLI_GROUP_INPUT, CLI_FIT, "WORD", NULL, NULL,
+      "auto (surfaces with openings, or cut by the image, are parts), whole or part (default auto)",
+      NULL },
+    { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
+      "shapes are in the world frame of the model: search for no pose", NULL },
+    { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
+      "fit shapes that would be refused, too", NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
       "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
       NULL },
@@ -66,16 +81,16 @@ static const cli_option own[] = {
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
-      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY, "N", NULL, NULL,
-      "threads to use (default: one for each processor)", NULL },
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT, "N", NULL,
+      NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
       "afterwards; changes the time, never the result (default: no limit)",
       NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
-    { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
-      "replace a model that is in the folder already", NULL },
+    { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS | CLI_FIT | CLI_EXPORT, NULL, NULL,
+      NULL, "replace what is in the folder (export: the file) already", NULL },
     { "dry-run", 0, CLI_FLAG_DRY_RUN, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
       "tell what would be done, write nothing", NULL },
     { "progress", 0, CLI_PROGRESS, CLI_GROUP_RUN, ALL, "MODE", NULL, NULL,

@@ -18,6 +18,9 @@ typedef enum cli_action {
     CLI_SHAPE,
     CLI_VIEW,
     CLI_WIDTH,
+    CLI_HAND,
+    CLI_EXTENT,
+    CLI_MODEL,
     CLI_CONFIG,
     CLI_THREADS,
     CLI_MEMORY,
@@ -26,6 +29,8 @@ typedef enum cli_action {
     CLI_FLAG_OVERWRITE,
     CLI_FLAG_DRY_RUN,
     CLI_FLAG_QUIET,
+    CLI_FLAG_ALIGNED,
+    CLI_FLAG_FORCE,
     CLI_FLAG_HELP,
     CLI_FLAG_HELP_ALL,
     CLI_FLAG_VERSION

@@ -38,6 +38,15 @@ static const cli_verb_info verbs[] = {
       "Draws the mean, the first modes at two standard deviations, a shape with its particles, and "
       "all shapes on one sheet, without a window system or a browser. Writes MODEL_DIR/pictures, "
       "or the folder of -o; with --what one picture, into the file of -o." },
+    { CLI_FIT, "fit", "MODEL INPUT... -o DIR", "new shapes by a finished model",
+      "Fits shapes that the model has not seen: finds their pose and hand, places the model's "
+      "particles on them, and tells scores, distance from the mean, and whether each is a shape of "
+      "the model's kind; one that is not is refused with a reason. MODEL is a model folder, or a "
+      "file of export. Nothing of the model changes. The exit code is 1 if a shape was refused or "
+      "could not be read." },
+    { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
+      "Writes all that fit needs of a model into one file, which can be used where the cohort is "
+      "not. It holds no names of shapes." },
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
       "there is none." },

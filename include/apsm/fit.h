@@ -103,7 +103,7 @@ apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, con
 typedef struct apsm_fit_settings {
     const char *model; /* model folder or file */
     size_t n_inputs;
-    const char *const *inputs; /* as of apsm_input_expand */
+    const char *const *inputs;                    /* as of apsm_input_expand */
     const char *labels, *reflect_match, *exclude; /* "" or NULL: none */
     const char *folder;                           /* where results go */
     bool overwrite;                               /* results of an earlier fit in folder */

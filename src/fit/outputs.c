@@ -99,13 +99,14 @@ static void put_float(apsm_writer *w, double x)
 static void put_mesh(apsm_writer *w, const apsm_mesh *mesh, const apsm_fit *fit,
                      const double *difference)
 {
-    apsm_writer_printf(w,
-                       "ply\nformat binary_little_endian 1.0\ncomment apsm fit\nelement vertex %zu\n"
-                       "property float x\nproperty float y\nproperty float z\n"
-                       "property float deviation\nproperty float difference\n"
-                       "property uchar observed\nelement face %zu\n"
-                       "property list uchar int vertex_indices\nend_header\n",
-                       mesh->nv, mesh->nf);
+    apsm_writer_printf(
+        w,
+        "ply\nformat binary_little_endian 1.0\ncomment apsm fit\nelement vertex %zu\n"
+        "property float x\nproperty float y\nproperty float z\n"
+        "property float deviation\nproperty float difference\n"
+        "property uchar observed\nelement face %zu\n"
+        "property list uchar int vertex_indices\nend_header\n",
+        mesh->nv, mesh->nf);
     for (size_t v = 0; v < mesh->nv; v++) {
         const unsigned char seen = fit->mesh_observed[v];
         for (size_t c = 0; c < 3; c++) put_float(w, mesh->V[3 * v + c]);
@@ -215,14 +216,14 @@ static apsm_status write_shape_json(apsm_context *ctx, char *path, const fit_ori
     json_t *root = json_pack("{s:s, s:i, s:o, s:o}", "format", FORMAT_FIT_CASE, "version",
                              FIT_VERSION, "model", json_model(origin), "fit", json_summary(row));
     if (root && fit->J > 0 &&
-        json_object_update_new(root, json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "scores",
-                                               apsm_json_vector(fit->modes, fit->score),
-                                               "variances",
-                                               apsm_json_vector(fit->modes, fit->variance), "world",
-                                               apsm_json_matrix(fit->J, 3, fit->world), "original",
-                                               apsm_json_matrix(fit->J, 3, fit->original),
-                                               "deviation", apsm_json_vector(fit->J, fit->sd),
-                                               "observed", json_flags(fit->J, fit->observed)))) {
+        json_object_update_new(root,
+                               json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "scores",
+                                         apsm_json_vector(fit->modes, fit->score), "variances",
+                                         apsm_json_vector(fit->modes, fit->variance), "world",
+                                         apsm_json_matrix(fit->J, 3, fit->world), "original",
+                                         apsm_json_matrix(fit->J, 3, fit->original), "deviation",
+                                         apsm_json_vector(fit->J, fit->sd), "observed",
+                                         json_flags(fit->J, fit->observed)))) {
         json_decref(root);
         root = NULL;
     }
@@ -256,11 +257,11 @@ static apsm_status write_summary(apsm_context *ctx, const char *folder, const fi
         json_decref(shapes);
         shapes = NULL;
     }
-    json_t *root = json_pack("{s:s, s:i, s:s, s:o, s:{s:s, s:s, s:b, s:b}, s:o}", "format",
-                             FORMAT_FIT, "version", FIT_VERSION, "apsm", APSM_VERSION, "model",
-                             json_model(origin), "options", "hand", hand[o->hand], "extent",
-                             extent[o->extent], "aligned", o->aligned, "force", o->force, "shapes",
-                             shapes);
+    json_t *root =
+        json_pack("{s:s, s:i, s:s, s:o, s:{s:s, s:s, s:b, s:b}, s:o}", "format", FORMAT_FIT,
+                  "version", FIT_VERSION, "apsm", APSM_VERSION, "model", json_model(origin),
+                  "options", "hand", hand[o->hand], "extent", extent[o->extent], "aligned",
+                  o->aligned, "force", o->force, "shapes", shapes);
     return write_json(ctx, apsm_path_join(folder, FIT_JSON), root);
 }
 

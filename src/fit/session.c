@@ -131,7 +131,8 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
         return row->problem ? APSM_OK : APSM_ERR_MEMORY;
     }
     status = keep_figures(&fit, row);
-    if (status == APSM_OK) status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
+    if (status == APSM_OK)
+        status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
     if (row->figures.score == fit.score) fit.score = NULL; /* the row's now */
     apsm_fit_free(&fit);
     return status;

@@ -1,0 +1,69 @@
+/* fit, export: a finished model meets new shapes, and leaves its folder. */
+#include <string.h>
+
+#include "apsm/files.h"
+#include "apsm/fit.h"
+#include "verbs.h"
+
+/* *index of a word in "a|b|c"'s order; NULL: the first. */
+static apsm_status take_word(apsm_context *ctx, const char *option, const char *text,
+                             const char *const words[3], int *index)
+{
+    for (*index = 0; text && *index < 3; ++*index)
+        if (strcmp(text, words[*index]) == 0) return APSM_OK;
+    if (!text) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG, "--%s %s: give %s, %s or %s", option, text, words[0],
+                     words[1], words[2]);
+}
+
+static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_fit_options *o)
+{
+    static const char *const hand[] = { "auto", "same", "other" };
+    static const char *const extent[] = { "auto", "whole", "part" };
+    *o = apsm_fit_defaults();
+    o->aligned = args->aligned;
+    o->force = args->force;
+    APSM_TRY(take_word(ctx, "hand", args->hand, hand, &o->hand));
+    return take_word(ctx, "extent", args->extent, extent, &o->extent);
+}
+
+apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_fit_totals n;
+    apsm_fit_settings settings = { .model = args->inputs[0],
+                                   .n_inputs = args->n_inputs - 1,
+                                   .inputs = args->inputs + 1,
+                                   .labels = cli_args_get(args, "labels"),
+                                   .reflect_match = cli_args_get(args, "reflect_match"),
+                                   .exclude = cli_args_get(args, "exclude"),
+                                   .folder = args->out_dir,
+                                   .overwrite = args->overwrite };
+    APSM_TRY(take_options(ctx, args, &settings.options));
+    APSM_TRY(apsm_fit_run(ctx, &settings, &n));
+    cli_say(ui, "fitted: %zu good, %zu to review; refused: %zu; failed: %zu; figures in %s/fit.csv",
+            n.good, n.review, n.refused, n.failed, args->out_dir);
+    if (n.refused + n.failed == 0) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                     "%zu of %zu shapes were not fitted; %s/fit.csv has the reasons",
+                     n.refused + n.failed, n.good + n.review + n.refused + n.failed, args->out_dir);
+}
+
+apsm_status apsm_cli_export(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_fit_model *model = NULL;
+    long long bytes = 0;
+    if (apsm_file_exists(args->model) && !args->overwrite)
+        return apsm_fail(ctx, APSM_ERR_STATE, "%s: is there already; give --overwrite",
+                         args->model);
+    if (apsm_is_folder(args->model))
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: is a folder; name a file", args->model);
+    APSM_TRY(apsm_fit_model_load(ctx, args->inputs[0], &model));
+    apsm_status status = apsm_fit_model_write(ctx, model, args->model);
+    if (status == APSM_OK) status = apsm_file_size(ctx, args->model, &bytes);
+    if (status == APSM_OK)
+        cli_say(ui, "%s: %zu particles, %zu shapes, %.1f MB", args->model,
+                apsm_fit_model_particles(model), apsm_fit_model_shapes(model),
+                (double)bytes / 1048576);
+    apsm_fit_model_free(model);
+    return status;
+}
