@@ -8,8 +8,7 @@
 #include <unistd.h>
 
 /* Makes room for at least one more byte than used, up to limit + 1 (so that a file that is too
- * long shows), and a final NUL.  The size that stat tells is a hint: files grow, pipes have none.
- */
+ * long shows), and a final NUL.  The size that stat tells is a hint: files grow. */
 static bool grow(char **data, size_t *capacity, size_t used, size_t limit)
 {
     if (used < *capacity) return true;
@@ -28,6 +27,9 @@ static apsm_status read_all(apsm_context *ctx, const char *path, int fd, size_t 
     struct stat info;
     if (fstat(fd, &info) != 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
     if (S_ISDIR(info.st_mode)) return apsm_fail_errno(ctx, path, "cannot be read", EISDIR);
+    if (!S_ISREG(info.st_mode))
+        return apsm_fail(ctx, APSM_ERR_IO, "%s: is a pipe or device, not a file; save it as a file",
+                         path);
     size_t capacity = 0;
     if (info.st_size > 0 && (size_t)info.st_size < limit) {
         *data = malloc((size_t)info.st_size + 2);
@@ -56,7 +58,7 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
 {
     *data = NULL;
     *size = 0;
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe would wait for ever */
     if (fd < 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
     const apsm_status status = read_all(ctx, path, fd, limit, data, size);
     close(fd);

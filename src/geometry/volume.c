@@ -1,11 +1,35 @@
 /* Segmentations: labels on an oriented grid. */
 #include "apsm/volume.h"
 
+#include <stdarg.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *volume,
+                             const char *format, ...)
+{
+    enum { LONGEST = 512 };
+    char text[LONGEST];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", path, text);
+    const size_t before = volume->notes ? strlen(volume->notes) : 0;
+    char *const longer = realloc(volume->notes, before + strlen(text) + 2);
+    if (!longer) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    volume->notes = longer;
+    sprintf(longer + before, "%s\n", text);
+    return APSM_OK;
+}
+
 void apsm_volume_free(apsm_volume *volume)
 {
+    for (size_t k = 0; k < volume->segments; k++) free(volume->segment[k].name);
+    free(volume->segment);
+    free(volume->value);
+    free(volume->notes);
     free(volume->label);
     *volume = (apsm_volume){ 0 };
 }

@@ -1,0 +1,230 @@
+/* VTK's own old format, versions 1 to 5.1, DATASET POLYDATA: points, polygons and triangle
+ * strips.  Attributes come last and are not looked at.  Binary values are big-endian. */
+#include <math.h>
+#include <stdlib.h>
+
+#include "formats/soup.h"
+
+typedef struct file {
+    bool ascii;
+    bool offsets; /* version 5: cells as OFFSETS and CONNECTIVITY */
+} file;
+
+static scalar read_type(scan *s, word name)
+{
+    static const struct {
+        const char *name;
+        scalar type;
+    } known[] = { { "char", SCALAR_I8 },
+                  { "signed_char", SCALAR_I8 },
+                  { "unsigned_char", SCALAR_U8 },
+                  { "short", SCALAR_I16 },
+                  { "unsigned_short", SCALAR_U16 },
+                  { "int", SCALAR_I32 },
+                  { "vtkIdType", SCALAR_I32 }, /* written as int */
+                  { "unsigned_int", SCALAR_U32 },
+                  { "long", SCALAR_I64 },
+                  { "vtktypeint64", SCALAR_I64 },
+                  { "unsigned_long", SCALAR_U64 },
+                  { "vtktypeuint64", SCALAR_U64 },
+                  { "float", SCALAR_F32 },
+                  { "double", SCALAR_F64 } };
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
+        if (word_is_any_case(name, known[k].name)) return known[k].type;
+    scan_expected(s, "a number type of VTK", name);
+    return SCALAR_U8;
+}
+
+static size_t least_size(const file *f, scalar type)
+{
+    return f->ascii ? 2 : scalar_size(type);
+}
+
+/* The line with the section's keyword ends; in a binary file values follow at once. */
+static void begin_values(scan *s, const file *f)
+{
+    scan_rest_of_line(s);
+    s->binary = !f->ascii;
+}
+
+static void read_points(scan *s, const file *f, soup *m)
+{
+    const int64_t n = scan_integer(s, "a number of points");
+    const scalar type = read_type(s, scan_word(s));
+    begin_values(s, f);
+    const size_t count = scan_check_count(s, n, "number of points", 3 * least_size(f, type));
+    soup_reserve_points(s, m, count);
+    for (size_t v = 0; v < count && scan_ok(s); v++) {
+        double x[3];
+        for (int c = 0; c < 3; c++) {
+            x[c] = f->ascii ? scan_number(s, "a coordinate") : scan_real(s, type, true);
+            if (!isfinite(x[c])) scan_fail(s, "a coordinate is not finite; export the mesh again");
+        }
+        soup_add_point(s, m, x);
+    }
+    s->binary = false;
+}
+
+/* NULL on failure, which is recorded. */
+static int64_t *read_integers(scan *s, const file *f, int64_t n, scalar type)
+{
+    const size_t count = scan_check_count(s, n, "number of values", least_size(f, type));
+    if (scan_ok(s) && scalar_is_real(type))
+        scan_fail(s, "cells of numbers that are not integers; export the mesh again");
+    int64_t *const values = scan_ok(s) ? malloc((count + 1) * sizeof *values) : NULL;
+    if (!values) scan_no_memory(s);
+    for (size_t k = 0; k < count && scan_ok(s); k++)
+        values[k] = f->ascii ? scan_integer(s, "an integer") : scan_whole(s, type, true);
+    s->binary = false;
+    if (scan_ok(s)) return values;
+    free(values);
+    return NULL;
+}
+
+typedef enum cells { POLYGONS, STRIPS, LINES, VERTICES } cells;
+
+static void add_cell(scan *s, soup *m, const int64_t *corner, int64_t n, cells kind)
+{
+    if (kind == LINES) m->lines++;
+    if (kind == POLYGONS || kind == STRIPS) soup_add_cell(s, m, corner, (size_t)n, kind == STRIPS);
+}
+
+/* Versions before 5: n cells in `size` values, each the number of its corners and they. */
+static void read_old_cells(scan *s, const file *f, int64_t n, int64_t size, cells kind, soup *m)
+{
+    begin_values(s, f);
+    int64_t *const value = read_integers(s, f, size, SCALAR_I32), found = 0;
+    for (int64_t at = 0; scan_ok(s) && at < size; found++) {
+        const int64_t corners = value[at++];
+        if (corners < 0 || corners > size - at)
+            scan_fail(s,
+                      "a cell has %lld corners, more than its section holds; export the mesh again",
+                      (long long)corners);
+        else
+            add_cell(s, m, value + at, corners, kind);
+        at += corners;
+    }
+    if (found != n)
+        scan_fail(s, "a section of %lld cells holds %lld; export the mesh again", (long long)n,
+                  (long long)found);
+    free(value);
+}
+
+static int64_t *read_section(scan *s, const file *f, const char *keyword, int64_t n)
+{
+    scan_expect(s, keyword);
+    const scalar type = read_type(s, scan_word(s));
+    begin_values(s, f);
+    return read_integers(s, f, n, type);
+}
+
+/* Version 5: n offsets, that is n - 1 cells, and the corners of all. */
+static void read_new_cells(scan *s, const file *f, int64_t n, int64_t size, cells kind, soup *m)
+{
+    int64_t *const start = read_section(s, f, "OFFSETS", n);
+    int64_t *const corner = start ? read_section(s, f, "CONNECTIVITY", size) : NULL;
+    for (int64_t k = 0; scan_ok(s) && k + 1 < n; k++) {
+        if (start[k] < 0 || start[k + 1] < start[k] || start[k + 1] > size)
+            scan_fail(s, "the offsets of the cells do not ascend; export the mesh again");
+        else
+            add_cell(s, m, corner + start[k], start[k + 1] - start[k], kind);
+    }
+    free(start);
+    free(corner);
+}
+
+static void read_cells(scan *s, const file *f, cells kind, soup *m)
+{
+    const int64_t n = scan_integer(s, "a number of cells");
+    const int64_t size = scan_integer(s, "a number of values");
+    if (!scan_ok(s)) return;
+    if (f->offsets)
+        read_new_cells(s, f, n, size, kind, m);
+    else
+        read_old_cells(s, f, n, size, kind, m);
+}
+
+/* FIELD name n, then n arrays: name components tuples type, values. */
+static void skip_field(scan *s, const file *f)
+{
+    scan_word(s);
+    const size_t arrays = scan_count(s, "a number of arrays", 8);
+    for (size_t k = 0; k < arrays && scan_ok(s); k++) {
+        scan_word(s);
+        const size_t components = scan_count(s, "a number of components", 1);
+        const size_t tuples = scan_count(s, "a number of tuples", 1);
+        const scalar type = read_type(s, scan_word(s));
+        if (components && tuples > scan_left(s) / components)
+            scan_fail(s, "a field array that is larger than the file; export the mesh again");
+        begin_values(s, f);
+        if (!f->ascii) scan_bytes(s, components * tuples * scalar_size(type));
+        for (size_t v = 0; f->ascii && v < components * tuples && scan_ok(s); v++)
+            if (!scan_word(s).length) scan_expected(s, "a value", (word){ "", 0 });
+        s->binary = false;
+    }
+}
+
+/* Ends with an empty line. */
+static void skip_metadata(scan *s)
+{
+    scan_rest_of_line(s);
+    while (scan_ok(s) && scan_left(s) && scan_rest_of_line(s).length) {
+    }
+}
+
+static void read_header(scan *s, file *f)
+{
+    static const char key[] = "# vtk DataFile Version ";
+    const word first = scan_rest_of_line(s);
+    double version = 0.0;
+    word number = { first.text + sizeof key - 1, 0 };
+    if (first.length > sizeof key - 1 && memcmp(first.text, key, sizeof key - 1) == 0)
+        while (sizeof key - 1 + number.length < first.length && number.text[number.length] != ' ')
+            number.length++;
+    if (!number.length || !word_number(number, &version)) {
+        scan_refuse(s, APSM_ERR_FORMAT,
+                    "does not begin with '# vtk DataFile Version': not a legacy VTK file");
+        return;
+    }
+    f->offsets = version >= 5.0;
+    scan_rest_of_line(s);
+    const word encoding = scan_word(s);
+    f->ascii = word_is_any_case(encoding, "ASCII");
+    if (!f->ascii && !word_is_any_case(encoding, "BINARY"))
+        scan_expected(s, "ASCII or BINARY", encoding);
+    scan_expect(s, "DATASET");
+    const word set = scan_word(s);
+    char shown[WORD_SHOWN];
+    if (scan_ok(s) && !word_is_any_case(set, "POLYDATA"))
+        scan_fail(s,
+                  "the file holds %s, not POLYDATA; extract the surface and save it as poly data",
+                  word_show(set, shown));
+}
+
+static bool is_attribute(word section)
+{
+    return word_is_any_case(section, "CELL_DATA") || word_is_any_case(section, "POINT_DATA");
+}
+
+void read_legacy_vtk(scan *s, soup *m)
+{
+    static const char *const names[] = { "POLYGONS", "TRIANGLE_STRIPS", "LINES", "VERTICES" };
+    file f = { false, false };
+    read_header(s, &f);
+    while (scan_skip_blanks(s, true)) {
+        const word section = scan_word(s);
+        int kind = 0;
+        while (kind < 4 && !word_is_any_case(section, names[kind])) kind++;
+        if (is_attribute(section)) break;
+        if (kind < 4)
+            read_cells(s, &f, (cells)kind, m);
+        else if (word_is_any_case(section, "POINTS"))
+            read_points(s, &f, m);
+        else if (word_is_any_case(section, "FIELD"))
+            skip_field(s, &f);
+        else if (word_is_any_case(section, "METADATA"))
+            skip_metadata(s);
+        else
+            scan_expected(s, "a section of a VTK file", section);
+    }
+}
