@@ -514,7 +514,9 @@ static void tell(const writing *w, size_t certified, const json_t *review)
              "joint of %zu parts, %zu subjects: %.0f %% of the variance is pose", w->c->n, w->c->I,
              pose + shape > 0 ? 100 * pose / (pose + shape) : 0.0);
     json_array_foreach(review, i, line)
+    {
         apsm_log(ctx, APSM_LOG_WARNING, "needs review: %s", json_string_value(line));
+    }
     apsm_log(ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, w->c->I);
 }
 
@@ -526,8 +528,10 @@ static json_t *review_line(const char *name, const json_t *verdict)
     const json_t *reason;
     snprintf(text, sizeof text, "%s", name);
     json_array_foreach(json_object_get(verdict, "reasons"), k, reason)
+    {
         snprintf(text + strlen(text), sizeof text - strlen(text), "%s%s", k ? ", " : ": ",
                  json_string_value(reason));
+    }
     return json_string(text);
 }
 
