@@ -89,12 +89,13 @@ void apsm_file_list_free(apsm_file_list *list);
 /* An advisory lock on a folder (flock on FOLDER/.apsm.lock).  It vanishes with the process,
  * however that ends. */
 typedef struct apsm_lock {
-    int fd; /* -1: not held */
-    char *path;
+    int fd;     /* -1: not held */
+    int folder; /* open: the lock is found again if the folder is moved meanwhile */
 } apsm_lock;
 
-/* APSM_ERR_STATE if another process holds it: the line names that process.  On file systems
- * without locks a warning is logged and the call succeeds. */
+/* APSM_ERR_STATE if another process holds it: the line names that process; or if a link, or a file
+ * that no lock of ours can be, is in its place.  On file systems without locks a warning is logged
+ * and the call succeeds. */
 apsm_status apsm_lock_folder(apsm_context *ctx, const char *folder, apsm_lock *lock) APSM_NODISCARD;
 /* Removes the lock file; a lock that is zeroed or not held is allowed. */
 void apsm_unlock_folder(apsm_lock *lock);

@@ -6,6 +6,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "files/io.h"
@@ -147,12 +148,23 @@ static int begin(journal *j)
     return error;
 }
 
+/* A file that begins otherwise is another's, and is not written to. */
+static bool begins_as_ours(const journal *j, uint64_t size)
+{
+    char head[sizeof magic];
+    const size_t n =
+        size < sizeof head ? (size_t)size : sizeof head; /* killed while it was begun */
+    return read_at(j->fd, head, n, 0) == 0 && memcmp(head, magic, n) == 0;
+}
+
 static int open_file(journal *j, bool fresh)
 {
-    j->fd = open(j->path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0666);
+    struct stat info;
+    j->fd = open(j->path, O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
     if (j->fd < 0) return errno;
-    const off_t size = lseek(j->fd, 0, SEEK_END);
-    if (size < 0) return errno;
+    if (fstat(j->fd, &info) != 0) return errno;
+    if (!S_ISREG(info.st_mode) || !begins_as_ours(j, (uint64_t)info.st_size)) return EEXIST;
+    const off_t size = info.st_size;
     return fresh || !is_ours(j, (uint64_t)size) ? begin(j) : list_pieces(j, (uint64_t)size);
 }
 
@@ -167,6 +179,9 @@ apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh, journa
     if (!error) return APSM_OK;
     journal_close(j);
     *out = NULL;
+    if (error == EEXIST)
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: was not written by apsm and would be replaced; move it away", path);
     return apsm_fail_errno(ctx, path, "cannot be written", error);
 }
 
@@ -178,6 +193,16 @@ void journal_close(journal *j)
     free(j->entries);
     free(j->path);
     free(j);
+}
+
+bool journal_is_one(const char *path)
+{
+    char head[sizeof magic];
+    const int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    const bool is =
+        fd >= 0 && read_at(fd, head, sizeof head, 0) == 0 && memcmp(head, magic, sizeof magic) == 0;
+    if (fd >= 0) close(fd);
+    return is;
 }
 
 size_t journal_count(const journal *j)

@@ -18,10 +18,13 @@ typedef struct journal_key {
 } journal_key;
 
 /* Opens the file for more pieces.  fresh: whatever was there is dropped; else it is made if need
- * be, and what follows its last whole piece is cut off. */
+ * be, and what follows its last whole piece is cut off.  APSM_ERR_STATE: a file is there that is no
+ * journal, and is left alone. */
 apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh,
                          journal **j) APSM_NODISCARD;
 void journal_close(journal *j); /* NULL is allowed */
+/* Whether the file at path begins as a journal does. */
+bool journal_is_one(const char *path);
 
 /* Pieces that were there when it was opened. */
 size_t journal_count(const journal *j);

@@ -61,6 +61,11 @@ static size_t own_stride(size_t J)
     return 16 + 5 * J;
 }
 
+size_t apsm_psm_own_size(size_t I, size_t J)
+{
+    return 1 + I * own_stride(J);
+}
+
 static double *own(const psm *p, size_t i)
 {
     return p->state->own + 1 + i * own_stride(p->J);
@@ -87,7 +92,7 @@ static apsm_status own_alloc(psm *p)
     apsm_optimizer_state *s = p->state;
     static const double identity[16] = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1 };
     if (s->own) return APSM_OK;
-    s->own_size = 1 + p->I * own_stride(p->J);
+    s->own_size = apsm_psm_own_size(p->I, p->J);
     s->own = calloc(s->own_size, sizeof *s->own);
     if (!s->own) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < p->I; i++) {

@@ -18,6 +18,9 @@ extern "C" {
  * gets it J times. */
 void apsm_psm_first_particle(const apsm_cohort *cohort, apsm_optimizer_state *state);
 
+/* Numbers in state->own once the method has begun. */
+size_t apsm_psm_own_size(size_t I, size_t J);
+
 /* Runs state to the end from wherever it is: stage 1 splits the particles from 1 to J
  * (psm_iterations_per_split iterations after each split), stage 2 optimises them
  * (psm_optimization_iterations).  An epoch of the state, and a record, is an iteration; on_epoch is

@@ -11,6 +11,7 @@
 #include "folder/model_json.h"
 #include "folder/names.h"
 #include "run/certify.h"
+#include "run/guard.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -391,12 +392,10 @@ apsm_status apsm_run_evaluate(apsm_run *run)
 {
     const stage_clock clock = stage_begin();
     evaluation_work w = { .run = run };
-    apsm_status status = run_load_cohort(run, false);
+    apsm_status status = guard_files(run, "evaluate", NULL);
+    if (status == APSM_OK) status = run_load_cohort(run, false);
     if (status == APSM_OK) status = load_particles(run, &w);
-    if (status == APSM_OK) {
-        stage_undo(run, "evaluate");
-        status = manifest_write(run);
-    }
+    if (status == APSM_OK) status = stage_start(run, "evaluate");
     if (status == APSM_OK) status = evaluate_and_write(&w);
     if (status == APSM_OK) status = run_write_project(run); /* the definition may be another one */
     if (status == APSM_OK) status = manifest_set_options(run);

@@ -6,6 +6,7 @@
 #include "apsm/affine.h"
 #include "files/stored.h"
 #include "geometry/stored.h"
+#include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"
 
@@ -66,7 +67,7 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
 
 apsm_status groom_inputs_compare(apsm_run *run)
 {
-    if (run->n_inputs == 0) return APSM_OK;
+    if (run->n_inputs == 0) return input_check_resume(run, NULL);
     groom_inputs in = { 0 };
     apsm_status status = groom_inputs_list(run, &in);
     bool same = in.list.n == run->project.n;
@@ -77,6 +78,7 @@ apsm_status groom_inputs_compare(apsm_run *run)
                            "%s: the run that --resume continues has other shapes (%zu) than these "
                            "inputs (%zu); name no inputs, or start anew with --overwrite",
                            run->folder, run->project.n, in.list.n);
+    if (status == APSM_OK) status = input_check_resume(run, &in.list);
     groom_inputs_free(&in);
     return status;
 }

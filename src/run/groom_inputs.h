@@ -24,7 +24,8 @@ typedef struct groom_inputs {
 
 /* Lists the cases of run's inputs; a project among them stands for the shapes it names. */
 apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in);
-/* Refuses inputs that are not the shapes of the groomed project, by their names; none are fine. */
+/* Refuses inputs that are not the shapes of the groomed project, by their names, or that have
+ * changed since; with none, those that the project names. */
 apsm_status groom_inputs_compare(apsm_run *run);
 /* Reads and grooms all; failures are in status and problem, and do not end the call. */
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in);

@@ -10,6 +10,7 @@
 #include "model/template_choice.h"
 #include "run/crop_ends.h"
 #include "run/groom_inputs.h"
+#include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -239,13 +240,12 @@ static apsm_status save(groom_work *w)
         APSM_TRY(describe_project(w));
         return hand_over(w);
     }
+    APSM_TRY(stage_start(run, "groom"));
     char *folder = run_path(run, "groomed");
     if (!folder) return APSM_ERR_MEMORY;
     const apsm_status status = apsm_make_folder(run->ctx, folder);
     free(folder);
     APSM_TRY(status);
-    stage_undo(run, "groom");
-    APSM_TRY(manifest_write(run));
     /* particles of the shapes before */
     APSM_TRY(run_remove(run, run_path(run, RUN_INITIAL)));
     APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
@@ -289,6 +289,17 @@ static apsm_status refuse_replacing(apsm_run *run)
                      run->folder);
 }
 
+/* A first run that fails leaves nothing; one that is interrupted can go on. */
+static apsm_status give_up(apsm_run *run, apsm_status why)
+{
+    char *line = strdup(apsm_error_text(run->ctx));
+    const bool nothing = run->made_folder && !run->has_manifest && why != APSM_ERR_INTERRUPTED;
+    if (nothing && kept_end(run) != APSM_OK && line) /* its own line is of no use */
+        why = apsm_fail(run->ctx, why, "%s", line);
+    free(line);
+    return why;
+}
+
 apsm_status apsm_run_groom(apsm_run *run)
 {
     const stage_clock clock = stage_begin();
@@ -296,6 +307,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     APSM_TRY(refuse_replacing(run));
     run_forget_results(run);
     apsm_status status = groom_inputs_list(run, &w.in);
+    if (status == APSM_OK) status = guard_files(run, "groom", &w.in.list);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);
@@ -303,6 +315,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     if (status == APSM_OK) status = stage_end(run, "groom", &clock);
     if (status == APSM_OK) status = kept_end(run);
     if (status == APSM_OK) tell(&w);
+    if (status != APSM_OK) status = give_up(run, status);
     apsm_alignment_free(&w.alignment);
     groom_inputs_free(&w.in);
     return status;

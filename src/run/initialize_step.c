@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "optimize/psm.h"
+#include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
 #include "run/session.h"
@@ -46,10 +47,10 @@ static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
 apsm_status apsm_run_initialize(apsm_run *run)
 {
     const stage_clock clock = stage_begin();
+    APSM_TRY(guard_files(run, "initialize", NULL));
     APSM_TRY(run_load_cohort(run, run->options.method != APSM_METHOD_PSM));
-    stage_undo(run, "initialize");
     APSM_TRY(manifest_set_options(run));
-    APSM_TRY(manifest_write(run));
+    APSM_TRY(stage_start(run, "initialize"));
     apsm_optimizer_state state = { 0 };
     apsm_status status = seed_and_save(run, &state);
     if (status == APSM_OK) status = stage_end(run, "initialize", &clock);

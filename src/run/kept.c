@@ -153,7 +153,7 @@ static apsm_status take_job(apsm_run *run)
     const size_t size = run->kept->job_size;
     const size_t i = strlen(input_word), o = strlen(option_word);
     apsm_project_clear(&run->project, "apsm");
-    stage_undo(run, "groom");
+    APSM_TRY(stage_undo(run, "groom"));
     for (const char *line = text; line < text + size; line += strlen(line) + 1) {
         if (strncmp(line, input_word, i) == 0 && wants_inputs) APSM_TRY(take_input(run, line + i));
         if (strncmp(line, option_word, o) == 0) APSM_TRY(take_option(run, line + o));

@@ -40,6 +40,7 @@ static apsm_status check_shape(apsm_run *run, const char *path)
 
 apsm_status manifest_open(apsm_run *run)
 {
+    run->is_intact = true;
     if (run_is_in_memory(run)) {
         run->manifest = new_manifest();
         return run->manifest ? APSM_OK : no_memory(run);
@@ -48,8 +49,10 @@ apsm_status manifest_open(apsm_run *run)
     if (!path) return no_memory(run);
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path)) {
+        run->has_manifest = true;
         status = apsm_json_read(run->ctx, path, &run->manifest);
         if (status == APSM_OK) status = check_shape(run, path);
+        if (status == APSM_OK) status = apsm_json_is_intact(run->ctx, path, &run->is_intact);
     } else {
         run->manifest = new_manifest();
         if (!run->manifest) status = no_memory(run);
@@ -58,12 +61,30 @@ apsm_status manifest_open(apsm_run *run)
     return status;
 }
 
+apsm_status manifest_check_seal(apsm_run *run)
+{
+    if (run->is_intact) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s/%s: changed since apsm wrote it; put it back, or make the model anew in "
+                     "another folder (`apsm verify %s` tells all)",
+                     run->folder, RUN_MANIFEST, run->folder);
+}
+
+/* Sealed anew, a manifest that somebody has changed would vouch for the change. */
+static apsm_status write_to(apsm_run *run, const char *path)
+{
+    if (run->is_intact) return apsm_json_write_sealed(run->ctx, path, run->manifest);
+    json_object_del(run->manifest, "sha256");
+    return apsm_json_write(run->ctx, path, run->manifest);
+}
+
 apsm_status manifest_write(apsm_run *run)
 {
     if (run_is_in_memory(run)) return APSM_OK;
     char *path = run_path(run, RUN_MANIFEST);
     if (!path) return no_memory(run);
-    const apsm_status status = apsm_json_write_sealed(run->ctx, path, run->manifest);
+    const apsm_status status = write_to(run, path);
+    run->has_manifest = run->has_manifest || status == APSM_OK;
     free(path);
     return status;
 }
@@ -173,27 +194,76 @@ const char *stage_name(size_t k)
     return k < STAGES - 1 ? stages[k] : NULL;
 }
 
-void stage_undo(apsm_run *run, const char *stage)
+const char *stage_of_all(size_t k)
 {
-    bool from_here = false;
+    return k < STAGES ? stages[k] : NULL;
+}
+
+/* ---- stages that have begun and not ended: their files are a run's, though not listed ---- */
+
+static bool has_begun(const json_t *begun, const char *stage)
+{
+    size_t k;
+    json_t *one;
+    json_array_foreach(begun, k, one) if (json_is_string(one) &&
+                                          strcmp(json_string_value(one), stage) == 0) return true;
+    return false;
+}
+
+/* "begun" <- it with the stage (with), or without, in their order; no key for none. */
+static apsm_status set_begun(apsm_run *run, const char *stage, bool with)
+{
+    const json_t *before = json_object_get(run->manifest, "begun");
+    json_t *begun = json_array();
+    int failed = !begun;
+    for (size_t k = 0; k < STAGES && !failed; k++) {
+        const bool it = strcmp(stages[k], stage) == 0;
+        if (it ? with : has_begun(before, stages[k]))
+            failed = json_array_append_new(begun, json_string(stages[k]));
+    }
+    if (!failed && json_array_size(begun) == 0)
+        json_object_del(run->manifest, "begun");
+    else if (!failed)
+        failed = json_object_set(run->manifest, "begun", begun);
+    json_decref(begun);
+    return failed ? no_memory(run) : APSM_OK;
+}
+
+apsm_status stage_undo(apsm_run *run, const char *stage)
+{
     for (size_t k = 0; k < STAGES; k++) {
-        from_here = from_here || strcmp(stages[k], stage) == 0;
-        if (from_here) json_object_del(json_object_get(run->manifest, "stages"), stages[k]);
+        if (stage_is_before(stages[k], stage)) continue;
+        json_object_del(json_object_get(run->manifest, "stages"), stages[k]);
+        if (outputs_has_some_of(run, stages[k])) APSM_TRY(set_begun(run, stages[k], true));
     }
     outputs_forget(run, stage);
+    return APSM_OK;
+}
+
+apsm_status stage_start(apsm_run *run, const char *stage)
+{
+    APSM_TRY(stage_undo(run, stage));
+    APSM_TRY(set_begun(run, stage, true));
+    return manifest_write(run);
+}
+
+apsm_status stage_close(apsm_run *run, const char *stage)
+{
+    APSM_TRY(outputs_record(run, stage));
+    APSM_TRY(set_begun(run, stage, false));
+    return manifest_write(run);
 }
 
 apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock)
 {
-    stage_undo(run, stage);
+    APSM_TRY(stage_undo(run, stage));
     json_t *entry =
         json_pack("{s:f, s:f, s:f, s:i}", "wall_seconds", milliseconds(stage_wall(clock)),
                   "cpu_seconds", milliseconds(seconds_since(CLOCK_PROCESS_CPUTIME_ID, &clock->cpu)),
                   "peak_memory_mb", peak_memory(), "threads", apsm_context_threads(run->ctx));
     if (!entry || json_object_set_new(json_object_get(run->manifest, "stages"), stage, entry))
         return no_memory(run);
-    APSM_TRY(outputs_record(run, stage));
-    return manifest_write(run);
+    return stage_close(run, stage);
 }
 
 bool stage_is_done(const apsm_run *run, const char *stage)

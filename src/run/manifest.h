@@ -8,7 +8,10 @@
 
 /* Reads the folder's manifest, or begins one. */
 apsm_status manifest_open(apsm_run *run);
+/* Seals it, unless it was changed since it was sealed last. */
 apsm_status manifest_write(apsm_run *run);
+/* Refuses to build on one that was changed. */
+apsm_status manifest_check_seal(apsm_run *run);
 void manifest_close(apsm_run *run);
 
 /* Options and inputs (path, bytes, SHA-256) as they are now. */
@@ -29,12 +32,20 @@ double stage_wall(const stage_clock *clock); /* seconds so far */
 /* Records the stage as done (later stages become undone), with the files it has written, and writes
  * the manifest. */
 apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock);
+/* The same for the report, which is none to be timed. */
+apsm_status stage_close(apsm_run *run, const char *stage);
 bool stage_is_done(const apsm_run *run, const char *stage);
 /* Whether a stage comes before another; false if there is none of that name. */
 bool stage_is_before(const char *stage, const char *other);
 /* The k-th of those that are recorded as done; NULL beyond the last. */
 const char *stage_name(size_t k);
-/* Forgets that this stage and the later ones were done, and their files. */
-void stage_undo(apsm_run *run, const char *stage);
+/* The k-th of all, the report among them; NULL beyond the last. */
+const char *stage_of_all(size_t k);
+/* Before the first file of a stage is written: it and later ones become undone, and the manifest,
+ * which is written, says that it has begun.  guard_files has looked at the folder before. */
+apsm_status stage_start(apsm_run *run, const char *stage);
+/* Forgets that this stage and the later ones were done, and the list of their files, but not that
+ * there are some of theirs. */
+apsm_status stage_undo(apsm_run *run, const char *stage);
 
 #endif

@@ -6,6 +6,7 @@
 
 #include "optimize/particle_search.h"
 #include "optimize/psm.h"
+#include "run/guard.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -200,12 +201,10 @@ apsm_status apsm_run_optimize(apsm_run *run)
 {
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };
-    apsm_status status = run_load_cohort(run, run->options.method != APSM_METHOD_PSM);
+    apsm_status status = guard_files(run, "optimize", NULL);
+    if (status == APSM_OK) status = run_load_cohort(run, run->options.method != APSM_METHOD_PSM);
     if (status == APSM_OK) status = load_start(run, &state, &r);
-    if (status == APSM_OK) {
-        stage_undo(run, "optimize");
-        status = manifest_write(run);
-    }
+    if (status == APSM_OK) status = stage_start(run, "optimize");
     if (status == APSM_OK) status = optimize_and_save(run, &state, &r);
     apsm_optimizer_state_free(&state);
     free(r.records);

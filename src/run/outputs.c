@@ -64,6 +64,17 @@ static bool is_ours(const char *path, size_t length)
            (length == strlen(RUN_MANIFEST) && strncmp(path, RUN_MANIFEST, length) == 0);
 }
 
+bool outputs_writes_between(const char *first, const char *last, const char *path)
+{
+    for (size_t k = 0; stage_of_all(k); k++) {
+        const char *stage = stage_of_all(k);
+        const bool between = !stage_is_before(stage, first) &&
+                             (strcmp(stage, last) == 0 || stage_is_before(stage, last));
+        if (between && writes(stage, path, strlen(path))) return true;
+    }
+    return strcmp(path, RUN_MANIFEST) == 0;
+}
+
 bool outputs_is_ours(const char *path)
 {
     return is_ours(path, strlen(path)) || strcmp(path, ".apsm.lock") == 0 ||
@@ -94,6 +105,31 @@ static const char *stage_of(const json_t *record)
 {
     const char *stage = json_string_value(json_array_get(record, 0));
     return stage ? stage : "";
+}
+
+bool outputs_are_a_runs(const apsm_run *run, const char *path)
+{
+    size_t k;
+    json_t *stage;
+    if (!run->has_manifest) return false;
+    if (strcmp(path, RUN_MANIFEST) == 0 || json_object_get(records(run), path)) return true;
+    json_array_foreach(json_object_get(run->manifest, "begun"), k, stage)
+    {
+        const char *name = json_string_value(stage);
+        if (name && writes(name, path, strlen(path))) return true;
+    }
+    return false;
+}
+
+bool outputs_has_some_of(const apsm_run *run, const char *stage)
+{
+    const char *path;
+    json_t *record;
+    json_object_foreach(records(run), path, record)
+    {
+        if (strcmp(stage_of(record), stage) == 0) return true;
+    }
+    return false;
 }
 
 static apsm_status no_memory(apsm_run *run)
@@ -208,8 +244,8 @@ static apsm_status add_folder(apsm_run *run, const char *name, apsm_file_list *a
     return status;
 }
 
-/* Whatever is in the folders that a run writes to; others may be large and are none of ours. */
-static apsm_status list_folders(apsm_run *run, apsm_file_list *all)
+/* Other folders may be large and are none of ours. */
+apsm_status outputs_list(apsm_run *run, apsm_file_list *all)
 {
     static const char *const folders[] = { "", "state", "groomed", "particles", "meshes" };
     *all = (apsm_file_list){ 0 };
@@ -228,7 +264,7 @@ apsm_status outputs_record(apsm_run *run, const char *stage)
     outputs_forget(run, stage);
     if (!records(run) && json_object_set_new(run->manifest, "outputs", json_object()))
         return no_memory(run);
-    APSM_TRY(list_folders(run, &files));
+    APSM_TRY(outputs_list(run, &files));
     apsm_status status = list_written(run, &files, &h);
     if (status == APSM_OK) status = apsm_parallel_for(run->ctx, h.n, hash_file, &h, NULL);
     if (status == APSM_OK) status = add_records(&h, records(run));
@@ -319,7 +355,7 @@ apsm_status outputs_check(apsm_run *run)
 apsm_status outputs_tidy(apsm_run *run)
 {
     apsm_file_list files;
-    APSM_TRY(list_folders(run, &files));
+    APSM_TRY(outputs_list(run, &files));
     apsm_status status = APSM_OK;
     for (size_t k = 0; k < files.n && status == APSM_OK; k++)
         if (outputs_left_over(files.path[k]))

@@ -11,6 +11,15 @@ void outputs_forget(apsm_run *run, const char *stage);
 /* A stage has ended: the files it has written and the project are recorded. */
 apsm_status outputs_record(apsm_run *run, const char *stage);
 
+/* Whether one of the stages from first to last writes files of this name, and
+ * whether the manifest says that a file of this name is a run's (guard.h). */
+bool outputs_writes_between(const char *first, const char *last, const char *path);
+bool outputs_are_a_runs(const apsm_run *run, const char *path);
+/* Whether a file of the stage is listed. */
+bool outputs_has_some_of(const apsm_run *run, const char *stage);
+/* Whatever is in the folders that a run writes to, by paths from the model folder on. */
+apsm_status outputs_list(apsm_run *run, apsm_file_list *all);
+
 /* What became of a file since it was recorded. */
 typedef enum output_state {
     OUTPUT_SAME,

@@ -5,10 +5,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "apsm/report.h"
 #include "files/io.h"
 #include "run/groom_inputs.h"
+#include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
 #include "run/memory.h"
@@ -83,12 +85,13 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
     if (!s->dry) {
+        run->made_folder = !apsm_is_folder(run->folder);
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
         APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
-    if (run->lock.fd >= 0) APSM_TRY(outputs_tidy(run));
-    APSM_TRY(open_project(run, s->fresh));
     APSM_TRY(manifest_open(run));
+    if (!run->dry && guard_is_model(run)) APSM_TRY(outputs_tidy(run));
+    APSM_TRY(open_project(run, s->fresh));
     if (run->resume && !s->dry) APSM_TRY(kept_take_up(run));
     return settings_settle(run, s);
 }
@@ -116,6 +119,7 @@ apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, 
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;
     run->lock.fd = -1;
+    run->dry = settings->dry;
     run->memory = settings->memory;
     run->resume = settings->resume;
     run->overwrite = settings->overwrite;
@@ -154,6 +158,15 @@ static void close_store(apsm_run *run)
     run->store = NULL;
 }
 
+/* A folder that was made for nothing; what holds a file stays. */
+static void remove_empty(const apsm_run *run)
+{
+    char *state = run_path(run, "state");
+    if (state) rmdir(state);
+    free(state);
+    rmdir(run->folder);
+}
+
 void apsm_run_close(apsm_run *run)
 {
     if (!run) return;
@@ -165,6 +178,7 @@ void apsm_run_close(apsm_run *run)
     manifest_close(run);
     apsm_project_free(&run->project);
     apsm_unlock_folder(&run->lock);
+    if (run->made_folder && !run->has_manifest) remove_empty(run);
     for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
     free(run->inputs);
     free(run->folder);
@@ -203,10 +217,12 @@ apsm_status apsm_run_all(apsm_run *run)
                   { "initialize", apsm_run_initialize },
                   { "optimize", apsm_run_optimize },
                   { "evaluate", apsm_run_evaluate } };
+    run->last = "report";
     if (run->resume && stage_is_done(run, "groom")) {
         APSM_TRY(groom_inputs_compare(run));
         APSM_TRY(outputs_check(run));
     }
+    APSM_TRY(manifest_check_seal(run));
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
     if (run_is_in_memory(run)) return APSM_OK;
@@ -218,7 +234,8 @@ apsm_status apsm_run_report(apsm_run *run)
 {
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "a job without a folder has no report");
+    APSM_TRY(guard_files(run, "report", NULL));
+    APSM_TRY(stage_start(run, "report"));
     APSM_TRY(apsm_report_write(run->ctx, run->folder));
-    APSM_TRY(outputs_record(run, "report"));
-    return manifest_write(run);
+    return stage_close(run, "report");
 }

@@ -35,7 +35,12 @@ struct apsm_run {
     apsm_lock lock;
     apsm_options options;
     bool resume, overwrite;
-    char **inputs; /* n_inputs, owned */
+    bool dry;
+    bool has_manifest; /* in the folder */
+    bool is_intact;    /* the manifest: as it was sealed, or new */
+    bool made_folder;  /* by this run */
+    const char *last;  /* the last stage that will be run after this one; NULL: none */
+    char **inputs;     /* n_inputs, owned */
     size_t n_inputs;
     apsm_project project;
     struct json_t *manifest; /* object; see manifest.h */

@@ -104,9 +104,9 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
         if (strcmp(a, b) == 0) continue;
         if (!is_harmless(table[k].name)) return refuse_change(run, table[k].name, a, b);
         if (strcmp(table[k].name, "original_frame") == 0)
-            stage_undo(run, "optimize"); /* particles/ */
+            APSM_TRY(stage_undo(run, "optimize")); /* particles/ */
         else if (strcmp(table[k].name, "checkpoint_seconds") != 0)
-            stage_undo(run, "evaluate");
+            APSM_TRY(stage_undo(run, "evaluate"));
     }
     return APSM_OK;
 }

@@ -1,8 +1,10 @@
 /* Checkpoints of the optimiser, and whether they belong to this run. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "files/checkpoint_file.h"
+#include "optimize/psm.h"
 #include "run/session.h"
 #include "run/settings.h"
 
@@ -126,6 +128,52 @@ static apsm_status load_history(apsm_run *run, const apsm_checkpoint *c,
     return APSM_OK;
 }
 
+/* Whether `own` has the size that the stage and the method give it. */
+static bool own_fits(const apsm_run *run, const state_numbers *n)
+{
+    const size_t I = (size_t)n->I, J = (size_t)n->J, own = (size_t)n->own_size;
+    if (run->options.method == APSM_METHOD_PSM) return own == 0 || own == apsm_psm_own_size(I, J);
+    if (n->stage != APSM_STAGE_FIDELITY) return true;
+    return n->epoch == 0 || (n->epoch > 0 && own == 3 * I * J);
+}
+
+/* The checksum says that nobody changed the file by accident; what stands in it must still be a
+ * state. */
+static apsm_status check_numbers(apsm_run *run, const char *path, const apsm_checkpoint *c,
+                                 const state_numbers *n)
+{
+    enum { MOST_EPOCHS = 1 << 30 };
+    size_t P_bytes, own_bytes;
+    apsm_checkpoint_find(c, "P", &P_bytes);
+    apsm_checkpoint_find(c, "own", &own_bytes);
+    const bool known = n->stage >= APSM_STAGE_1 && n->stage <= APSM_STAGE_DONE &&
+                       n->stage1_stop >= 0 && n->stage1_stop < APSM_STOP_COUNT;
+    const bool counted = n->epoch > -MOST_EPOCHS && n->epoch < MOST_EPOCHS && n->epochs_run >= 0 &&
+                         n->epochs_run < MOST_EPOCHS && n->passes_without_gain >= 0 &&
+                         n->passes_without_gain < MOST_EPOCHS;
+    const bool measured = isfinite(n->h) && n->h >= 0 && isfinite(n->best_mismatched);
+    const bool held = n->J > 0 && (uint64_t)n->J <= P_bytes && n->own_size >= 0 &&
+                      (uint64_t)n->own_size <= own_bytes / sizeof(double);
+    if (known && counted && measured && held && own_fits(run, n)) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_FORMAT,
+                     "%s: holds numbers that no run has written; remove it and start this step "
+                     "anew",
+                     path);
+}
+
+/* Takes n finite numbers. */
+static apsm_status take_array(apsm_run *run, const char *path, const apsm_checkpoint *c,
+                              const char *name, size_t n, double *x)
+{
+    APSM_TRY(apsm_checkpoint_get(run->ctx, c, name, x, n * sizeof *x));
+    for (size_t k = 0; k < n; k++)
+        if (!isfinite(x[k]))
+            return apsm_fail(run->ctx, APSM_ERR_NONFINITE,
+                             "%s: %s[%zu] is no finite number; remove it and start this step anew",
+                             path, name, k);
+    return APSM_OK;
+}
+
 static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_checkpoint *c,
                                 apsm_optimizer_state *s)
 {
@@ -136,6 +184,7 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
         (n.J != run->options.particles && !run->options.particles_auto))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: holds %lld shapes of %lld particles", path,
                          (long long)n.I, (long long)n.J);
+    APSM_TRY(check_numbers(run, path, c, &n));
     APSM_TRY(apsm_optimizer_state_alloc((size_t)n.I, (size_t)n.J, s));
     s->stage = (int)n.stage;
     s->epoch = (long)n.epoch;
@@ -144,13 +193,13 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
     s->stage1_stop = (apsm_stop)n.stage1_stop;
     s->h = n.h;
     s->best_mismatched = n.best_mismatched;
-    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "P", s->P, s->I * s->J * 3 * sizeof *s->P));
-    APSM_TRY(apsm_checkpoint_get(run->ctx, c, "mean", s->mean, s->J * 3 * sizeof *s->mean));
-    if (n.own_size <= 0) return APSM_OK;
+    APSM_TRY(take_array(run, path, c, "P", s->I * s->J * 3, s->P));
+    APSM_TRY(take_array(run, path, c, "mean", s->J * 3, s->mean));
+    if (n.own_size == 0) return APSM_OK;
     s->own = malloc((size_t)n.own_size * sizeof *s->own);
     if (!s->own) return APSM_ERR_MEMORY;
     s->own_size = (size_t)n.own_size;
-    return apsm_checkpoint_get(run->ctx, c, "own", s->own, s->own_size * sizeof *s->own);
+    return take_array(run, path, c, "own", s->own_size, s->own);
 }
 
 apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,

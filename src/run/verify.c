@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "run/groom_inputs.h"
+#include "run/input_check.h"
 #include "run/manifest.h"
 #include "run/outputs.h"
 #include "run/session.h"
@@ -213,52 +213,6 @@ static apsm_status verify_checkpoints(const verifying *v)
 
 /* ---- inputs ---- */
 
-typedef struct input_check {
-    const char *name, *sha256, *path; /* of the manifest */
-    enum { INPUT_SAME, INPUT_CHANGED, INPUT_MISSING, INPUT_UNKNOWN } state;
-} input_check;
-
-typedef struct inputs_check {
-    const verifying *v;
-    input_check *list;
-} inputs_check;
-
-/* The better of the states that two places give. */
-static apsm_status look_at(apsm_context *ctx, const char *path, input_check *c)
-{
-    char hex[65];
-    if (!apsm_file_exists(path) && !apsm_is_folder(path)) return APSM_OK;
-    c->state = INPUT_CHANGED;
-    APSM_TRY(groom_hash_input(ctx, path, hex));
-    if (strcmp(hex, c->sha256) == 0) c->state = INPUT_SAME;
-    return APSM_OK;
-}
-
-/* Where the project says, seen from the model folder, or where it was seen from when it was read.
- */
-static apsm_status check_input(apsm_context *ctx, size_t i, int worker, void *user)
-{
-    (void)worker;
-    const inputs_check *all = user;
-    input_check *c = &all->list[i];
-    const apsm_project *project = &all->v->run->project;
-    const size_t at = c->name ? apsm_project_find(project, c->name) : project->n;
-    c->state = INPUT_UNKNOWN;
-    if (!c->path || !c->sha256 || !*c->sha256) return APSM_OK;
-    c->state = INPUT_MISSING;
-    const char *shape = at < project->n ? project->subjects[at].shape : NULL;
-    char *path = apsm_project_path(project, shape);
-    if (shape && !path) return APSM_ERR_MEMORY;
-    apsm_status status = path ? look_at(ctx, path, c) : APSM_OK;
-    if (c->state != INPUT_SAME && status != APSM_ERR_MEMORY) {
-        const int before = (int)c->state;
-        status = look_at(ctx, c->path, c);
-        if (c->state != INPUT_SAME && before == INPUT_CHANGED) c->state = INPUT_CHANGED;
-    }
-    free(path);
-    return status == APSM_ERR_MEMORY ? status : APSM_OK; /* unreadable: not what it was */
-}
-
 static void judge_input(const verifying *v, const input_check *c)
 {
     if (c->state == INPUT_CHANGED)
@@ -266,25 +220,17 @@ static void judge_input(const verifying *v, const input_check *c)
     if (c->state == INPUT_MISSING)
         disagree(v, "input %s: %s: missing; removed or moved", c->name, c->path);
     if (c->state == INPUT_UNKNOWN)
-        disagree(v, "input %s: no SHA-256 recorded; groom again", c->name ? c->name : "?");
+        disagree(v, "input %s: no SHA-256 recorded; groom again", c->name);
 }
 
 static apsm_status verify_inputs(const verifying *v)
 {
-    const json_t *inputs = json_object_get(v->run->manifest, "inputs");
-    const size_t n = json_array_size(inputs);
-    inputs_check all = { v, calloc(n + 1, sizeof *all.list) };
-    if (!all.list) return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < n; i++) {
-        const json_t *input = json_array_get(inputs, i);
-        all.list[i] = (input_check){ .name = json_string_value(json_object_get(input, "name")),
-                                     .sha256 = json_string_value(json_object_get(input, "sha256")),
-                                     .path = json_string_value(json_object_get(input, "path")) };
-    }
-    const apsm_status status = apsm_parallel_for(v->ctx, n, check_input, &all, NULL);
-    for (size_t i = 0; i < n && status == APSM_OK; i++) judge_input(v, &all.list[i]);
+    input_check *checks = NULL;
+    size_t n = 0;
+    const apsm_status status = input_check_all(v->run, NULL, &checks, &n);
+    for (size_t i = 0; i < n && status == APSM_OK; i++) judge_input(v, &checks[i]);
     v->result->inputs = n;
-    free(all.list);
+    free(checks);
     return status;
 }
 
