@@ -41,8 +41,10 @@ static void find_distances(const model_folder *f, apsm_fit_model *m)
     size_t k;
     m->calibration.distance = json_number_value(json_object_get(distance, "mean"));
     json_array_foreach(json_object_get(distance, "per_shape"), k, shape)
-        m->calibration.distance_most =
-        fmax(m->calibration.distance_most, json_number_value(json_object_get(shape, "mean")));
+    {
+        const double mean = json_number_value(json_object_get(shape, "mean"));
+        m->calibration.distance_most = fmax(m->calibration.distance_most, mean);
+    }
 }
 
 static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_model *m)

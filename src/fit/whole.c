@@ -45,8 +45,9 @@ apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job)
     (void)ctx;
     const apsm_fit_model *m = job->m;
     const size_t J = m->model.J, D = 3 * J;
-    double *P0 = malloc(4 * D * sizeof *P0), *P = P0 + 2 * D;
+    double *P0 = malloc(4 * D * sizeof *P0);
     if (!P0) return APSM_ERR_MEMORY;
+    double *P = P0 + 2 * D;
     memcpy(P0, m->T, D * sizeof *P0);
     apsm_status status = apsm_register_particles(m->registration, &job->shape.mesh, job->shape.bvh,
                                                  J, m->T, m->TN, m->h, P0 + D);

@@ -50,8 +50,9 @@ static void refuse_no_faces(scan *s, const soup *m)
 
 static void *shrunk(void *array, size_t size)
 {
-    void *const smaller = realloc(array, size);
-    return smaller ? smaller : array;
+    void *smaller = realloc(array, size);
+    if (!smaller) smaller = array;
+    return smaller;
 }
 
 /* The arrays move over. */

@@ -104,7 +104,10 @@ static apsm_status append(apsm_run *run, const char *name, bool reflect, apsm_in
     char *copy = strdup(name);
     if (grown) run->given = grown;
     if (grown && copy) {
-        run->given[run->n_given++] = (given_shape){ copy, reflect, *shape };
+        given_shape *given = &run->given[run->n_given++];
+        given->name = copy;
+        given->reflect = reflect;
+        given->shape = *shape;
         return APSM_OK;
     }
     free(copy);
