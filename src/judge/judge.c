@@ -1,0 +1,292 @@
+#include "judge/judge.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "geometry/vec3.h"
+#include "judge/coverage.h"
+#include "judge/form.h"
+#include "judge/left_out.h"
+#include "judge/robust.h"
+#include "model/procrustes.h"
+#include "optimize/correspondence_loss.h"
+
+/* Arrays of all shapes, I x J x ... */
+typedef struct judging {
+    const apsm_cohort *cohort;
+    size_t I, J;
+    const double *P;       /* x 3, world */
+    double h;
+    uint32_t *N6;          /* J x 6, of the template */
+    double *M;             /* I x 16: to the common pose and size */
+    double *Q, *N;         /* x 3: particles and normals there */
+    double *X, *XN;        /* x 3: what is usual in the others */
+    double *height, *usual; /* x APSM_FORM_SCALES */
+    double *along;         /* J3 along the surface, then over the ring, then over what is usual */
+    double *reach, *usual_reach;
+    double *agreed;        /* length of the median of the others' normals */
+    double *figure;        /* FIGURES x I */
+    apsm_judgement *out;
+} judging;
+
+enum { AREA, SIZE, LONG, FLAT, OFF, SLIP, REACH, FIGURES };
+/* Of logarithms: nobody is called unusual for less than a few of these. */
+static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.1, 0.1 };
+
+/* ---- every shape for itself ---- */
+
+static void take_normals(const judging *g, size_t i, apsm_surface_point *S, double *N)
+{
+    apsm_shape_look_up(&g->cohort->shape[i], g->J, g->P + 3 * g->J * i, S, NULL, N);
+}
+
+static void measure_size(const judging *g, size_t i)
+{
+    const double *q = g->P + 3 * g->J * i;
+    double c[3] = { 0 }, C[9] = { 0 }, U[9], s[3], V[9];
+    for (size_t k = 0; k < 3 * g->J; k++) c[k % 3] += q[k] / (double)g->J;
+    for (size_t j = 0; j < g->J; j++)
+        for (size_t a = 0; a < 9; a++)
+            C[a] += (q[3 * j + a / 3] - c[a / 3]) * (q[3 * j + a % 3] - c[a % 3]);
+    apsm_svd3(C, U, s, V);
+    g->figure[AREA * g->I + i] = log(apsm_mesh_area(&g->cohort->shape[i].mesh));
+    g->figure[SIZE * g->I + i] = 0.5 * log(s[0] + s[1] + s[2]);
+    g->figure[LONG * g->I + i] = 0.5 * log(s[0] / s[1]);
+    g->figure[FLAT * g->I + i] = 0.5 * log(s[1] / fmax(s[2], 1e-12 * s[1]));
+}
+
+static apsm_status look_at_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx, (void)worker;
+    judging *g = user;
+    const apsm_mesh *mesh = &g->cohort->shape[i].mesh;
+    const size_t J = g->J;
+    const double *P = g->P + 3 * J * i, h = apsm_spacing(J, P, g->N6, NULL);
+    double *N = g->N + 3 * J * i, *reach = g->reach + J * i;
+    apsm_surface_point *S = malloc(J * sizeof *S);
+    double *faces = malloc((mesh->nf * APSM_FORM_FACE + 1) * sizeof *faces);
+    const bool ok = S && faces;
+    if (ok) {
+        take_normals(g, i, S, N);
+        apsm_form_faces(mesh, faces);
+        apsm_form_heights(mesh->nf, faces, J, P, N, h, g->height + APSM_FORM_SCALES * J * i);
+        apsm_coverage_reach(mesh, J, P, reach);
+        for (size_t j = 0; j < J; j++) reach[j] /= h;
+        apsm_affine_apply_normals(g->M + 16 * i, J, N, N);
+        measure_size(g, i);
+    }
+    free(S);
+    free(faces);
+    return ok ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* ---- against the others ---- */
+
+static apsm_status predict_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx, (void)worker;
+    judging *g = user;
+    const size_t J = g->J;
+    double *work = malloc((3 * J + apsm_left_out_work_size(J)) * sizeof *work), sum = 0.0;
+    if (!work) return APSM_ERR_MEMORY;
+    double *r = work + apsm_left_out_work_size(J), *along = g->along + J * i;
+    const apsm_status status = apsm_left_out_residual(g->I, J, g->Q, i, r, work);
+    for (size_t j = 0; j < J && status == APSM_OK; j++) {
+        const double *n = g->N + 3 * (J * i + j);
+        sum += vec3_dot(r + 3 * j, r + 3 * j);
+        vec3_add_scaled(r + 3 * j, -vec3_dot(r + 3 * j, n), n);
+        along[j] = vec3_norm(r + 3 * j) / g->h;
+    }
+    g->figure[OFF * g->I + i] = 0.5 * log(sum / (double)J / (g->h * g->h) + 1e-12);
+    free(work);
+    return status;
+}
+
+/* x (J) <- its mean over each particle and its ring of six.  scratch: J. */
+static void over_rings(size_t J, const uint32_t *N6, double *x, double *scratch)
+{
+    memcpy(scratch, x, J * sizeof *x);
+    for (size_t j = 0; j < J; j++) {
+        for (size_t k = 0; k < APSM_NEIGHBOURS; k++)
+            x[j] += scratch[N6[APSM_NEIGHBOURS * j + k]];
+        x[j] /= APSM_NEIGHBOURS + 1;
+    }
+}
+
+/* The largest of what is over what is usual; and by how much. */
+static void find_slip(judging *g, size_t i, const double *usual)
+{
+    const size_t J = g->J;
+    apsm_findings *f = &g->out->shape[i];
+    double most = 0.0;
+    for (size_t j = 0; j < J; j++) {
+        const double x = g->along[J * i + j], u = usual[J * i + j];
+        const double z = x / fmax(u, 0.05);
+        g->out->slip[J * i + j] = z;
+        if (!(z > most)) continue;
+        most = z;
+        f->slip_at = (uint32_t)j;
+        f->slip_size = x - u;
+    }
+    g->figure[SLIP * g->I + i] = log(most + 1e-3);
+}
+
+static void find_reach(judging *g, size_t i)
+{
+    const size_t J = g->J;
+    apsm_findings *f = &g->out->shape[i];
+    double most = -INFINITY;
+    for (size_t j = 0; j < J; j++) {
+        const double d = g->reach[J * i + j] - g->usual_reach[J * i + j];
+        g->out->uncovered[J * i + j] = d;
+        if (!(d > most)) continue;
+        most = d;
+        f->reach_at = (uint32_t)j;
+    }
+    f->reach = most;
+    g->figure[REACH * g->I + i] = log(fmax(most, 0.05));
+}
+
+/* A particle that has gone through a sheet looks the other way: against the usual normal, where the
+ * normals of the others agree. */
+static void find_opposed(judging *g, size_t i)
+{
+    apsm_findings *f = &g->out->shape[i];
+    for (size_t k = g->J * i; k < g->J * (i + 1); k++) {
+        const double *usual = g->XN + 3 * k;
+        g->out->opposed[k] =
+            g->agreed[k] > 0.7 && vec3_dot(g->N + 3 * k, usual) < -0.2;
+        f->opposed += g->out->opposed[k];
+    }
+}
+
+static apsm_status turn_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx, (void)worker;
+    judging *g = user;
+    const size_t J = g->J, at3 = 3 * J * i, atS = APSM_FORM_SCALES * J * i;
+    apsm_findings *f = &g->out->shape[i];
+    double *work = malloc(apsm_turns_work_size(J) * sizeof *work);
+    uint32_t *at = malloc(J * sizeof *at);
+    if (work && at) {
+        const apsm_turns_input in = { J,           g->h,        g->Q + at3,       g->N + at3,
+                                      g->X + at3,  g->XN + at3, g->height + atS,  g->usual + atS };
+        f->agreement = apsm_form_agreement(J, in.own, in.usual, NULL);
+        apsm_turns_search(&in, false, &f->turn[0], &f->fit, work, at);
+        apsm_turns_search(&in, true, &f->turn[1], NULL, work, at);
+    }
+    const bool ok = work && at;
+    free(work);
+    free(at);
+    return ok ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static void weigh_figures(judging *g, double *scratch)
+{
+    double excess[FIGURES];
+    for (size_t i = 0; i < g->I; i++) {
+        apsm_findings *f = &g->out->shape[i];
+        double middle[FIGURES];
+        for (size_t k = 0; k < FIGURES; k++) {
+            excess[k] =
+                robust_excess(g->I, g->figure + k * g->I, i, least_deviation[k], scratch);
+            size_t n = 0;
+            for (size_t o = 0; o < g->I; o++)
+                if (o != i) scratch[n++] = g->figure[k * g->I + o];
+            middle[k] = robust_median(n, scratch);
+        }
+        f->area = exp(g->figure[AREA * g->I + i] - middle[AREA]);
+        f->size = exp(g->figure[SIZE * g->I + i] - middle[SIZE]);
+        f->off = exp(g->figure[OFF * g->I + i] - middle[OFF]);
+        f->area_excess = excess[AREA];
+        f->size_excess = excess[SIZE];
+        f->long_excess = excess[LONG];
+        f->flat_excess = excess[FLAT];
+        f->off_excess = excess[OFF];
+        f->slip = excess[SLIP];
+        f->reach_excess = excess[REACH];
+    }
+}
+
+static apsm_status compare(apsm_context *ctx, judging *g, double *column, double *usual)
+{
+    const size_t I = g->I, J = g->J;
+    APSM_TRY(apsm_parallel_for(ctx, I, look_at_shape, g, NULL));
+    robust_left_out_medians(I, 3 * J, g->Q, g->X, column);
+    robust_left_out_medians(I, 3 * J, g->N, g->XN, column);
+    for (size_t k = 0; k < I * J; k++) g->agreed[k] = vec3_normalise(g->XN + 3 * k);
+    robust_left_out_medians(I, APSM_FORM_SCALES * J, g->height, g->usual, column);
+    robust_left_out_medians(I, J, g->reach, g->usual_reach, column);
+    APSM_TRY(apsm_parallel_for(ctx, I, predict_shape, g, NULL));
+    for (size_t i = 0; i < I; i++) over_rings(J, g->N6, g->along + J * i, usual);
+    robust_left_out_medians(I, J, g->along, usual, column);
+    for (size_t i = 0; i < I; i++) {
+        find_slip(g, i, usual);
+        find_reach(g, i);
+        find_opposed(g, i);
+    }
+    APSM_TRY(apsm_parallel_for(ctx, I, turn_shape, g, "judge"));
+    weigh_figures(g, column);
+    return APSM_OK;
+}
+
+static apsm_status pose(apsm_context *ctx, judging *g)
+{
+    apsm_procrustes_options options = apsm_procrustes_defaults();
+    const double *T = g->P + 3 * g->J * g->cohort->template_index;
+    options.scale = true;
+    options.reference = g->cohort->template_index;
+    APSM_TRY(apsm_neighbours6(g->J, T, g->N6));
+    APSM_TRY(apsm_procrustes(ctx, g->I, g->J, g->P, &options, g->M, g->Q));
+    g->h = apsm_spacing(g->J, g->Q + 3 * g->J * g->cohort->template_index, g->N6, NULL);
+    return APSM_OK;
+}
+
+apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
+                       apsm_judgement *out)
+{
+    const size_t I = cohort->I, n = I * J;
+    const size_t doubles = n * (3 * 4 + 2 * APSM_FORM_SCALES + 5) + I * (16 + FIGURES + 1);
+    *out = (apsm_judgement){ .I = I, .J = J };
+    out->shape = calloc(I, sizeof *out->shape);
+    out->slip = malloc(n * sizeof *out->slip);
+    out->uncovered = malloc(n * sizeof *out->uncovered);
+    out->opposed = calloc(n, sizeof *out->opposed);
+    double *all = malloc(doubles * sizeof *all);
+    judging g = { .cohort = cohort, .I = I, .J = J, .P = P, .out = out };
+    g.N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6);
+    apsm_status status = APSM_ERR_MEMORY;
+    if (out->shape && out->slip && out->uncovered && out->opposed && all && g.N6) {
+        g.Q = all;
+        g.N = g.Q + 3 * n;
+        g.X = g.N + 3 * n;
+        g.XN = g.X + 3 * n;
+        g.height = g.XN + 3 * n;
+        g.usual = g.height + APSM_FORM_SCALES * n;
+        g.along = g.usual + APSM_FORM_SCALES * n;
+        g.reach = g.along + n;
+        g.usual_reach = g.reach + n;
+        g.agreed = g.usual_reach + n;
+        g.M = g.agreed + 2 * n;
+        g.figure = g.M + 16 * I;
+        status = pose(ctx, &g);
+        if (status == APSM_OK)
+            status = compare(ctx, &g, g.figure + FIGURES * I, g.agreed + n);
+        out->h = g.h;
+    }
+    free(all);
+    free(g.N6);
+    if (status != APSM_OK) apsm_judgement_free(out);
+    return status;
+}
+
+void apsm_judgement_free(apsm_judgement *judgement)
+{
+    free(judgement->shape);
+    free(judgement->slip);
+    free(judgement->uncovered);
+    free(judgement->opposed);
+    *judgement = (apsm_judgement){ 0 };
+}

@@ -1,0 +1,20 @@
+/* left_out.h -- where a shape's particles ought to be, by the modes of the other shapes. */
+#ifndef APSM_JUDGE_LEFT_OUT_H
+#define APSM_JUDGE_LEFT_OUT_H
+
+#include <stddef.h>
+
+#include "apsm/status.h"
+
+enum { APSM_LEFT_OUT_MODES = 6, APSM_LEFT_OUT_SHAPES = 64 };
+
+/* Scratch in doubles for particles J x 3. */
+size_t apsm_left_out_work_size(size_t J);
+
+/* r (J x 3, out): particles of shape i less what mean and first modes (at most 6, and half as many
+ * as there are shapes) of the others (at most 64, taken evenly) make of them.  P: I x J x 3, in one
+ * pose; I >= 3.  work: scratch. */
+apsm_status apsm_left_out_residual(size_t I, size_t J, const double *P, size_t i, double *r,
+                                   double *work) APSM_NODISCARD;
+
+#endif

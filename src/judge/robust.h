@@ -1,0 +1,26 @@
+/* robust.h -- medians, and what is usual when one value is left out: a fault must not make itself
+ * usual. */
+#ifndef APSM_JUDGE_ROBUST_H
+#define APSM_JUDGE_ROBUST_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* Median of x (n >= 1), which is sorted. */
+double robust_median(size_t n, double *x);
+
+/* out (I x n) <- median over the other rows of X (I x n, I >= 2), each column for itself.  O(n I log
+ * I).  column: scratch, I. */
+void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, double *column);
+
+/* How many standard deviations x[i] lies above the median of the other x (I >= 3).  The standard
+ * deviation is told from the others' median distance from their median (1.4826 of it, for normal
+ * numbers), and is never taken for less than `least` (> 0).  scratch: I. */
+double robust_excess(size_t I, const double *x, size_t i, double least, double *scratch);
+
+/* Correlation of x[stride * k] and y[stride * at[k]], k < n (at NULL: k); 0 where one is constant.
+ */
+double robust_correlation(size_t n, size_t stride, const double *x, const double *y,
+                          const uint32_t *at);
+
+#endif

@@ -1,0 +1,63 @@
+#include "judge/verdict.h"
+
+#include <math.h>
+
+#define ASPECT_NAME(name, text) text,
+static const char *const aspect_name[] = { APSM_ASPECT_LIST(ASPECT_NAME) };
+#define DOUBT_TEXT(name, aspect, text) text,
+static const char *const doubt_text[] = { APSM_DOUBT_LIST(DOUBT_TEXT) };
+#define DOUBT_ASPECT(name, aspect, text) aspect,
+static const apsm_aspect doubt_aspect[] = { APSM_DOUBT_LIST(DOUBT_ASPECT) };
+
+const char *apsm_aspect_name(apsm_aspect aspect)
+{
+    return (unsigned)aspect < APSM_ASPECT_COUNT ? aspect_name[aspect] : "unknown";
+}
+
+const char *apsm_doubt_text(apsm_doubt doubt)
+{
+    return (unsigned)doubt < APSM_DOUBT_COUNT ? doubt_text[doubt] : "unknown";
+}
+
+apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
+{
+    return doubt_aspect[doubt];
+}
+
+apsm_verdict_options apsm_verdict_defaults(void)
+{
+    return (apsm_verdict_options){ .slip_excess = 2.0,
+                                   .slip_size = 0.1,
+                                   .reach_excess = 4.0,
+                                   .reach_size = 0.5,
+                                   .off = 2.5,
+                                   .off_excess = 5.0,
+                                   .size = 1.3,
+                                   .size_excess = 6.0,
+                                   .likely = 0.05 };
+}
+
+/* The doubt about one other way to lay the shape: that it is the better one, or as good. */
+static unsigned compare(double agreement, const apsm_turn *other, double likely, apsm_doubt better,
+                        apsm_doubt as_good)
+{
+    if (other->agreement > agreement) return 1u << better;
+    return (unsigned)(other->agreement > agreement - likely) << as_good;
+}
+
+/* What does not belong slips, and has no pose, as well: that is not told then. */
+unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options *o)
+{
+    unsigned doubts = 0;
+    if (f->off > o->off && f->off_excess > o->off_excess) doubts |= 1u << APSM_DOUBT_FORM;
+    if (fabs(log(f->size)) > log(o->size) && fabs(f->size_excess) > o->size_excess)
+        doubts |= 1u << APSM_DOUBT_SIZE;
+    if (doubts) return doubts;
+    doubts |= compare(f->agreement, &f->turn[0], o->likely, APSM_DOUBT_TURNED, APSM_DOUBT_POSE);
+    doubts |= compare(f->agreement, &f->turn[1], o->likely, APSM_DOUBT_MIRRORED, APSM_DOUBT_HAND);
+    if (f->slip > o->slip_excess && f->slip_size > o->slip_size) doubts |= 1u << APSM_DOUBT_SLIP;
+    if (f->reach_excess > o->reach_excess && f->reach > o->reach_size)
+        doubts |= 1u << APSM_DOUBT_ENDS;
+    doubts |= (unsigned)(f->opposed > 0) << APSM_DOUBT_SIDE;
+    return doubts;
+}

@@ -1,0 +1,61 @@
+/* verdict.h -- from findings to grades: what passes, what needs review and why. */
+#ifndef APSM_JUDGE_VERDICT_H
+#define APSM_JUDGE_VERDICT_H
+
+#include "judge/judge.h"
+
+/* Fewer shapes than this have nobody to be compared with. */
+enum { APSM_LEAST_JUDGED = 5 };
+
+/* What is graded.  Of neighbours and surface the certificate of the correspondence tells
+ * (optimize/certificate.h). */
+#define APSM_ASPECT_LIST(X)                                                                        \
+    X(APSM_ASPECT_NEIGHBOURS, "neighbours")                                                        \
+    X(APSM_ASPECT_SURFACE, "surface")                                                              \
+    X(APSM_ASPECT_SLIP, "slip")                                                                    \
+    X(APSM_ASPECT_COVERAGE, "coverage")                                                            \
+    X(APSM_ASPECT_SIDE, "side")                                                                    \
+    X(APSM_ASPECT_POSE, "pose")                                                                    \
+    X(APSM_ASPECT_HAND, "hand")                                                                    \
+    X(APSM_ASPECT_BELONGING, "belonging")
+#define APSM_ASPECT_ENUM(name, text) name,
+typedef enum apsm_aspect { APSM_ASPECT_LIST(APSM_ASPECT_ENUM) APSM_ASPECT_COUNT } apsm_aspect;
+#undef APSM_ASPECT_ENUM
+const char *apsm_aspect_name(apsm_aspect aspect); /* constant string */
+
+/* Why a shape needs review; bits 1 << APSM_DOUBT_*. */
+#define APSM_DOUBT_LIST(X)                                                                         \
+    X(APSM_DOUBT_SLIP, APSM_ASPECT_SLIP, "a region has slipped along the surface")                 \
+    X(APSM_DOUBT_ENDS, APSM_ASPECT_COVERAGE, "particles miss a part of the surface")               \
+    X(APSM_DOUBT_SIDE, APSM_ASPECT_SIDE, "particles are on the other side of a sheet")             \
+    X(APSM_DOUBT_TURNED, APSM_ASPECT_POSE, "looks turned: its surface agrees with the others' in "  \
+                                           "another pose")                                         \
+    X(APSM_DOUBT_POSE, APSM_ASPECT_POSE, "another pose is as likely")                              \
+    X(APSM_DOUBT_MIRRORED, APSM_ASPECT_HAND, "looks mirrored: name the sides with --reflect-match, " \
+                                             "or use --mirror-check fix")                          \
+    X(APSM_DOUBT_HAND, APSM_ASPECT_HAND, "its mirror image is as likely")                          \
+    X(APSM_DOUBT_FORM, APSM_ASPECT_BELONGING, "its form is unlike the others'; leave it out with "  \
+                                              "--exclude if it does not belong")                   \
+    X(APSM_DOUBT_SIZE, APSM_ASPECT_BELONGING, "its size is unlike the others'; leave it out with "  \
+                                              "--exclude if it does not belong")
+#define APSM_DOUBT_ENUM(name, aspect, text) name,
+typedef enum apsm_doubt { APSM_DOUBT_LIST(APSM_DOUBT_ENUM) APSM_DOUBT_COUNT } apsm_doubt;
+#undef APSM_DOUBT_ENUM
+const char *apsm_doubt_text(apsm_doubt doubt); /* constant string */
+apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
+
+/* From where on a shape needs review.  Excesses are in standard deviations above the others'
+ * median, as in judge.h. */
+typedef struct apsm_verdict_options {
+    double slip_excess, slip_size;   /* both: 2, 0.1 h */
+    double reach_excess, reach_size; /* both: 4, 0.5 h */
+    double off, off_excess;          /* both: 2.5 times the others', 5 */
+    double size, size_excess;        /* both: 1.3 times the others' or less than that part, 6 */
+    double likely; /* another pose or hand is as likely if form agrees no better than by this: 0.05 */
+} apsm_verdict_options;
+apsm_verdict_options apsm_verdict_defaults(void);
+
+/* The doubts about a shape of which this was found. */
+unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_options *options);
+
+#endif
