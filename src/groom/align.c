@@ -531,6 +531,17 @@ static void report_cuts(apsm_context *ctx, const aligner *a)
                  cut, a->n, a->names[first], cut > 1 ? ", ..." : "");
 }
 
+static void find_ambiguous(aligner *a)
+{
+    apsm_alignment *out = a->out;
+    for (size_t i = 0; i < a->n; i++) {
+        const bool wrong_hand =
+            a->opt->mirror != APSM_MIRROR_FIX && out->mirror_ratio[i] < APSM_MIRROR_RATIO;
+        out->ambiguous[i] = out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand &&
+                            !(a->oriented && hardly_turns(a, i, a->P + 16 * i));
+    }
+}
+
 static void report(apsm_context *ctx, const aligner *a)
 {
     const apsm_alignment *out = a->out;
@@ -539,15 +550,12 @@ static void report(apsm_context *ctx, const aligner *a)
         char name[32];
         snprintf(name, sizeof name, "shape %zu", i);
         const char *who = a->names ? a->names[i] : name;
-        const bool wrong_hand =
-            a->opt->mirror != APSM_MIRROR_FIX && out->mirror_ratio[i] < APSM_MIRROR_RATIO;
         if (out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
             apsm_log(ctx, APSM_LOG_INFO, "%s: looks mirrored; its mirror image is used", who);
         else if (out->mirrored[i])
             apsm_log(ctx, APSM_LOG_WARNING,
                      "%s: looks mirrored; give its side, or set mirror_check=fix", who);
-        if (out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand &&
-            !(a->oriented && hardly_turns(a, i, a->P + 16 * i)))
+        if (out->ambiguous[i])
             apsm_log(
                 ctx, APSM_LOG_WARNING,
                 "%s: ambiguous pose: another one fits within %.0f %%; check the result, or align "
@@ -601,12 +609,13 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
     a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
+    a->out->ambiguous = calloc(n, sizeof *a->out->ambiguous);
     a->out->sized = malloc(16 * n * sizeof *a->out->sized);
     a->out->cut = malloc(APSM_MOST_CUTS * n * sizeof *a->out->cut);
     const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->given && a->fits &&
                         a->turned && a->list && a->work && a->out->M && a->out->residual &&
                         a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
-                        a->out->cut && a->out->sized;
+                        a->out->ambiguous && a->out->cut && a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
         a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
@@ -653,6 +662,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
     APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
     tell_cuts(a);
+    find_ambiguous(a);
     report(ctx, a);
     return APSM_OK;
 }
@@ -721,6 +731,7 @@ void apsm_alignment_free(apsm_alignment *alignment)
     free(alignment->runner_up_ratio);
     free(alignment->mirror_ratio);
     free(alignment->mirrored);
+    free(alignment->ambiguous);
     free(alignment->cut);
     free(alignment->sized);
     *alignment = (apsm_alignment){ 0 };

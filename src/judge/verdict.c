@@ -2,6 +2,9 @@
 
 #include <math.h>
 
+/* So much better agreement of form decides for a pose, whatever the distances say. */
+static const double clearly = 0.3;
+
 #define ASPECT_NAME(name, text) text,
 static const char *const aspect_name[] = { APSM_ASPECT_LIST(ASPECT_NAME) };
 #define DOUBT_TEXT(name, aspect, text) text,
@@ -60,4 +63,11 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
         doubts |= 1u << APSM_DOUBT_ENDS;
     doubts |= (unsigned)(f->opposed > 0) << APSM_DOUBT_SIDE;
     return doubts;
+}
+
+unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect)
+{
+    const bool hand = aspect == APSM_ASPECT_HAND;
+    if (f && f->agreement > f->turn[hand].agreement + clearly) return 0;
+    return 1u << (hand ? APSM_DOUBT_MIRRORED : APSM_DOUBT_POSE);
 }

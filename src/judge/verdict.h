@@ -58,4 +58,8 @@ apsm_verdict_options apsm_verdict_defaults(void);
 /* The doubts about a shape of which this was found. */
 unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_options *options);
 
+/* The doubt that grooming has said about pose or hand: none where the findings (NULL: there are
+ * none) speak clearly for the shape as it lies. */
+unsigned apsm_verdict_note(const apsm_findings *findings, apsm_aspect aspect);
+
 #endif

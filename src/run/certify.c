@@ -2,6 +2,7 @@
 
 #include <jansson.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -107,22 +108,62 @@ static apsm_status judge_template(judging *g)
     return status;
 }
 
+/* What the other shapes say, where there are enough of them. */
+static apsm_status judge_by_others(apsm_context *ctx, const judging *g)
+{
+    cohort_certificate *c = g->out;
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    for (size_t i = 0; i < c->I; i++)
+        if (c->shape[i].reasons & (1u << APSM_REVIEW_NONFINITE)) return APSM_OK;
+    if (c->I < APSM_LEAST_JUDGED) return APSM_OK;
+    APSM_TRY(apsm_judge(ctx, g->cohort, g->J, g->P, &c->judgement));
+    c->judged = true;
+    for (size_t i = 0; i < c->I; i++)
+        c->doubts[i] = apsm_verdict_doubts(&c->judgement.shape[i], &options);
+    return APSM_OK;
+}
+
+/* Grooming's doubts are ours, unless the form speaks clearly for the pose. */
+static void add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certificate *c)
+{
+    size_t k;
+    json_t *note;
+    json_array_foreach(notes, k, note)
+    {
+        const char *name = json_string_value(json_object_get(note, "shape"));
+        const char *aspect = json_string_value(json_object_get(note, "aspect"));
+        for (size_t i = 0; i < c->I && name && aspect; i++) {
+            if (strcmp(cohort->shape[i].name, name) != 0) continue;
+            const apsm_findings *f = c->judged ? &c->judgement.shape[i] : NULL;
+            if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_HAND)) == 0)
+                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_HAND);
+            if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_POSE)) == 0)
+                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_POSE);
+        }
+    }
+    c->notes = json_incref(notes);
+}
+
 apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
-                           cohort_certificate *certificate)
+                           json_t *notes, cohort_certificate *certificate)
 {
     *certificate = (cohort_certificate){ .I = cohort->I };
     certificate->shape = calloc(cohort->I, sizeof *certificate->shape);
+    certificate->doubts = calloc(cohort->I, sizeof *certificate->doubts);
     judging g = { .cohort = cohort,
                   .J = J,
                   .P = P,
                   .T = P + cohort->template_index * J * 3,
                   .N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6),
                   .out = certificate };
-    apsm_status status = certificate->shape && g.N6 ? judge_template(&g) : APSM_ERR_MEMORY;
+    const bool enough = certificate->shape && certificate->doubts && g.N6;
+    apsm_status status = enough ? judge_template(&g) : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         certificate->h = g.h;
         status = apsm_parallel_for(ctx, cohort->I, judge_shape, &g, "certify");
     }
+    if (status == APSM_OK) status = judge_by_others(ctx, &g);
+    if (status == APSM_OK) add_notes(cohort, notes, certificate);
     apsm_neighbourhoods_free(&g.reference);
     free(g.TN);
     free(g.N6);
@@ -135,6 +176,9 @@ void certify_free(cohort_certificate *certificate)
     for (size_t i = 0; certificate->shape && i < certificate->I; i++)
         apsm_certificate_free(&certificate->shape[i]);
     free(certificate->shape);
+    free(certificate->doubts);
+    apsm_judgement_free(&certificate->judgement);
+    json_decref(certificate->notes);
     *certificate = (cohort_certificate){ 0 };
 }
 
@@ -152,38 +196,120 @@ static json_t *json_indices(size_t n, size_t m, const uint32_t *index)
     return rows;
 }
 
-static json_t *json_reasons(unsigned reasons)
+/* Of the correspondence, of the other shapes. */
+static json_t *json_reasons(unsigned reasons, unsigned doubts)
 {
     json_t *texts = json_array();
     for (unsigned r = 0; r < APSM_REVIEW_COUNT; r++)
         if (reasons & (1u << r))
             json_array_append_new(texts, json_string(apsm_review_text((apsm_review)r)));
+    for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
+        if (doubts & (1u << d))
+            json_array_append_new(texts, json_string(apsm_doubt_text((apsm_doubt)d)));
     return texts;
 }
 
-static const char *verdict(bool certified)
+static bool needs_review(const cohort_certificate *c, size_t i)
 {
-    return certified ? "certified" : "needs review";
+    return !c->shape[i].certified || c->doubts[i];
 }
 
-static json_t *json_shape(const char *name, const apsm_certificate *c)
+const char *certify_verdict_of(const cohort_certificate *c, size_t i)
 {
-    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name", name,
-                     "verdict", verdict(c->certified), "reasons", json_reasons(c->reasons),
-                     "mismatched_1.5_1.5",
-                     json_indices(c->mismatched_strict, 1, c->mismatched_strict_list),
-                     "mismatched_1.5_2.0", json_indices(c->mismatched, 1, c->mismatched_list),
-                     "lost", json_indices(c->lost, 1, c->lost_list), "swaps",
-                     json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
-                     json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
-                     c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
-                     isfinite(c->min_separation) ? c->min_separation : 0.0);
+    return needs_review(c, i) ? "needs review" : c->judged ? "certified" : "not judged";
 }
 
-static size_t count_certified(const cohort_certificate *certificate)
+const char *certify_verdict(const cohort_certificate *c)
+{
+    for (size_t i = 0; i < c->I; i++)
+        if (needs_review(c, i)) return "needs review";
+    return c->judged ? "certified" : "not judged";
+}
+
+static const char *grade(const cohort_certificate *c, size_t i, apsm_aspect aspect)
+{
+    const unsigned surface = 1u << APSM_REVIEW_OFF_SURFACE | 1u << APSM_REVIEW_NONFINITE;
+    const unsigned reasons = c->shape[i].reasons;
+    bool review = false;
+    if (aspect == APSM_ASPECT_SURFACE) review = reasons & surface;
+    if (aspect == APSM_ASPECT_NEIGHBOURS) review = reasons & ~surface;
+    for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
+        review |= (c->doubts[i] & (1u << d)) && apsm_doubt_aspect((apsm_doubt)d) == aspect;
+    const bool by_itself = aspect == APSM_ASPECT_SURFACE || aspect == APSM_ASPECT_NEIGHBOURS;
+    return review ? "review" : by_itself || c->judged ? "pass" : "not judged";
+}
+
+static json_t *json_grades(const cohort_certificate *c, size_t i)
+{
+    json_t *grades = json_object();
+    for (unsigned a = 0; a < APSM_ASPECT_COUNT; a++)
+        json_object_set_new(grades, apsm_aspect_name((apsm_aspect)a),
+                            json_string(grade(c, i, (apsm_aspect)a)));
+    return grades;
+}
+
+/* Particles j with x[j] of at least `least`; none unless wanted. */
+static json_t *json_where(size_t J, const double *x, double least, bool wanted)
+{
+    json_t *list = json_array();
+    for (size_t j = 0; wanted && j < J; j++)
+        if (x[j] >= least) json_array_append_new(list, json_integer((json_int_t)j));
+    return list;
+}
+
+static json_t *json_opposed(const apsm_judgement *g, size_t i)
+{
+    json_t *list = json_array();
+    for (size_t j = 0; j < g->J; j++)
+        if (g->opposed[i * g->J + j]) json_array_append_new(list, json_integer((json_int_t)j));
+    return list;
+}
+
+/* A correlation again; null: there is no other way to lay the shape. */
+static json_t *json_agreement(double z)
+{
+    return isfinite(z) ? json_real(tanh(z)) : json_null();
+}
+
+static json_t *json_judged(const cohort_certificate *c, size_t i)
+{
+    if (!c->judged) return json_null();
+    const apsm_judgement *g = &c->judgement;
+    const apsm_findings *f = &g->shape[i];
+    const double *slip = g->slip + i * g->J, *uncovered = g->uncovered + i * g->J;
+    const bool slipped = c->doubts[i] & (1u << APSM_DOUBT_SLIP);
+    const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
+    return json_pack(
+        "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
+        json_agreement(f->agreement), "agreement_turned", json_agreement(f->turn[0].agreement),
+        "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip,
+        "slip", f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
+        "reach_excess", f->reach_excess, "reach", f->reach, "beyond",
+        json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
+        f->size, "off", f->off, "off_excess", f->off_excess);
+}
+
+static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
+{
+    const apsm_certificate *c = &all->shape[i];
+    return json_pack(
+        "{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name", name,
+        "verdict", certify_verdict_of(all, i), "reasons", json_reasons(c->reasons, all->doubts[i]),
+        "grades", json_grades(all, i), "judged", json_judged(all, i), "mismatched_1.5_1.5",
+        json_indices(c->mismatched_strict, 1, c->mismatched_strict_list), "mismatched_1.5_2.0",
+        json_indices(c->mismatched, 1, c->mismatched_list), "lost",
+        json_indices(c->lost, 1, c->lost_list), "swaps",
+        json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
+        json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
+        c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
+        isfinite(c->min_separation) ? c->min_separation : 0.0);
+}
+
+/* How many have this verdict. */
+static size_t count(const cohort_certificate *c, const char *verdict)
 {
     size_t n = 0;
-    for (size_t i = 0; i < certificate->I; i++) n += certificate->shape[i].certified;
+    for (size_t i = 0; i < c->I; i++) n += strcmp(certify_verdict_of(c, i), verdict) == 0;
     return n;
 }
 
@@ -197,58 +323,94 @@ static double mean_mismatched(const cohort_certificate *certificate, bool strict
     return sum / (double)certificate->I;
 }
 
-json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *certificate)
+static json_t *json_thresholds(void)
 {
     const apsm_certificate_options o = apsm_certificate_defaults();
-    json_t *shapes = json_array();
-    for (size_t i = 0; i < certificate->I; i++)
-        json_array_append_new(shapes, json_shape(cohort->shape[i].name, &certificate->shape[i]));
-    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:{s:f, s:f, s:f, s:f}, s:o}",
-                     "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
-                     verdict(count_certified(certificate) == certificate->I), "certified",
-                     (json_int_t)count_certified(certificate), "shapes", (json_int_t)certificate->I,
-                     "template", cohort->shape[cohort->template_index].name, "h", certificate->h,
-                     "mean_mismatched_1.5_1.5", mean_mismatched(certificate, true),
-                     "mean_mismatched_1.5_2.0", mean_mismatched(certificate, false), "thresholds",
+    const apsm_verdict_options v = apsm_verdict_defaults();
+    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
                      "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
-                     o.off_surface, "coincident", o.coincident, "per_shape", shapes);
+                     o.off_surface, "coincident", o.coincident, "slip_excess", v.slip_excess,
+                     "slip", v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size,
+                     "off", v.off, "off_excess", v.off_excess, "size", v.size, "size_excess",
+                     v.size_excess, "as_likely", v.likely, "least_shapes", (int)APSM_LEAST_JUDGED);
+}
+
+json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *c)
+{
+    json_t *shapes = json_array();
+    for (size_t i = 0; i < c->I; i++)
+        json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
+    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}", "format",
+                     FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
+                     certify_verdict(c), "certified", (json_int_t)count(c, "certified"), "shapes",
+                     (json_int_t)c->I, "template", cohort->shape[cohort->template_index].name, "h",
+                     c->h, "mean_mismatched_1.5_1.5", mean_mismatched(c, true),
+                     "mean_mismatched_1.5_2.0", mean_mismatched(c, false), "thresholds",
+                     json_thresholds(), "notes", c->notes ? json_incref(c->notes) : json_array(),
+                     "per_shape", shapes);
 }
 
 /* ---- the last lines of a run ---- */
 
-static void describe(const apsm_certificate *c, char text[256])
+typedef struct sentence {
+    char text[1024];
+    size_t used;
+} sentence;
+
+static void say(sentence *s, const char *format, ...) APSM_PRINTF(2, 3);
+static void say(sentence *s, const char *format, ...)
 {
-    size_t used = 0;
-    text[0] = 0;
-    if (c->reasons & (1u << APSM_REVIEW_MISMATCHED))
-        used += (size_t)snprintf(text + used, 256 - used,
-                                 ", %zu of %zu particles have lost neighbours", c->lost, c->J);
-    if (c->reasons & (1u << APSM_REVIEW_SWAPPED))
-        used += (size_t)snprintf(text + used, 256 - used, ", %zu swapped pairs", c->swaps);
-    if (c->reasons & (1u << APSM_REVIEW_FOLDED))
-        used += (size_t)snprintf(text + used, 256 - used, ", %zu folds", c->folds);
-    if (c->reasons & (1u << APSM_REVIEW_OFF_SURFACE))
-        used += (size_t)snprintf(text + used, 256 - used, ", particles %.2g h off the surface",
-                                 c->off_surface_max);
-    if (c->reasons & (1u << APSM_REVIEW_COINCIDENT))
-        used += (size_t)snprintf(text + used, 256 - used, ", particles coincide");
-    if (c->reasons & (1u << APSM_REVIEW_NONFINITE))
-        snprintf(text + used, 256 - used, ", particles are not finite numbers");
+    va_list args;
+    if (s->used > 0) s->used += (size_t)snprintf(s->text + s->used, sizeof s->text - s->used, "; ");
+    if (s->used >= sizeof s->text) s->used = sizeof s->text - 1;
+    va_start(args, format);
+    s->used += (size_t)vsnprintf(s->text + s->used, sizeof s->text - s->used, format, args);
+    va_end(args);
+    if (s->used >= sizeof s->text) s->used = sizeof s->text - 1;
 }
 
-void certify_tell(apsm_context *ctx, const apsm_cohort *cohort,
-                  const cohort_certificate *certificate)
+static void describe(const apsm_certificate *c, unsigned doubts, sentence *s)
 {
-    char text[256];
-    const size_t certified = count_certified(certificate);
-    for (size_t i = 0; i < certificate->I; i++) {
-        if (certificate->shape[i].certified) continue;
-        describe(&certificate->shape[i], text);
-        apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", cohort->shape[i].name, text + 2);
+    if (c->reasons & (1u << APSM_REVIEW_MISMATCHED))
+        say(s, "%zu of %zu particles have lost neighbours", c->lost, c->J);
+    if (c->reasons & (1u << APSM_REVIEW_SWAPPED)) say(s, "%zu swapped pairs", c->swaps);
+    if (c->reasons & (1u << APSM_REVIEW_FOLDED)) say(s, "%zu folds", c->folds);
+    if (c->reasons & (1u << APSM_REVIEW_OFF_SURFACE))
+        say(s, "particles %.2g h off the surface", c->off_surface_max);
+    if (c->reasons & (1u << APSM_REVIEW_COINCIDENT)) say(s, "particles coincide");
+    if (c->reasons & (1u << APSM_REVIEW_NONFINITE)) say(s, "particles are not finite numbers");
+    for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
+        if (doubts & (1u << d)) say(s, "%s", apsm_doubt_text((apsm_doubt)d));
+}
+
+static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
+{
+    size_t k;
+    json_t *note;
+    json_array_foreach(c->notes, k, note)
+    {
+        const char *shape = json_string_value(json_object_get(note, "shape"));
+        const char *text = json_string_value(json_object_get(note, "text"));
+        if (text && shape) apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", shape, text);
     }
+}
+
+void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c)
+{
+    tell_notes(ctx, c);
+    for (size_t i = 0; i < c->I; i++) {
+        sentence s = { .used = 0 };
+        if (!needs_review(c, i)) continue;
+        describe(&c->shape[i], c->doubts[i], &s);
+        apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", cohort->shape[i].name, s.text);
+    }
+    if (!c->judged)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "fewer than %d shapes: whether they belong, lie and correspond as the others do "
+                 "cannot be judged",
+                 (int)APSM_LEAST_JUDGED);
     apsm_log(ctx, APSM_LOG_INFO,
              "verdict: %s (%zu of %zu shapes certified, %.1f %% of particles "
              "mismatched at 1.5/2.0)",
-             verdict(certified == certificate->I), certified, certificate->I,
-             100 * mean_mismatched(certificate, false));
+             certify_verdict(c), count(c, "certified"), c->I, 100 * mean_mismatched(c, false));
 }

@@ -3,21 +3,31 @@
 #define APSM_RUN_CERTIFY_H
 
 #include "initialize/cohort.h"
+#include "judge/verdict.h"
 #include "optimize/certificate.h"
 
 struct json_t;
 
-/* Owns its array; zero-initialise with {0}. */
+/* Owns its arrays; zero-initialise with {0}. */
 typedef struct cohort_certificate {
     size_t I;
-    double h;                /* mean neighbour distance on the template */
-    apsm_certificate *shape; /* I; the template's is that of the template against itself */
+    double h;                 /* mean neighbour distance on the template */
+    apsm_certificate *shape;  /* I; the template's is that of the template against itself */
+    bool judged;              /* by the other shapes: they are enough */
+    apsm_judgement judgement; /* if so */
+    unsigned *doubts;         /* I: bits 1 << APSM_DOUBT_* */
+    struct json_t *notes;     /* of grooming, see run/notes.h; NULL: none */
 } cohort_certificate;
 
-/* Judges particles P (I x J x 3, world frame) of the cohort. */
+/* Judges particles P (I x J x 3, world frame) of the cohort.  notes (NULL: none) are what grooming
+ * has said of its shapes; some of it is a doubt, too. */
 apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
-                           cohort_certificate *certificate);
+                           struct json_t *notes, cohort_certificate *certificate);
 void certify_free(cohort_certificate *certificate);
+
+/* "certified", "needs review" or "not judged": of one shape, of all. */
+const char *certify_verdict_of(const cohort_certificate *certificate, size_t i);
+const char *certify_verdict(const cohort_certificate *certificate);
 
 /* A new reference, NULL if out of memory. */
 struct json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *certificate);

@@ -123,7 +123,8 @@ static apsm_status compute(evaluation_work *w)
     APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
                              &w->warp));
     APSM_TRY(apsm_evaluate(run->ctx, &input, &w->evaluation));
-    return certify_cohort(run->ctx, &run->cohort, w->J, w->P, &w->certificate);
+    return certify_cohort(run->ctx, &run->cohort, w->J, w->P,
+                          json_object_get(run->manifest, "notes"), &w->certificate);
 }
 
 /* ---- model.json, scores.csv ---- */
@@ -244,7 +245,7 @@ static apsm_status write_evaluation_csv(const evaluation_work *w)
                                  (double)c->folds,          c->off_surface_max };
         apsm_writer_csv(csv, name_of(w, i));
         write_csv_numbers(csv, sizeof cells / sizeof cells[0], cells);
-        apsm_writer_printf(csv, ",%s\n", c->certified ? "certified" : "needs review");
+        apsm_writer_printf(csv, ",%s\n", certify_verdict_of(&w->certificate, i));
     }
     return apsm_writer_commit(csv);
 }

@@ -13,6 +13,7 @@
 #include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
+#include "run/notes.h"
 #include "run/session.h"
 
 typedef struct groom_work {
@@ -108,6 +109,8 @@ static apsm_status align(groom_work *w)
             meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
+    if (status == APSM_OK)
+        status = manifest_set_notes(run, notes_of_alignment(&w->alignment, names, &ao));
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)

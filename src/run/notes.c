@@ -1,0 +1,37 @@
+#include "run/notes.h"
+
+#include <jansson.h>
+#include <stdio.h>
+
+#include "judge/verdict.h"
+
+static int add(json_t *notes, const char *shape, apsm_aspect aspect, const char *text)
+{
+    return json_array_append_new(notes, json_pack("{s:s, s:s, s:s}", "shape", shape, "aspect",
+                                                  apsm_aspect_name(aspect), "text", text));
+}
+
+static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const char *name,
+                     const apsm_align_options *options)
+{
+    char text[128];
+    int failed = 0;
+    if (a->mirrored[i] && options->mirror != APSM_MIRROR_FIX)
+        failed |= add(notes, name, APSM_ASPECT_HAND, "fits better as its mirror image");
+    if (!a->ambiguous[i]) return failed;
+    snprintf(text, sizeof text, "another pose fits within %.0f %%",
+             100.0 * (a->runner_up_ratio[i] - 1.0));
+    return failed | add(notes, name, APSM_ASPECT_POSE, text);
+}
+
+json_t *notes_of_alignment(const apsm_alignment *alignment, const char *const *names,
+                           const apsm_align_options *options)
+{
+    json_t *notes = json_array();
+    int failed = !notes;
+    for (size_t i = 0; i < alignment->n && !failed; i++)
+        failed = add_shape(notes, alignment, i, names[i], options);
+    if (!failed) return notes;
+    json_decref(notes);
+    return NULL;
+}
