@@ -3,11 +3,11 @@
  *
  *   bench_trust MODEL_DIR [TRUTH_DIR|-] [FAULT SIZE EVERY SEED]
  *
- * TRUTH_DIR as for bench_truth; told is then the share of a shape's particles that are more than two
- * spacings from where at least half of the other shapes say.  FAULT is planted in every EVERY-th
- * shape: smooth, patch (a region moved along the surface by SIZE spacings, all at once or fading),
- * turn (by 180 degrees about principal axis SIZE), mirror (through the plane across it), other (a
- * particle on the other side of a sheet). */
+ * TRUTH_DIR as for bench_truth; told is then the share of a shape's particles that are more than
+ * two spacings from where at least half of the other shapes say.  FAULT is planted in every
+ * EVERY-th shape: smooth, patch (a region moved along the surface by SIZE spacings, all at once or
+ * fading), turn (by 180 degrees about principal axis SIZE), mirror (through the plane across it),
+ * other (a particle on the other side of a sheet). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,8 +57,8 @@ static void load(bench *b, const char *folder)
         check(b->ctx, model_folder_mesh(b->ctx, &b->m, i, &mesh[i]));
         apsm_affine_identity(M + 16 * i);
     }
-    check(b->ctx, apsm_cohort_build(b->ctx, I, b->m.names, mesh, M, b->m.template_index, 0, 0,
-                                    &b->cohort));
+    check(b->ctx,
+          apsm_cohort_build(b->ctx, I, b->m.names, mesh, M, b->m.template_index, 0, 0, &b->cohort));
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
     free(mesh);
     free(M);
@@ -227,17 +227,17 @@ static void tell(const bench *b, const apsm_judgement *g)
 {
     for (size_t i = 0; i < b->m.I; i++) {
         const apsm_findings *f = &g->shape[i];
-        printf("{\"shape\": \"%s\", \"planted\": %d, \"lost\": %.3f, \"agreement\": %.3f, "
-               "\"turned\": %.3f, \"turned_fit\": %.2f, \"mirrored\": %.3f, \"mirrored_fit\": %.2f, "
-               "\"fit\": %.2f, \"slip\": %.2f, \"slip_size\": %.2f, \"reach\": %.2f, "
-               "\"reach_excess\": %.2f, \"area\": %.3f, \"area_excess\": %.1f, \"size\": %.3f, "
-               "\"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": %.2f, "
-               "\"off_excess\": %.1f, \"opposed\": %zu}\n",
-               b->m.names[i], b->planted[i], isfinite(b->wrong[i]) ? b->wrong[i] : -1.0,
-               f->agreement, f->turn[0].agreement, f->turn[0].fit, f->turn[1].agreement,
-               f->turn[1].fit, f->fit, f->slip, f->slip_size, f->reach, f->reach_excess, f->area,
-               f->area_excess, f->size, f->size_excess, f->long_excess, f->flat_excess, f->off,
-               f->off_excess, f->opposed);
+        printf(
+            "{\"shape\": \"%s\", \"planted\": %d, \"lost\": %.3f, \"agreement\": %.3f, "
+            "\"turned\": %.3f, \"turned_fit\": %.2f, \"mirrored\": %.3f, \"mirrored_fit\": %.2f, "
+            "\"fit\": %.2f, \"slip\": %.2f, \"slip_size\": %.2f, \"reach\": %.2f, "
+            "\"reach_excess\": %.2f, \"area\": %.3f, \"area_excess\": %.1f, \"size\": %.3f, "
+            "\"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": %.2f, "
+            "\"off_excess\": %.1f, \"opposed\": %zu}\n",
+            b->m.names[i], b->planted[i], isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
+            f->turn[0].agreement, f->turn[0].fit, f->turn[1].agreement, f->turn[1].fit, f->fit,
+            f->slip, f->slip_size, f->reach, f->reach_excess, f->area, f->area_excess, f->size,
+            f->size_excess, f->long_excess, f->flat_excess, f->off, f->off_excess, f->opposed);
     }
 }
 

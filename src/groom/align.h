@@ -130,10 +130,10 @@ typedef struct apsm_alignment {
     double *mirror_ratio;    /* n: residual of the mirror image over that of the shape as it is;
                                 INFINITY if not tried.  This and runner_up_ratio compare with the
                                 provisional template, which has INFINITY itself */
-    bool *ambiguous;         /* n: another pose fits as well, and nothing else speaks for this one */
-    bool *mirrored;          /* n: looks mirrored, compared with the given template or with most
-                                shapes */
-    size_t cuts;             /* places where shapes were cut off, in the order of the shapes */
+    bool *ambiguous; /* n: another pose fits as well, and nothing else speaks for this one */
+    bool *mirrored;  /* n: looks mirrored, compared with the given template or with most
+                        shapes */
+    size_t cuts;     /* places where shapes were cut off, in the order of the shapes */
     apsm_cut *cut;
     double *sized; /* n x 16: as M, and shapes made the template's size by what they share, if any
                       was cut; else as M */

@@ -17,17 +17,17 @@
 typedef struct judging {
     const apsm_cohort *cohort;
     size_t I, J;
-    const double *P;       /* x 3, world */
+    const double *P; /* x 3, world */
     double h;
-    uint32_t *N6;          /* J x 6, of the template */
-    double *M;             /* I x 16: to the common pose and size */
-    double *Q, *N;         /* x 3: particles and normals there */
-    double *X, *XN;        /* x 3: what is usual in the others */
+    uint32_t *N6;           /* J x 6, of the template */
+    double *M;              /* I x 16: to the common pose and size */
+    double *Q, *N;          /* x 3: particles and normals there */
+    double *X, *XN;         /* x 3: what is usual in the others */
     double *height, *usual; /* x APSM_FORM_SCALES */
-    double *along;         /* J3 along the surface, then over the ring, then over what is usual */
+    double *along;          /* J3 along the surface, then over the ring, then over what is usual */
     double *reach, *usual_reach;
-    double *agreed;        /* length of the median of the others' normals */
-    double *figure;        /* FIGURES x I */
+    double *agreed; /* length of the median of the others' normals */
+    double *figure; /* FIGURES x I */
     apsm_judgement *out;
 } judging;
 
@@ -109,8 +109,7 @@ static void over_rings(size_t J, const uint32_t *N6, double *x, double *scratch)
 {
     memcpy(scratch, x, J * sizeof *x);
     for (size_t j = 0; j < J; j++) {
-        for (size_t k = 0; k < APSM_NEIGHBOURS; k++)
-            x[j] += scratch[N6[APSM_NEIGHBOURS * j + k]];
+        for (size_t k = 0; k < APSM_NEIGHBOURS; k++) x[j] += scratch[N6[APSM_NEIGHBOURS * j + k]];
         x[j] /= APSM_NEIGHBOURS + 1;
     }
 }
@@ -156,8 +155,7 @@ static void find_opposed(judging *g, size_t i)
     apsm_findings *f = &g->out->shape[i];
     for (size_t k = g->J * i; k < g->J * (i + 1); k++) {
         const double *usual = g->XN + 3 * k;
-        g->out->opposed[k] =
-            g->agreed[k] > 0.7 && vec3_dot(g->N + 3 * k, usual) < -0.2;
+        g->out->opposed[k] = g->agreed[k] > 0.7 && vec3_dot(g->N + 3 * k, usual) < -0.2;
         f->opposed += g->out->opposed[k];
     }
 }
@@ -171,8 +169,8 @@ static apsm_status turn_shape(apsm_context *ctx, size_t i, int worker, void *use
     double *work = malloc(apsm_turns_work_size(J) * sizeof *work);
     uint32_t *at = malloc(J * sizeof *at);
     if (work && at) {
-        const apsm_turns_input in = { J,           g->h,        g->Q + at3,       g->N + at3,
-                                      g->X + at3,  g->XN + at3, g->height + atS,  g->usual + atS };
+        const apsm_turns_input in = { J,          g->h,        g->Q + at3,      g->N + at3,
+                                      g->X + at3, g->XN + at3, g->height + atS, g->usual + atS };
         f->agreement = apsm_form_agreement(J, in.own, in.usual, NULL);
         apsm_turns_search(&in, false, &f->turn[0], &f->fit, work, at);
         apsm_turns_search(&in, true, &f->turn[1], NULL, work, at);
@@ -190,8 +188,7 @@ static void weigh_figures(judging *g, double *scratch)
         apsm_findings *f = &g->out->shape[i];
         double middle[FIGURES];
         for (size_t k = 0; k < FIGURES; k++) {
-            excess[k] =
-                robust_excess(g->I, g->figure + k * g->I, i, least_deviation[k], scratch);
+            excess[k] = robust_excess(g->I, g->figure + k * g->I, i, least_deviation[k], scratch);
             size_t n = 0;
             for (size_t o = 0; o < g->I; o++)
                 if (o != i) scratch[n++] = g->figure[k * g->I + o];
@@ -272,8 +269,7 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
         g.M = g.agreed + 2 * n;
         g.figure = g.M + 16 * I;
         status = pose(ctx, &g);
-        if (status == APSM_OK)
-            status = compare(ctx, &g, g.figure + FIGURES * I, g.agreed + n);
+        if (status == APSM_OK) status = compare(ctx, &g, g.figure + FIGURES * I, g.agreed + n);
         out->h = g.h;
     }
     free(all);

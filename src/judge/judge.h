@@ -9,21 +9,21 @@
 
 /* What was found of one shape.  "Excess": standard deviations above the median of the others. */
 typedef struct apsm_findings {
-    double agreement; /* of form with the others, see form.h */
+    double agreement;  /* of form with the others, see form.h */
     apsm_turn turn[2]; /* the best other pose, as it is and mirrored */
     double fit;        /* distance of the particles from usual ones, in h */
-    double slip;       /* excess of the largest patch of particles away from where they ought to be */
-    double slip_size;  /* how far these are, in h, beyond what is usual */
-    uint32_t slip_at;  /* the particle in its middle */
-    double reach;      /* how far the surface reaches beyond the particles, in h beyond what is usual */
+    double slip; /* excess of the largest patch of particles away from where they ought to be */
+    double slip_size; /* how far these are, in h, beyond what is usual */
+    uint32_t slip_at; /* the particle in its middle */
+    double reach; /* how far the surface reaches beyond the particles, in h beyond what is usual */
     double reach_excess;
     uint32_t reach_at;
-    double area, size;       /* over the median of the others */
-    double area_excess;      /* of its logarithm, either way */
+    double area, size;  /* over the median of the others */
+    double area_excess; /* of its logarithm, either way */
     double size_excess;
     double long_excess, flat_excess; /* of the proportions of the principal axes */
-    size_t opposed;    /* particles that look the other way than all others there */
-    double off;        /* root mean square distance from where the others say, over the others' */
+    size_t opposed;                  /* particles that look the other way than all others there */
+    double off; /* root mean square distance from where the others say, over the others' */
     double off_excess;
 } apsm_findings;
 

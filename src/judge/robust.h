@@ -9,8 +9,8 @@
 /* Median of x (n >= 1), which is sorted. */
 double robust_median(size_t n, double *x);
 
-/* out (I x n) <- median over the other rows of X (I x n, I >= 2), each column for itself.  O(n I log
- * I).  column: scratch, I. */
+/* out (I x n) <- median over the other rows of X (I x n, I >= 2), each column for itself.  O(n I
+ * log I).  column: scratch, I. */
 void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, double *column);
 
 /* How many standard deviations x[i] lies above the median of the other x (I >= 3).  The standard

@@ -1,7 +1,8 @@
 /* Other poses.  For each turn S of a cube (and a reflection before it) about the usual particles'
  * principal axes, iterated closest particles:
  *
- *   k(j) = argmin_k |M p_j - x_k|^2 + 2 h^2 (1 - M n_j . nx_k),  M = argmin sum_j |M p_j - x_k(j)|^2
+ *   k(j) = argmin_k |M p_j - x_k|^2 + 2 h^2 (1 - M n_j . nx_k),  M = argmin sum_j |M p_j -
+ * x_k(j)|^2
  *
  * A shape that lies the wrong way has particles where the usual shape's form is another one: its
  * heights (J1) then agree with the usual ones at k(j) better than at j.  At most 128 particles,

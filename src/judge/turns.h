@@ -10,9 +10,9 @@
 /* A shape and what is usual in the others; all borrowed, J particles, one pose and size. */
 typedef struct apsm_turns_input {
     size_t J;
-    double h;                 /* mean neighbour distance */
-    const double *P, *N;      /* J x 3: the shape's particles and unit normals */
-    const double *X, *XN;     /* J x 3: usual ones */
+    double h;                  /* mean neighbour distance */
+    const double *P, *N;       /* J x 3: the shape's particles and unit normals */
+    const double *X, *XN;      /* J x 3: usual ones */
     const double *own, *usual; /* J x APSM_FORM_SCALES: heights, see form.h */
 } apsm_turns_input;
 

@@ -28,16 +28,20 @@ const char *apsm_aspect_name(apsm_aspect aspect); /* constant string */
     X(APSM_DOUBT_SLIP, APSM_ASPECT_SLIP, "a region has slipped along the surface")                 \
     X(APSM_DOUBT_ENDS, APSM_ASPECT_COVERAGE, "particles miss a part of the surface")               \
     X(APSM_DOUBT_SIDE, APSM_ASPECT_SIDE, "particles are on the other side of a sheet")             \
-    X(APSM_DOUBT_TURNED, APSM_ASPECT_POSE, "looks turned: its surface agrees with the others' in "  \
-                                           "another pose")                                         \
+    X(APSM_DOUBT_TURNED, APSM_ASPECT_POSE,                                                         \
+      "looks turned: its surface agrees with the others' in "                                      \
+      "another pose")                                                                              \
     X(APSM_DOUBT_POSE, APSM_ASPECT_POSE, "another pose is as likely")                              \
-    X(APSM_DOUBT_MIRRORED, APSM_ASPECT_HAND, "looks mirrored: name the sides with --reflect-match, " \
-                                             "or use --mirror-check fix")                          \
+    X(APSM_DOUBT_MIRRORED, APSM_ASPECT_HAND,                                                       \
+      "looks mirrored: name the sides with --reflect-match, "                                      \
+      "or use --mirror-check fix")                                                                 \
     X(APSM_DOUBT_HAND, APSM_ASPECT_HAND, "its mirror image is as likely")                          \
-    X(APSM_DOUBT_FORM, APSM_ASPECT_BELONGING, "its form is unlike the others'; leave it out with "  \
-                                              "--exclude if it does not belong")                   \
-    X(APSM_DOUBT_SIZE, APSM_ASPECT_BELONGING, "its size is unlike the others'; leave it out with "  \
-                                              "--exclude if it does not belong")
+    X(APSM_DOUBT_FORM, APSM_ASPECT_BELONGING,                                                      \
+      "its form is unlike the others'; leave it out with "                                         \
+      "--exclude if it does not belong")                                                           \
+    X(APSM_DOUBT_SIZE, APSM_ASPECT_BELONGING,                                                      \
+      "its size is unlike the others'; leave it out with "                                         \
+      "--exclude if it does not belong")
 #define APSM_DOUBT_ENUM(name, aspect, text) name,
 typedef enum apsm_doubt { APSM_DOUBT_LIST(APSM_DOUBT_ENUM) APSM_DOUBT_COUNT } apsm_doubt;
 #undef APSM_DOUBT_ENUM
@@ -51,7 +55,8 @@ typedef struct apsm_verdict_options {
     double reach_excess, reach_size; /* both: 4, 0.5 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
     double size, size_excess;        /* both: 1.3 times the others' or less than that part, 6 */
-    double likely; /* another pose or hand is as likely if form agrees no better than by this: 0.05 */
+    double
+        likely; /* another pose or hand is as likely if form agrees no better than by this: 0.05 */
 } apsm_verdict_options;
 apsm_verdict_options apsm_verdict_defaults(void);
 

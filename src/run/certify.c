@@ -282,8 +282,8 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
     return json_pack(
         "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
         json_agreement(f->agreement), "agreement_turned", json_agreement(f->turn[0].agreement),
-        "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip,
-        "slip", f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
+        "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip, "slip",
+        f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
         "reach_excess", f->reach_excess, "reach", f->reach, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
         f->size, "off", f->off, "off_excess", f->off_excess);
@@ -292,17 +292,17 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
 static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
 {
     const apsm_certificate *c = &all->shape[i];
-    return json_pack(
-        "{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name", name,
-        "verdict", certify_verdict_of(all, i), "reasons", json_reasons(c->reasons, all->doubts[i]),
-        "grades", json_grades(all, i), "judged", json_judged(all, i), "mismatched_1.5_1.5",
-        json_indices(c->mismatched_strict, 1, c->mismatched_strict_list), "mismatched_1.5_2.0",
-        json_indices(c->mismatched, 1, c->mismatched_list), "lost",
-        json_indices(c->lost, 1, c->lost_list), "swaps",
-        json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
-        json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
-        c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
-        isfinite(c->min_separation) ? c->min_separation : 0.0);
+    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name",
+                     name, "verdict", certify_verdict_of(all, i), "reasons",
+                     json_reasons(c->reasons, all->doubts[i]), "grades", json_grades(all, i),
+                     "judged", json_judged(all, i), "mismatched_1.5_1.5",
+                     json_indices(c->mismatched_strict, 1, c->mismatched_strict_list),
+                     "mismatched_1.5_2.0", json_indices(c->mismatched, 1, c->mismatched_list),
+                     "lost", json_indices(c->lost, 1, c->lost_list), "swaps",
+                     json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
+                     json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
+                     c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
+                     isfinite(c->min_separation) ? c->min_separation : 0.0);
 }
 
 /* How many have this verdict. */
