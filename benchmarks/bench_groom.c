@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "groom/groom.h"
 #include "shapes.h"
 #include "solids.h"
@@ -80,7 +80,7 @@ int main(int argc, char **argv)
     if (!ctx) return 1;
     for (int i = 1; i < argc; i++) {
         apsm_mesh mesh;
-        must(ctx, apsm_vtk_read_mesh(ctx, argv[i], &mesh));
+        must(ctx, apsm_read_mesh(ctx, argv[i], &mesh));
         bench_mesh(ctx, argv[i], &mesh);
         apsm_mesh_free(&mesh);
     }

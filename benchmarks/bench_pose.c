@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "apsm/input.h"
 #include "core/random.h"
 #include "groom/align.h"
@@ -123,7 +123,7 @@ int main(int argc, char **argv)
     double *work = malloc(apsm_icp_work_size(POINTS) * sizeof *work);
     if (!m || !work || list.n < 3) return 1;
     for (size_t i = 0; i < list.n; i++) {
-        check(ctx, apsm_vtk_read_mesh(ctx, list.cases[i].path, &m[i].mesh));
+        check(ctx, apsm_read_mesh(ctx, list.cases[i].path, &m[i].mesh));
         prepare(ctx, &m[i], 1);
     }
     random_poses(ctx, &m[0], &m[1], poses, work);

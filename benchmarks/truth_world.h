@@ -5,8 +5,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "apsm/project.h"
 
 /* Ends the program if something failed. */
@@ -25,7 +25,7 @@ static inline apsm_mesh read_truth(apsm_context *ctx, const char *truth, const a
     double M[16];
     const char *text = apsm_subject_column(s, "reflection");
     snprintf(path, sizeof path, "%s/%s.ply", truth, s->name);
-    must(ctx, apsm_vtk_read_mesh(ctx, path, &mesh));
+    must(ctx, apsm_read_mesh(ctx, path, &mesh));
     if (text) {
         char *end = NULL;
         for (int k = 0; k < 16; k++) M[k] = strtod(k ? end : text, &end);
@@ -41,7 +41,7 @@ static inline apsm_mesh read_groomed(apsm_context *ctx, const char *model, const
     char path[2048];
     apsm_mesh mesh = { 0 };
     snprintf(path, sizeof path, "%s/%s", model, s->groomed);
-    must(ctx, apsm_vtk_read_mesh(ctx, path, &mesh));
+    must(ctx, apsm_read_mesh(ctx, path, &mesh));
     apsm_mesh_transform(&mesh, s->alignment);
     return mesh;
 }

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/bvh.h"
+#include "apsm/formats.h"
 #include "apsm/metrics.h"
 #include "apsm/options.h"
 #include "apsm/points_file.h"
@@ -139,7 +139,7 @@ static apsm_status read_mesh(apsm_context *ctx, size_t i, int worker, void *user
     (void)worker;
     const files_work *w = user;
     double relative;
-    APSM_TRY(apsm_vtk_read_mesh(ctx, mesh_of(w, i), &w->meshes[i]));
+    APSM_TRY(apsm_read_mesh(ctx, mesh_of(w, i), &w->meshes[i]));
     if (w->n_meshes == 0) apsm_mesh_transform(&w->meshes[i], w->in.sets[i].to_world);
     APSM_TRY(misfit(w, i, &relative));
     if (relative <= 0.01) return APSM_OK;

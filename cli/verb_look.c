@@ -2,8 +2,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "apsm/input.h"
 #include "apsm/particles_file.h"
 #include "apsm/points_file.h"
@@ -94,11 +94,19 @@ static apsm_status info_mesh(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_mesh mesh = { 0 };
     apsm_mesh_defects defects;
-    APSM_TRY(apsm_vtk_read_mesh(ctx, path, &mesh));
+    APSM_TRY(apsm_read_mesh(ctx, path, &mesh));
     const apsm_status status = apsm_mesh_inspect(&mesh, &defects);
     if (status == APSM_OK) say_mesh(ui, &mesh, &defects);
     apsm_mesh_free(&mesh);
     return status;
+}
+
+/* What the file calls a label, or NULL. */
+static const char *name_of(const apsm_volume *v, int32_t label)
+{
+    for (size_t k = 0; k < v->segments; k++)
+        if (v->segment[k].label == label) return v->segment[k].name;
+    return NULL;
 }
 
 /* Labels with their voxel counts; masks have few, and a map of hundreds is cut short. */
@@ -107,7 +115,8 @@ static void say_labels(cli_ui *ui, const apsm_volume *v)
     enum { MOST = 32 };
     int32_t label[MOST];
     size_t count[MOST], n = 0, others = 0;
-    for (size_t k = 0; k < v->n[0] * v->n[1] * v->n[2]; k++) {
+    const size_t layers = v->layers ? v->layers : 1;
+    for (size_t k = 0; v->label && k < layers * v->n[0] * v->n[1] * v->n[2]; k++) {
         size_t l = 0;
         if (v->label[k] == 0) continue;
         while (l < n && label[l] != v->label[k]) l++;
@@ -118,14 +127,20 @@ static void say_labels(cli_ui *ui, const apsm_volume *v)
         if (l == n) label[n] = v->label[k], count[n++] = 0;
         count[l]++;
     }
-    for (size_t l = 0; l < n; l++) cli_say(ui, "label %d: %zu voxels", (int)label[l], count[l]);
+    for (size_t l = 0; l < n; l++) {
+        const char *const name = name_of(v, label[l]);
+        cli_say(ui, "label %d: %zu voxels%s%s", (int)label[l], count[l], name ? ", " : "",
+                name ? name : "");
+    }
+    if (v->value)
+        cli_say(ui, "values are not whole numbers: a distance or a probability, no labels");
     if (others) cli_say(ui, "further labels: %zu voxels", others);
 }
 
 static apsm_status info_volume(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_volume v = { 0 };
-    APSM_TRY(apsm_itk_read_volume(ctx, path, &v));
+    APSM_TRY(apsm_read_volume(ctx, path, &v));
     cli_say(ui, "segmentation: %zu x %zu x %zu voxels of %.6g x %.6g x %.6g mm", v.n[0], v.n[1],
             v.n[2], v.spacing[0], v.spacing[1], v.spacing[2]);
     cli_say(ui, "origin (LPS): %.6g %.6g %.6g", v.origin[0], v.origin[1], v.origin[2]);

@@ -8,7 +8,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "groom/groom.h"
 
 static void print_line(void *user, apsm_log_level level, const char *text)
@@ -43,10 +43,10 @@ static apsm_status make(apsm_context *ctx, const char *folder, const char *path)
     apsm_groom_report report;
     char out[4096];
     snprintf(out, sizeof out, "%s/%s", folder, base_name(path));
-    apsm_status status = apsm_vtk_read_mesh(ctx, path, &original);
+    apsm_status status = apsm_read_mesh(ctx, path, &original);
     if (status == APSM_OK)
         status = apsm_groom_mesh(ctx, base_name(path), &original, NULL, &mesh, &report);
-    if (status == APSM_OK) status = apsm_vtk_write_mesh(ctx, out, &mesh);
+    if (status == APSM_OK) status = apsm_write_mesh(ctx, out, &mesh);
     if (status == APSM_OK) print_report(base_name(path), &original, &report.remesh);
     apsm_mesh_free(&original);
     apsm_mesh_free(&mesh);

@@ -39,6 +39,10 @@ apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path, size_t n
  * notes say so.  volume is overwritten, and {0} on failure. */
 apsm_status apsm_read_volume(apsm_context *ctx, const char *path,
                              apsm_volume *volume) APSM_NODISCARD;
+/* The same from a folder that holds one DICOM series or one DICOM segmentation (SEG), plain,
+ * deflated or run-length encoded; other compressions are refused by name. */
+apsm_status apsm_read_dicom(apsm_context *ctx, const char *folder,
+                            apsm_volume *volume) APSM_NODISCARD;
 /* Labels of one layer into .nrrd, .nii, .nii.gz or .mha, packed but for .nii, atomically. */
 apsm_status apsm_write_volume(apsm_context *ctx, const char *path,
                               const apsm_volume *volume) APSM_NODISCARD;

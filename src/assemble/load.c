@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "assemble/job.h"
 #include "files/project_columns.h"
@@ -213,7 +213,7 @@ apsm_status joint_mesh(apsm_context *ctx, const joint_cohort *c, size_t i, size_
     const size_t k = i * c->n + d;
     char *path = apsm_project_path(&c->folder[d].project, subject_of(c, i, d)->groomed);
     if (!path) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_vtk_read_mesh(ctx, path, mesh);
+    const apsm_status status = apsm_read_mesh(ctx, path, mesh);
     free(path);
     APSM_TRY(status);
     apsm_affine_multiply(c->align + 16 * k, c->place + 16 * k, M);

@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "apsm/project.h"
 #include "apsm/report.h"
@@ -570,7 +570,7 @@ static apsm_status write_warped(writing *w, size_t d, const double *x, const dou
     if (status == APSM_OK) {
         apsm_warp_apply(&w->f->warp[d], x + 3 * w->c->first[d], mesh.V);
         if (M) apsm_mesh_transform(&mesh, M);
-        status = apsm_vtk_write_mesh(w->job->ctx, path, &mesh);
+        status = apsm_write_mesh(w->job->ctx, path, &mesh);
     }
     apsm_mesh_free(&mesh);
     free(path);

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "files/project_columns.h"
 #include "folder/model_json.h"
@@ -258,7 +258,7 @@ apsm_status model_folder_part_mesh(apsm_context *ctx, const model_folder *m, siz
     APSM_TRY(part_to_world(ctx, m, i, d, M));
     char *path = apsm_project_path(&m->project, stored);
     if (!path) return out_of_memory(ctx, m);
-    const apsm_status status = apsm_vtk_read_mesh(ctx, path, mesh);
+    const apsm_status status = apsm_read_mesh(ctx, path, mesh);
     free(path);
     APSM_TRY(status);
     apsm_mesh_transform(mesh, M);

@@ -122,6 +122,14 @@ static void tell_shear(scan *s, image *m)
                    asin(fmin(largest, 1.0)) * 57.29578);
 }
 
+apsm_status image_place(apsm_context *ctx, const char *path, image *m)
+{
+    scan s = { .ctx = ctx, .path = path };
+    place_grid(&s, m);
+    if (scan_ok(&s)) tell_shear(&s, m);
+    return s.status;
+}
+
 /* ---- values ---- */
 
 static void unpack(scan *s, image *m, size_t wanted, unsigned char **out)
@@ -171,8 +179,7 @@ apsm_status image_finish(scan *s, image *m, apsm_volume *volume)
     unsigned char *owned = NULL;
     *volume = (apsm_volume){ 0 };
     if (scan_ok(s)) check_size(s, m);
-    if (scan_ok(s)) place_grid(s, m);
-    if (scan_ok(s)) tell_shear(s, m);
+    if (scan_ok(s)) s->status = image_place(s->ctx, s->path, m);
     const size_t values = m->layers * m->n[0] * m->n[1] * m->n[2];
     const size_t wanted = values * scalar_size(m->type);
     if (scan_ok(s) && m->packing == PACKED) unpack(s, m, wanted, &owned);

@@ -27,6 +27,9 @@ typedef struct image {
 void image_simple(image *m);
 /* The data of an attached or detached header: `name` is taken from the folder of path. */
 void image_load_data(scan *s, image *m, const char *name);
+/* The volume's sizes, spacing, origin and directions; axes that are not at right angles are kept,
+ * and noted. */
+apsm_status image_place(apsm_context *ctx, const char *path, image *m) APSM_NODISCARD;
 /* Labels or values, checked; *volume <- all of it.  Frees m whatever happens. */
 apsm_status image_finish(scan *s, image *m, apsm_volume *volume) APSM_NODISCARD;
 /* As apsm_volume_note. */

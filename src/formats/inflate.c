@@ -96,3 +96,23 @@ size_t inflate_head(const unsigned char *packed, size_t size, size_t n, unsigned
     inflateEnd(&z);
     return n - z.avail_out;
 }
+
+inflated inflate_raw(const unsigned char *packed, size_t size, unsigned char **out, size_t *have)
+{
+    enum { MOST_GROWTH = 256 };
+    const size_t most = size < SIZE_MAX / MOST_GROWTH - MOST_EXCESS ? size * MOST_GROWTH : size;
+    unpacking u = { .packed = packed, .packed_left = size, .wanted = most + MOST_EXCESS };
+    int state = Z_OK;
+    *out = NULL;
+    if (inflateInit2(&u.z, -MAX_WBITS) != Z_OK) return INFLATE_NO_MEMORY;
+    while (state == Z_OK && grow(&u)) state = step(&u);
+    inflateEnd(&u.z);
+    if (state == Z_STREAM_END && u.excess) state = Z_DATA_ERROR;
+    if (state == Z_STREAM_END) {
+        *out = u.out;
+        *have = u.have;
+        return INFLATED;
+    }
+    free(u.out);
+    return state == Z_OK || state == Z_MEM_ERROR ? INFLATE_NO_MEMORY : INFLATE_DAMAGED;
+}

@@ -18,6 +18,10 @@ inflated inflate_bytes(const unsigned char *packed, size_t size, size_t wanted,
 /* The first n (a few) bytes of what packed unpacks to, into out; how many there are. */
 size_t inflate_head(const unsigned char *packed, size_t size, size_t n, unsigned char *out);
 
+/* *out <- all of a stream without head and check sum (raw deflate), malloc'ed, *have bytes; at most
+ * 256 times its size and 1 MiB, or it counts as damaged. */
+inflated inflate_raw(const unsigned char *packed, size_t size, unsigned char **out, size_t *have);
+
 /* Whether the bytes begin like gzip. */
 static inline bool is_gzip(const unsigned char *bytes, size_t size)
 {

@@ -91,7 +91,7 @@ apsm_status apsm_read_mesh(apsm_context *ctx, const char *path, apsm_mesh *mesh)
     char *bytes;
     size_t size;
     *mesh = (apsm_mesh){ 0 };
-    if (!reader_of(path)) return refuse_extension(ctx, path);
+    if (!reader_of(path) && !apsm_is_folder(path)) return refuse_extension(ctx, path);
     APSM_TRY(input_file_read(ctx, path, &bytes, &size));
     const apsm_status status = mesh_from_bytes(ctx, path, bytes, size, mesh);
     free(bytes);

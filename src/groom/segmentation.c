@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "geometry/isosurface.h"
 #include "groom/antialias.h"
 #include "groom/fair.h"
 #include "groom/groom.h"
@@ -35,7 +35,7 @@ static apsm_status contour(apsm_context *ctx, const apsm_volume *v, const mask *
     size_t fine[3];
     double M[16], to_lps[16];
     antialias_fine(in, fine);
-    APSM_TRY(apsm_vtk_isosurface(ctx, fine, values, level, surface));
+    APSM_TRY(apsm_isosurface(ctx, fine, values, level, surface));
     /* fine index -> voxel index -> LPS */
     apsm_volume_index_to_lps(v, M);
     memcpy(to_lps, M, sizeof M);

@@ -125,21 +125,27 @@ apsm_status apsm_label_union(apsm_context *ctx, const char *path, const apsm_lab
                              apsm_volume *volume)
 {
     const size_t voxels = volume->n[0] * volume->n[1] * volume->n[2];
+    const size_t layers = volume->layers ? volume->layers : 1;
     apsm_labels only = { .all = labels->all, .n = labels->n, .label = labels->label };
     int32_t found[LISTED];
     if (!labels->all && labels->n == 0) {
-        const size_t n = find_labels(volume, voxels, found);
-        if (n != 1) return refuse_choice(ctx, path, volume, voxels, false);
+        const size_t n = find_labels(volume, layers * voxels, found);
+        if (n != 1) return refuse_choice(ctx, path, volume, layers * voxels, false);
         only.all = true;
     }
     bool *const seen = calloc(only.n + 1, sizeof *seen);
     if (!seen) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
-    const bool any = holds_any(&only, volume, voxels, seen);
+    const bool any = holds_any(&only, volume, layers * voxels, seen);
     for (size_t k = 0; any && k < only.n; k++)
         if (!seen[k])
             apsm_log(ctx, APSM_LOG_WARNING, "%s: label %d is not in it", path, only.label[k]);
-    for (size_t i = 0; any && i < voxels; i++)
-        volume->label[i] = is_chosen(&only, volume->label[i], seen);
+    for (size_t i = 0; any && i < voxels; i++) {
+        bool in = false;
+        for (size_t l = 0; l < layers; l++)
+            in = in || is_chosen(&only, volume->label[i + l * voxels], seen);
+        volume->label[i] = in;
+    }
+    if (any) volume->layers = 1;
     free(seen);
-    return any ? APSM_OK : refuse_choice(ctx, path, volume, voxels, true);
+    return any ? APSM_OK : refuse_choice(ctx, path, volume, layers * voxels, true);
 }

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "files/point_formats.h"
 
@@ -43,8 +43,8 @@ static const format formats[] = {
     { ".csv", apsm_points_csv_read, apsm_points_csv_write },
     { ".npy", read_npy, write_npy },
     { ".mrk.json", apsm_markups_read, apsm_markups_write },
-    { ".vtk", apsm_vtk_read_points, apsm_vtk_write_points },
-    { ".vtp", apsm_vtk_read_points, apsm_vtk_write_points },
+    { ".vtk", apsm_read_mesh_points, apsm_write_mesh_points },
+    { ".vtp", apsm_read_mesh_points, apsm_write_mesh_points },
 };
 
 static const format *format_of(const char *path)

@@ -1,5 +1,5 @@
-/* A case to its shape, through the adapters. */
-#include "apsm/adapters.h"
+/* A case to its shape, through its format. */
+#include "apsm/formats.h"
 #include "apsm/input.h"
 
 void apsm_input_shape_free(apsm_input_shape *shape)
@@ -13,10 +13,15 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
                             const apsm_labels *labels, apsm_input_shape *shape)
 {
     *shape = (apsm_input_shape){ .is_mesh = one->kind == APSM_INPUT_MESH };
-    if (shape->is_mesh) return apsm_vtk_read_mesh(ctx, one->path, &shape->mesh);
-    APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_dicom_read_volume(ctx, one->path, &shape->volume)
-                                           : apsm_itk_read_volume(ctx, one->path, &shape->volume));
-    const apsm_status status = apsm_label_union(ctx, one->path, labels, &shape->volume);
+    if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
+    APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_read_dicom(ctx, one->path, &shape->volume)
+                                           : apsm_read_volume(ctx, one->path, &shape->volume));
+    const apsm_status status =
+        shape->volume.value
+            ? apsm_fail(ctx, APSM_ERR_FORMAT,
+                        "%s: its values are not whole numbers; give a segmentation with labels",
+                        one->path)
+            : apsm_label_union(ctx, one->path, labels, &shape->volume);
     if (status != APSM_OK) apsm_input_shape_free(shape);
     return status;
 }

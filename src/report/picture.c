@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/files.h"
+#include "report/text.h"
 
 apsm_status picture_make(apsm_context *ctx, size_t width, size_t height, picture *p)
 {
@@ -34,8 +34,7 @@ typedef struct line {
 static apsm_status draw_line(apsm_context *ctx, const picture_style *style, const char *text,
                              line *l)
 {
-    return apsm_vtk_text(ctx, text, style->pixels, style->bold, &l->width, &l->height,
-                         &l->coverage);
+    return text_draw(ctx, text, style->pixels, style->bold, &l->width, &l->height, &l->coverage);
 }
 
 /* As much of the end of text as fits, behind two dots. */

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
@@ -263,7 +263,7 @@ static apsm_status write_warped(apsm_context *ctx, const evaluation_work *w, con
     if (status == APSM_OK) {
         apsm_warp_apply(&w->warp, p, mesh.V);
         if (M) apsm_mesh_transform(&mesh, M);
-        status = apsm_vtk_write_mesh(ctx, path, &mesh);
+        status = apsm_write_mesh(ctx, path, &mesh);
     }
     apsm_mesh_free(&mesh);
     free(path);

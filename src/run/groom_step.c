@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "groom/align.h"
 #include "model/template_choice.h"
 #include "run/crop_ends.h"
@@ -131,8 +131,7 @@ static apsm_status write_mesh(apsm_context *ctx, size_t i, int worker, void *use
     (void)worker;
     const groom_work *w = user;
     char *path = run_pathf(w->run, "groomed/%s.ply", w->in.list.cases[i].name);
-    const apsm_status status =
-        path ? apsm_vtk_write_mesh(ctx, path, &w->in.mesh[i]) : APSM_ERR_MEMORY;
+    const apsm_status status = path ? apsm_write_mesh(ctx, path, &w->in.mesh[i]) : APSM_ERR_MEMORY;
     free(path);
     return status;
 }

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "files/stored.h"
 #include "geometry/stored.h"
 #include "run/kept.h"
@@ -40,7 +40,7 @@ static apsm_status load_mesh(apsm_context *ctx, size_t i, int worker, void *user
     const apsm_run *run = user;
     char *path = apsm_project_path(&run->project, run->project.subjects[i].groomed);
     if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = apsm_vtk_read_mesh(ctx, path, &run->mesh[i]);
+    apsm_status status = apsm_read_mesh(ctx, path, &run->mesh[i]);
     free(path);
     if (status == APSM_OK && run->store) {
         array_list arrays = { 0 };

@@ -1,7 +1,7 @@
 /* Every allocation of a small run fails once: no crash, APSM_ERR_MEMORY, and the next try works.
  *
  * The program is linked with malloc, calloc, realloc and strdup of the library wrapped, and jansson
- * allocates through the same door.  What other libraries (VTK, BLAS, OpenMP) allocate does not
+ * allocates through the same door.  What other libraries (BLAS, OpenMP) allocate does not
  * fail. One thread, so that the n-th allocation is always the same one. */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,7 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "apsm/run.h"
 #include "folder.h"
 #include "synthetic.h"
@@ -175,7 +175,7 @@ static int set_up(void **state)
     for (size_t i = 0; i < SHAPES; i++) {
         apsm_mesh mesh = synthetic_shape(SYNTHETIC_BUMP, i, SHAPES, 2);
         snprintf(input[i], sizeof input[i], "%s/s%zu.ply", folder, i);
-        if (apsm_vtk_write_mesh(ctx, input[i], &mesh) != APSM_OK) return -1;
+        if (apsm_write_mesh(ctx, input[i], &mesh) != APSM_OK) return -1;
         apsm_mesh_free(&mesh);
     }
     return 0;

@@ -13,8 +13,8 @@
 #include <string.h>
 
 #include "anatomy_table.h"
-#include "apsm/adapters.h"
 #include "core/random.h"
+#include "geometry/isosurface.h"
 #include "solids_implicit.h"
 
 typedef enum anatomy_kind {
@@ -359,7 +359,7 @@ static inline apsm_status anatomy_template(apsm_context *ctx, anatomy_kind kind,
                                       e.lo[2] + step * (double)k };
                 values[at++] = (float)fmax(anatomy_field(kind, x), cut - x[2]);
             }
-    const apsm_status status = apsm_vtk_isosurface(ctx, n, values, 0, mesh);
+    const apsm_status status = apsm_isosurface(ctx, n, values, 0, mesh);
     free(values);
     for (size_t v = 0; status == APSM_OK && v < mesh->nv; v++)
         for (int c = 0; c < 3; c++)

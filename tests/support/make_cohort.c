@@ -16,6 +16,7 @@
 #include "anatomy.h"
 #include "apsm/context.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "make_cohort.h"
 #include "mesh_mask.h"
 #include "mesh_mess.h"
@@ -62,7 +63,7 @@ static apsm_status write_mask(const job *j, const char *path, const apsm_mesh *m
     apsm_volume volume = mesh_mask(mesh, spacing);
     if (j->v[MESS] > 0) mask_mess(&volume, mesh, rng, (int)j->v[MESS]);
     if (j->v[CROP] >= 0) mask_crop(&volume, (size_t)j->v[CROP]);
-    const apsm_status status = apsm_itk_write_volume(j->ctx, path, &volume);
+    const apsm_status status = apsm_write_volume(j->ctx, path, &volume);
     apsm_volume_free(&volume);
     return status;
 }
@@ -74,7 +75,7 @@ static apsm_status write_shape(const job *j, const char *name, apsm_mesh *mesh, 
     snprintf(path, sizeof path, "%s/shapes/%s.%s", j->folder, name, mask ? "nrrd" : "ply");
     if (mask) return write_mask(j, path, mesh, rng);
     if (j->v[MESS] > 0) mess_up(mesh, rng, (int)j->v[MESS]);
-    return apsm_vtk_write_mesh(j->ctx, path, mesh);
+    return apsm_write_mesh(j->ctx, path, mesh);
 }
 
 static apsm_status write_truth(const job *j, const char *name, const anatomy_map *map,
@@ -84,7 +85,7 @@ static apsm_status write_truth(const job *j, const char *name, const anatomy_map
     snprintf(path, sizeof path, "%s/truth/%s.ply", j->folder, name);
     APSM_TRY(apsm_mesh_copy(&j->template_mesh, mesh));
     anatomy_apply(map, mesh);
-    return apsm_vtk_write_mesh(j->ctx, path, mesh);
+    return apsm_write_mesh(j->ctx, path, mesh);
 }
 
 /* Heights and grids have a stream of their own: a cohort cut or coarse has the shapes it has whole.

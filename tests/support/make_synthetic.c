@@ -15,8 +15,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/context.h"
+#include "apsm/formats.h"
 #include "core/random.h"
 #include "make_cohort.h"
 #include "option_words.h"
@@ -44,7 +44,7 @@ static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPT
     else if (strcmp(shape, "sheet") == 0)
         *mesh = shape_box((size_t[3]){ cells, cells, 1 }, (double[3]){ 40 + v[INDEX], 30, 1 });
     else
-        return apsm_vtk_read_mesh(ctx, shape, mesh);
+        return apsm_read_mesh(ctx, shape, mesh);
     return APSM_OK;
 }
 
@@ -114,7 +114,7 @@ static int make_one(apsm_context *ctx, int argc, char **argv)
         mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;
         if (v[WOBBLE] > 0) wobble(v[WOBBLE], (uint64_t)v[SEED], &mesh);
         move(v, &mesh);
-        status = apsm_vtk_write_mesh(ctx, argv[2], &mesh);
+        status = apsm_write_mesh(ctx, argv[2], &mesh);
     }
     if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     apsm_mesh_free(&mesh);

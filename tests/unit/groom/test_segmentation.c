@@ -93,7 +93,9 @@ static void set_box(apsm_volume *v, const size_t lo[3], const size_t hi[3], int3
 
 static apsm_volume image(size_t n)
 {
-    apsm_volume v = { { n, n, n }, { 0, 0, 0 }, { 1, 1, 1 }, { 1, 0, 0, 0, 1, 0, 0, 0, 1 }, NULL };
+    apsm_volume v = { .n = { n, n, n },
+                      .spacing = { 1, 1, 1 },
+                      .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
     v.label = calloc(n * n * n, sizeof *v.label);
     if (!v.label) abort();
     return v;

@@ -8,7 +8,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "core/random.h"
 #include "scratch.h"
 #include "shapes.h"
@@ -78,8 +78,8 @@ static void read_and_check(fixture *f, const char *path, bool is_mesh)
 {
     apsm_mesh mesh = { 0 };
     apsm_volume volume = { 0 };
-    const apsm_status status = is_mesh ? apsm_vtk_read_mesh(f->ctx, path, &mesh)
-                                       : apsm_itk_read_volume(f->ctx, path, &volume);
+    const apsm_status status =
+        is_mesh ? apsm_read_mesh(f->ctx, path, &mesh) : apsm_read_volume(f->ctx, path, &volume);
     if (status != APSM_OK) {
         expect_failure(f->ctx, status, status, strrchr(path, '/'), "");
         assert_true(!mesh.V && !volume.label);
@@ -117,7 +117,7 @@ static void damaged_meshes_are_survived(void **state)
     const char *const names[] = { "m.ply", "m.stl", "m.obj", "m.vtk", "m.vtp" };
     apsm_mesh mesh = shape_cube(2, 1.5);
     for (int k = 0; k < 5; k++) {
-        assert_int_equal(apsm_vtk_write_mesh(f->ctx, scratch_path(f->folder, names[k]), &mesh),
+        assert_int_equal(apsm_write_mesh(f->ctx, scratch_path(f->folder, names[k]), &mesh),
                          APSM_OK);
         survive_damage(f, names[k], true);
     }
@@ -146,7 +146,7 @@ static void damaged_text_is_survived(void **state)
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
         scratch_write(scratch_path(f->folder, files[k].name), files[k].text, strlen(files[k].text));
         apsm_mesh mesh = { 0 };
-        if (apsm_vtk_read_mesh(f->ctx, scratch_path(f->folder, files[k].name), &mesh) != APSM_OK)
+        if (apsm_read_mesh(f->ctx, scratch_path(f->folder, files[k].name), &mesh) != APSM_OK)
             fail_msg("%s", apsm_error_text(f->ctx));
         apsm_mesh_free(&mesh);
         survive_damage(f, files[k].name, true);
@@ -164,8 +164,7 @@ static void damaged_volumes_are_survived(void **state)
                             .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
                             .label = label };
     for (int k = 0; k < 4; k++) {
-        assert_int_equal(apsm_itk_write_volume(f->ctx, scratch_path(f->folder, names[k]), &v),
-                         APSM_OK);
+        assert_int_equal(apsm_write_volume(f->ctx, scratch_path(f->folder, names[k]), &v), APSM_OK);
         survive_damage(f, names[k], false);
     }
 }

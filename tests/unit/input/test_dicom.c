@@ -1,4 +1,4 @@
-/* A DICOM series with an oblique stack, its files in shuffled order, through the plug-in. */
+/* A DICOM series with an oblique stack, its files in shuffled order. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "scratch.h"
 
 enum { COLUMNS = 6, ROWS = 5, SLICES = 12 };
@@ -152,8 +152,7 @@ static void an_oblique_series_is_read(void **state)
     fixture *const f = *state;
     apsm_volume v = { 0 };
     write_series(f->folder, "1.2.3.9", -1);
-    if (apsm_dicom_read_volume(f->ctx, f->folder, &v) != APSM_OK)
-        fail_msg("%s", apsm_error_text(f->ctx));
+    if (apsm_read_dicom(f->ctx, f->folder, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
     assert_int_equal(v.n[0], COLUMNS);
     assert_int_equal(v.n[1], ROWS);
     assert_int_equal(v.n[2], SLICES);
@@ -177,13 +176,13 @@ static void bad_series_are_refused(void **state)
 {
     fixture *const f = *state;
     apsm_volume v = { 0 };
-    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
-                   "no DICOM", f->folder);
+    expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT, "no DICOM",
+                   f->folder);
     write_series(f->folder, "1.2.3.9", 5);
-    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT, "evenly",
+    expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT, "evenly",
                    f->folder);
     write_series(f->folder, "1.2.3.8", -1);
-    expect_failure(f->ctx, apsm_dicom_read_volume(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
+    expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
                    "2 DICOM series", f->folder);
     assert_null(v.label);
 }
@@ -194,9 +193,5 @@ int main(void)
         cmocka_unit_test_setup_teardown(an_oblique_series_is_read, setup, teardown),
         cmocka_unit_test_setup_teardown(bad_series_are_refused, setup, teardown),
     };
-#ifndef APSM_HAVE_DICOM
-    print_message("the DICOM plug-in is not part of this build\n");
-    return 77;
-#endif
     return cmocka_run_group_tests_name("dicom", tests, NULL, NULL);
 }

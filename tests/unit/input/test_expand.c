@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "apsm/input.h"
 #include "scratch.h"
 #include "shapes.h"

@@ -8,8 +8,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/adapters.h"
 #include "apsm/topology.h"
+#include "geometry/isosurface.h"
 
 enum { N = 41 };
 static const size_t n[3] = { N, N + 2, N + 4 };
@@ -54,10 +54,10 @@ static void a_ball_faces_outward(void **state)
     apsm_context *const ctx = apsm_context_new();
     float *const values = ball(12.3, false);
     apsm_mesh mesh = { 0 };
-    assert_int_equal(apsm_vtk_isosurface(ctx, n, values, 0.0, &mesh), APSM_OK);
+    assert_int_equal(apsm_isosurface(ctx, n, values, 0.0, &mesh), APSM_OK);
     expect_ball(&mesh, 12.3, 5e-3);
     apsm_mesh_free(&mesh);
-    assert_int_equal(apsm_vtk_isosurface(ctx, n, values, 2.0, &mesh), APSM_OK);
+    assert_int_equal(apsm_isosurface(ctx, n, values, 2.0, &mesh), APSM_OK);
     expect_ball(&mesh, 14.3, 5e-3);
     apsm_mesh_free(&mesh);
     free(values);
@@ -74,7 +74,7 @@ static void exact_zeros_make_no_degenerate_triangles(void **state)
     for (size_t i = 0; i < n[0] * n[1] * n[2]; i++) zeros += values[i] == 0.0f;
     assert_true(zeros > 50);
     apsm_mesh mesh = { 0 };
-    assert_int_equal(apsm_vtk_isosurface(ctx, n, values, 0.0, &mesh), APSM_OK);
+    assert_int_equal(apsm_isosurface(ctx, n, values, 0.0, &mesh), APSM_OK);
     expect_ball(&mesh, 15.0, 5e-3);
     apsm_mesh_free(&mesh);
     free(values);
@@ -88,11 +88,11 @@ static void bad_grids_are_refused(void **state)
     float *const values = ball(5.0, false);
     apsm_mesh mesh = { 0 };
     const size_t flat[3] = { 8, 8, 1 };
-    assert_int_equal(apsm_vtk_isosurface(ctx, flat, values, 0.0, &mesh), APSM_ERR_ARG);
+    assert_int_equal(apsm_isosurface(ctx, flat, values, 0.0, &mesh), APSM_ERR_ARG);
     values[7] = NAN;
-    assert_int_equal(apsm_vtk_isosurface(ctx, n, values, 0.0, &mesh), APSM_ERR_NONFINITE);
+    assert_int_equal(apsm_isosurface(ctx, n, values, 0.0, &mesh), APSM_ERR_NONFINITE);
     values[7] = 1.0f;
-    assert_int_equal(apsm_vtk_isosurface(ctx, n, values, 1e6, &mesh), APSM_ERR_GEOMETRY);
+    assert_int_equal(apsm_isosurface(ctx, n, values, 1e6, &mesh), APSM_ERR_GEOMETRY);
     assert_null(mesh.V);
     free(values);
     apsm_context_free(ctx);

@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <math.h>
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "apsm/topology.h"
 #include "scratch.h"
 #include "shapes.h"
@@ -42,12 +42,12 @@ static apsm_status read_text(fixture *f, const char *name, const char *text, aps
 {
     const char *const path = scratch_path(f->folder, name);
     scratch_write(path, text, strlen(text));
-    return apsm_vtk_read_mesh(f->ctx, path, mesh);
+    return apsm_read_mesh(f->ctx, path, mesh);
 }
 
 static void must_read(fixture *f, const char *path, apsm_mesh *mesh)
 {
-    if (apsm_vtk_read_mesh(f->ctx, path, mesh) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    if (apsm_read_mesh(f->ctx, path, mesh) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
 }
 
 static void must_read_text(fixture *f, const char *name, const char *text, apsm_mesh *mesh)
@@ -92,7 +92,7 @@ static void every_format_comes_back(void **state)
             char name[32];
             snprintf(name, sizeof name, "torus%d%s", exponent, extensions[k]);
             const char *const path = scratch_path(f->folder, name);
-            assert_int_equal(apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_OK);
+            assert_int_equal(apsm_write_mesh(f->ctx, path, &mesh), APSM_OK);
             must_read(f, path, &back);
             assert_int_equal(back.nv, mesh.nv);
             assert_int_equal(back.nf, mesh.nf);
@@ -113,7 +113,7 @@ static void doubles_survive_where_the_format_holds_them(void **state)
         char name[32];
         snprintf(name, sizeof name, "sphere%s", extensions[k]);
         const char *const path = scratch_path(f->folder, name);
-        assert_int_equal(apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_OK);
+        assert_int_equal(apsm_write_mesh(f->ctx, path, &mesh), APSM_OK);
         must_read(f, path, &back);
         assert_memory_equal(back.V, mesh.V, 3 * mesh.nv * sizeof *mesh.V);
         apsm_mesh_free(&mesh);
@@ -132,7 +132,7 @@ static void equal_meshes_make_equal_bytes(void **state)
             char name[32];
             snprintf(name, sizeof name, "same%d%s", i, extensions[k]);
             const char *const path = scratch_path(f->folder, name);
-            assert_int_equal(apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_OK);
+            assert_int_equal(apsm_write_mesh(f->ctx, path, &mesh), APSM_OK);
             bytes[i] = scratch_read(path, &size[i]);
         }
         assert_int_equal(size[0], size[1]);
@@ -154,21 +154,21 @@ static void writing_is_all_or_nothing(void **state)
         scratch_write(path, "old", 3);
         const double x = mesh.V[4];
         mesh.V[4] = NAN;
-        expect_failure(f->ctx, apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_ERR_NONFINITE,
-                       "point 1", name);
+        expect_failure(f->ctx, apsm_write_mesh(f->ctx, path, &mesh), APSM_ERR_NONFINITE, "point 1",
+                       name);
         mesh.V[4] = x;
         size_t size;
         char *const bytes = scratch_read(path, &size);
         assert_string_equal(bytes, "old");
         free(bytes);
-        assert_int_equal(apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_OK);
+        assert_int_equal(apsm_write_mesh(f->ctx, path, &mesh), APSM_OK);
     }
-    expect_failure(f->ctx, apsm_vtk_write_mesh(f->ctx, scratch_path(f->folder, "no/x.ply"), &mesh),
+    expect_failure(f->ctx, apsm_write_mesh(f->ctx, scratch_path(f->folder, "no/x.ply"), &mesh),
                    APSM_ERR_IO, "x.ply", "");
-    expect_failure(f->ctx, apsm_vtk_write_mesh(f->ctx, scratch_path(f->folder, "x.off"), &mesh),
+    expect_failure(f->ctx, apsm_write_mesh(f->ctx, scratch_path(f->folder, "x.off"), &mesh),
                    APSM_ERR_UNSUPPORTED, ".off", ".ply");
     mesh.V[0] = 1e300;
-    expect_failure(f->ctx, apsm_vtk_write_mesh(f->ctx, scratch_path(f->folder, "big.ply"), &mesh),
+    expect_failure(f->ctx, apsm_write_mesh(f->ctx, scratch_path(f->folder, "big.ply"), &mesh),
                    APSM_ERR_NONFINITE, "float32", "big.ply");
     assert_int_equal(scratch_count(f->folder), N_EXTENSIONS); /* no temporary is left */
     apsm_mesh_free(&mesh);
@@ -303,10 +303,9 @@ static void other_damaged_formats_are_refused(void **state)
             "NumberOfPoints=\"99999999999\" NumberOfPolys=\"1\"></Piece></PolyData></VTKFile>",
             "NumberOfPoints");
     apsm_mesh mesh = { 0 };
-    expect_failure(f->ctx, apsm_vtk_read_mesh(f->ctx, scratch_path(f->folder, "none.ply"), &mesh),
+    expect_failure(f->ctx, apsm_read_mesh(f->ctx, scratch_path(f->folder, "none.ply"), &mesh),
                    APSM_ERR_IO, "none.ply", "");
-    expect_failure(f->ctx, apsm_vtk_read_mesh(f->ctx, f->folder, &mesh), APSM_ERR_IO, f->folder,
-                   "");
+    expect_failure(f->ctx, apsm_read_mesh(f->ctx, f->folder, &mesh), APSM_ERR_IO, f->folder, "");
     expect_failure(f->ctx, read_text(f, "a.off", "OFF", &mesh), APSM_ERR_UNSUPPORTED, ".off", "");
 }
 
@@ -316,7 +315,7 @@ static void binary_stl_is_known_by_its_size(void **state)
     fixture *const f = *state;
     const char *const path = scratch_path(f->folder, "b.stl");
     apsm_mesh mesh = shape_cube(1, 2.0), back = { 0 };
-    assert_int_equal(apsm_vtk_write_mesh(f->ctx, path, &mesh), APSM_OK);
+    assert_int_equal(apsm_write_mesh(f->ctx, path, &mesh), APSM_OK);
     size_t size;
     char *const bytes = scratch_read(path, &size);
     memcpy(bytes, "solid ", 6);
@@ -326,12 +325,12 @@ static void binary_stl_is_known_by_its_size(void **state)
     apsm_mesh_free(&back);
     memcpy(bytes, "binary", 6);
     scratch_write(path, bytes, size - 7);
-    expect_failure(f->ctx, apsm_vtk_read_mesh(f->ctx, path, &back), APSM_ERR_FORMAT, "12 triangles",
+    expect_failure(f->ctx, apsm_read_mesh(f->ctx, path, &back), APSM_ERR_FORMAT, "12 triangles",
                    "b.stl");
     const float nan = NAN;
     memcpy(bytes + 84 + 50 + 12, &nan, sizeof nan);
     scratch_write(path, bytes, size);
-    expect_failure(f->ctx, apsm_vtk_read_mesh(f->ctx, path, &back), APSM_ERR_FORMAT, "triangle 1",
+    expect_failure(f->ctx, apsm_read_mesh(f->ctx, path, &back), APSM_ERR_FORMAT, "triangle 1",
                    "not finite");
     free(bytes);
     apsm_mesh_free(&mesh);

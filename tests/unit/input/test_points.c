@@ -2,7 +2,7 @@
  * understood, and nothing damaged passes. */
 #include "cmocka_all.h"
 
-#include "apsm/adapters.h"
+#include "apsm/formats.h"
 #include "apsm/points_file.h"
 #include "check.h"
 #include "folder.h"
@@ -363,7 +363,7 @@ static void test_extensions(void **state)
     expect_failure(ctx, apsm_points_read(ctx, path, &n, &Q), APSM_ERR_UNSUPPORTED, "x.json",
                    ".npy");
     folder_path(state, "x.ply", path);
-    expect_failure(ctx, apsm_vtk_write_points(ctx, path, 1, P), APSM_ERR_UNSUPPORTED, "x.ply",
+    expect_failure(ctx, apsm_write_mesh_points(ctx, path, 1, P), APSM_ERR_UNSUPPORTED, "x.ply",
                    ".vtp");
     assert_int_equal(folder_count(*state), 0);
     apsm_context_free(ctx);

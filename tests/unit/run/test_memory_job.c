@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "apsm/adapters.h"
 #include "apsm/files.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "apsm/run.h"
 #include "folder.h"
@@ -70,8 +70,8 @@ static apsm_run *job_in_folder(void **state, apsm_context *ctx, bool meshes)
         folder_path(state, name, path);
         apsm_mesh mesh = meshes ? mesh_of(i) : (apsm_mesh){ 0 };
         apsm_volume volume = meshes ? (apsm_volume){ 0 } : volume_of(i);
-        assert_int_equal(meshes ? apsm_vtk_write_mesh(ctx, path, &mesh)
-                                : apsm_itk_write_volume(ctx, path, &volume),
+        assert_int_equal(meshes ? apsm_write_mesh(ctx, path, &mesh)
+                                : apsm_write_volume(ctx, path, &volume),
                          APSM_OK);
         apsm_mesh_free(&mesh);
         apsm_volume_free(&volume);
