@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/adapters.h"
 #include "apsm/affine.h"
+#include "apsm/formats.h"
 #include "apsm/particles_file.h"
 #include "apsm/points_file.h"
 #include "core/random.h"
@@ -103,7 +103,7 @@ static void find_truth(bench *b, const char *truth)
     for (size_t i = 0; i < I; i++) {
         size_t J;
         snprintf(path, sizeof path, "%s/%s.ply", truth, b->m.names[i]);
-        check(b->ctx, apsm_vtk_read_mesh(b->ctx, path, &s[i].mesh));
+        check(b->ctx, apsm_read_mesh(b->ctx, path, &s[i].mesh));
         check(b->ctx, apsm_bvh_build(&s[i].mesh, &s[i].bvh));
         snprintf(path, sizeof path, "%s/particles/%s_original.particles", b->m.path, b->m.names[i]);
         check(b->ctx, apsm_points_read(b->ctx, path, &J, &s[i].P));
