@@ -111,6 +111,20 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return take_path(p, o->name, text, &a->view);
     case CLI_WIDTH:
         return take_path(p, o->name, text, &a->width);
+    case CLI_SUBJECTS:
+        return take_path(p, o->name, text, &a->subjects);
+    case CLI_FORMULA:
+        return take_path(p, o->name, text, &a->formula);
+    case CLI_OF:
+        return take_path(p, o->name, text, &a->of);
+    case CLI_ON:
+        return take_path(p, o->name, text, &a->on);
+    case CLI_WITHIN:
+        return take_path(p, o->name, text, &a->within);
+    case CLI_PERMUTATIONS:
+        return take_path(p, o->name, text, &a->permutations);
+    case CLI_BOOTSTRAPS:
+        return take_path(p, o->name, text, &a->bootstraps);
     case CLI_HAND:
         return take_path(p, o->name, text, &a->hand);
     case CLI_EXTENT:
@@ -336,6 +350,14 @@ static apsm_status require_fit(const parsing *p)
                      a->verb->operands);
 }
 
+static apsm_status require_test(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs == 1 && a->formula) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "test needs %s: apsm test %s",
+                     a->formula ? "one model folder" : "a formula", a->verb->operands);
+}
+
 static apsm_status require_export(const parsing *p)
 {
     const cli_args *a = p->args;
@@ -349,6 +371,7 @@ static apsm_status require_operands(const parsing *p)
     const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
     if (a->verb->verb == CLI_FIT) return require_fit(p);
+    if (a->verb->verb == CLI_TEST) return require_test(p);
     if (a->verb->verb == CLI_EXPORT) return require_export(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);

@@ -21,7 +21,8 @@ typedef enum cli_verb {
     CLI_RENDER = 1 << 9,
     CLI_VERIFY = 1 << 10,
     CLI_FIT = 1 << 16,
-    CLI_EXPORT = 1 << 17
+    CLI_EXPORT = 1 << 17,
+    CLI_TEST = 1 << 18
 } cli_verb;
 
 typedef struct cli_verb_info {
@@ -59,8 +60,9 @@ typedef struct cli_args {
     const char *parts, *align_parts;         /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
     const char *hand, *extent;               /* of fit, as given; NULL if not */
-    const char *model;                       /* of export: the file; NULL if not */
-    const char *config;                      /* already in set; here for messages */
+    const char *subjects, *formula, *of, *on, *within, *permutations, *bootstraps; /* of test */
+    const char *model;  /* of export: the file; NULL if not */
+    const char *config; /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
     cli_pair *set;

@@ -12,12 +12,13 @@ enum {
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK | CLI_FIT,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT
+          CLI_FIT | CLI_EXPORT | CLI_TEST
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
-      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT, "DIR", NULL, NULL,
+      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_TEST, "DIR", NULL,
+      NULL,
       "the model folder (convert, render, fit: the file or folder to write); made if it does not "
       "exist",
       NULL },
@@ -43,6 +44,24 @@ static const cli_option own[] = {
     { "extent", 0, CLI_EXTENT, CLI_GROUP_INPUT, CLI_FIT, "WORD", NULL, NULL,
       "auto (surfaces with openings, or cut by the image, are parts), whole or part (default auto)",
       NULL },
+    { "formula", 0, CLI_FORMULA, CLI_GROUP_INPUT, CLI_TEST, "TEXT", NULL, NULL,
+      "what the shapes depend on, \"~ group + age + group:age\": columns of the table, of the "
+      "project, or centroid_size",
+      NULL },
+    { "of", 0, CLI_OF, CLI_GROUP_INPUT, CLI_TEST, "TERM", NULL, NULL,
+      "the term that is tested, the others being allowed for (default: the first)", NULL },
+    { "subjects", 0, CLI_SUBJECTS, CLI_GROUP_INPUT, CLI_TEST, "FILE", NULL, NULL,
+      "table of the subjects (.csv, .tsv): a header, then a line each, first the shape's name",
+      NULL },
+    { "on", 0, CLI_ON, CLI_GROUP_INPUT, CLI_TEST, "WORD", NULL, NULL,
+      "form (shape and size), shape (size taken out), size or modes (default form)", NULL },
+    { "within", 0, CLI_WITHIN, CLI_GROUP_INPUT, CLI_TEST, "COLUMN", NULL, NULL,
+      "who was measured repeatedly: compares within each of its levels only", NULL },
+    { "permutations", 0, CLI_PERMUTATIONS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
+      "orders of the subjects to go through; all there are, if they are not more (default 10000)",
+      NULL },
+    { "bootstraps", 0, CLI_BOOTSTRAPS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
+      "draws for the 95 % bands of effects; 0: no bands (default 1000)", NULL },
     { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "shapes are in the world frame of the model: search for no pose", NULL },
     { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
@@ -77,12 +96,12 @@ static const cli_option own[] = {
       NULL },
     { "set", 0, CLI_SET_PAIR, CLI_GROUP_MODEL, STEPS, "KEY=VALUE", NULL, NULL,
       "any option of the method (see --help-all)", NULL },
-    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS, "N", "seed", NULL,
+    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST, "N", "seed", NULL,
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
-      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT, "N", NULL,
-      NULL, "threads to use (default: one for each processor)", NULL },
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT | CLI_TEST,
+      "N", NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
       "afterwards; changes the time, never the result (default: no limit)",

@@ -44,6 +44,14 @@ static const cli_verb_info verbs[] = {
       "the model's kind; one that is not is refused with a reason. MODEL is a model folder, or a "
       "file of export. Nothing of the model changes. The exit code is 1 if a shape was refused or "
       "could not be read." },
+    { CLI_TEST, "test", "MODEL_DIR --formula TEXT [--subjects FILE]",
+      "do groups differ, where, and by how much",
+      "Tests a term of a linear model of the shapes by permutation, the other terms being allowed "
+      "for: all particles together, every particle by itself with and without correction for their "
+      "number, or the size, or the modes. Tells effects with 95 % bands, how well shape tells two "
+      "groups apart, and what could have been found. Writes OF_ON.json and OF_ON.csv to "
+      "statistics/ "
+      "in the model folder, or to the folder of -o." },
     { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
       "Writes all that fit needs of a model into one file, which can be used where the cohort is "
       "not. It holds no names of shapes." },

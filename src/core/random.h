@@ -23,6 +23,8 @@ typedef enum apsm_stream {
     APSM_STREAM_ALIGN = 3,  /* surface points for alignment */
     APSM_STREAM_MEDOID = 4, /* candidates for the template */
     APSM_STREAM_SPECIFICITY = 5,
+    APSM_STREAM_PERMUTATION = 6, /* orders of the rows of a design */
+    APSM_STREAM_BOOTSTRAP = 7,   /* subjects drawn again */
     APSM_STREAM_TEST = 99
 } apsm_stream;
 

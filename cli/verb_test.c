@@ -1,0 +1,42 @@
+/* test: a model, a table of subjects and a formula. */
+#include <stdint.h>
+#include <stdlib.h>
+
+#include "apsm/files.h"
+#include "apsm/statistics.h"
+#include "verbs.h"
+
+/* *n <- a whole number from least to most. */
+static apsm_status take_count(apsm_context *ctx, const char *option, const char *text, size_t least,
+                              size_t most, size_t *n)
+{
+    size_t value = 0;
+    const char *c = text;
+    if (!text) return APSM_OK;
+    while (*c >= '0' && *c <= '9' && value <= most) value = 10 * value + (size_t)(*c++ - '0');
+    if (*text && !*c && value >= least && value <= most) {
+        *n = value;
+        return APSM_OK;
+    }
+    return apsm_fail(ctx, APSM_ERR_ARG, "--%s '%s': give a whole number from %zu to %zu", option,
+                     text, least, most);
+}
+
+apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    enum { MOST = 10000000 };
+    (void)ui;
+    const char *seed = cli_args_get(args, "seed");
+    apsm_test_settings settings = { .folder = args->inputs[0],
+                                    .subjects = args->subjects,
+                                    .formula = args->formula,
+                                    .of = args->of,
+                                    .out = args->out_dir,
+                                    .on = args->on,
+                                    .within = args->within };
+    APSM_TRY(take_count(ctx, "permutations", args->permutations, 1, MOST, &settings.permutations));
+    APSM_TRY(take_count(ctx, "bootstraps", args->bootstraps, 0, MOST, &settings.bootstraps));
+    if (args->bootstraps && settings.bootstraps == 0) settings.bootstraps = SIZE_MAX;
+    if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
+    return apsm_statistics_test(ctx, &settings);
+}

@@ -1,0 +1,36 @@
+/* statistics.h -- from a model and what is known of its subjects to answers: do groups differ,
+ * where, by how much, after age and sex?  docs/statistics.md says what is done; every figure is in
+ * the files. */
+#ifndef APSM_STATISTICS_H
+#define APSM_STATISTICS_H
+
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* All borrowed.  {0} and the first five members are enough; zero stands for the default. */
+typedef struct apsm_test_settings {
+    const char *folder;   /* a model folder */
+    const char *subjects; /* .csv or .tsv of what is known; NULL: the project's columns alone */
+    const char *formula;  /* "~ group + age + sex" */
+    const char *of;       /* the term that is tested; NULL: the first */
+    const char *out;      /* folder of the results; NULL: statistics/ in the model folder */
+    const char *on;       /* "form" (shape and size, default), "shape", "size" or "modes" */
+    const char *within;   /* column whose levels were measured repeatedly; NULL: none */
+    size_t permutations;  /* default 10,000; all there are, if they are not more */
+    size_t bootstraps;    /* default 1,000; SIZE_MAX: none */
+} apsm_test_settings;
+
+/* Writes OF_ON.json and OF_ON.csv (one line a particle, mode, or the size) and logs what they say.
+ * Subjects with unknown values are left out, and counted.  Nothing of the model changes. */
+apsm_status apsm_statistics_test(apsm_context *ctx,
+                                 const apsm_test_settings *settings) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,352 @@
+#include "statistics/table.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "apsm/files.h"
+#include "apsm/options.h"
+
+static void column_free(apsm_column *c)
+{
+    for (size_t k = 0; k < c->levels; k++) free(c->level[k]);
+    free(c->level);
+    free(c->value);
+    free(c->name);
+    *c = (apsm_column){ 0 };
+}
+
+void apsm_table_free(apsm_table *table)
+{
+    for (size_t k = 0; k < table->n; k++) column_free(&table->column[k]);
+    free(table->column);
+    *table = (apsm_table){ 0 };
+}
+
+const apsm_column *apsm_table_find(const apsm_table *table, const char *name)
+{
+    for (size_t k = 0; k < table->n; k++)
+        if (strcmp(table->column[k].name, name) == 0) return &table->column[k];
+    return NULL;
+}
+
+/* A place for a column of that name: the old one's, emptied, or a new one. */
+static apsm_column *place_for(apsm_table *table, const char *name)
+{
+    for (size_t k = 0; k < table->n; k++)
+        if (strcmp(table->column[k].name, name) == 0) {
+            column_free(&table->column[k]);
+            return &table->column[k];
+        }
+    apsm_column *more = realloc(table->column, (table->n + 1) * sizeof *more);
+    if (!more) return NULL;
+    table->column = more;
+    more[table->n] = (apsm_column){ 0 };
+    return &more[table->n++];
+}
+
+static apsm_status begin_column(apsm_table *table, const char *name, apsm_column **column)
+{
+    *column = place_for(table, name);
+    if (!*column) return APSM_ERR_MEMORY;
+    (*column)->name = strdup(name);
+    (*column)->value = malloc((table->I + 1) * sizeof(double));
+    return (*column)->name && (*column)->value ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value)
+{
+    apsm_column *c;
+    APSM_TRY(begin_column(table, name, &c));
+    memcpy(c->value, value, table->I * sizeof *value);
+    return APSM_OK;
+}
+
+/* ---- from texts ---- */
+
+static bool is_unknown(const char *text)
+{
+    return !text || !*text || strcmp(text, "NA") == 0 || strcasecmp(text, "nan") == 0;
+}
+
+static bool all_numbers(size_t I, char *const *text, double *value)
+{
+    for (size_t i = 0; i < I; i++) {
+        value[i] = NAN;
+        if (!is_unknown(text[i]) && !apsm_parse_number(text[i], strlen(text[i]), &value[i]))
+            return false;
+    }
+    return true;
+}
+
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(char *const *)a, *(char *const *)b);
+}
+
+/* The texts that differ, sorted. */
+static apsm_status list_levels(size_t I, char *const *text, apsm_column *c)
+{
+    const char **sorted = malloc((I + 1) * sizeof *sorted);
+    size_t n = 0;
+    c->level = calloc(I + 1, sizeof *c->level);
+    if (!sorted || !c->level) {
+        free(sorted);
+        return APSM_ERR_MEMORY;
+    }
+    for (size_t i = 0; i < I; i++)
+        if (!is_unknown(text[i])) sorted[n++] = text[i];
+    qsort(sorted, n, sizeof *sorted, by_text);
+    apsm_status status = APSM_OK;
+    for (size_t k = 0; k < n && status == APSM_OK; k++) {
+        if (k > 0 && strcmp(sorted[k - 1], sorted[k]) == 0) continue;
+        c->level[c->levels] = strdup(sorted[k]);
+        status = c->level[c->levels++] ? APSM_OK : APSM_ERR_MEMORY;
+    }
+    free(sorted);
+    return status;
+}
+
+static apsm_status fill_column(size_t I, char *const *text, apsm_column *c)
+{
+    c->category = !all_numbers(I, text, c->value);
+    if (!c->category) return APSM_OK;
+    APSM_TRY(list_levels(I, text, c));
+    for (size_t i = 0; i < I; i++) {
+        c->value[i] = NAN;
+        for (size_t k = 0; k < c->levels && !is_unknown(text[i]); k++)
+            if (strcmp(c->level[k], text[i]) == 0) c->value[i] = (double)k;
+    }
+    return APSM_OK;
+}
+
+static apsm_status add_texts(apsm_table *table, const char *name, char *const *text)
+{
+    apsm_column *c;
+    APSM_TRY(begin_column(table, name, &c));
+    return fill_column(table->I, text, c);
+}
+
+/* ---- from a project ---- */
+
+/* Columns that say where files are and how shapes lie, of any domain. */
+static bool is_kept_for_programs(const char *key)
+{
+    static const char *const prefixes[] = { "name",
+                                            "shape_",
+                                            "segmentation_",
+                                            "mesh_",
+                                            "groomed_",
+                                            "local_particles_",
+                                            "world_particles_",
+                                            "alignment_",
+                                            "procrustes_",
+                                            "landmarks_file_",
+                                            "constraints_",
+                                            "image_",
+                                            "reflection",
+                                            "notes" };
+    for (size_t k = 0; k < sizeof prefixes / sizeof *prefixes; k++)
+        if (strncmp(key, prefixes[k], strlen(prefixes[k])) == 0) return true;
+    return false;
+}
+
+static apsm_status take_key(const apsm_project *project, const char *key, char **text,
+                            apsm_table *table)
+{
+    static const char group[] = "group_";
+    bool known = false;
+    for (size_t i = 0; i < project->n; i++) {
+        const char *value = apsm_subject_column(&project->subjects[i], key);
+        if (strcmp(key, "mirrored") == 0) value = project->subjects[i].mirrored ? "yes" : "no";
+        text[i] = (char *)(uintptr_t)value; /* borrowed, only read */
+        known = known || !is_unknown(value);
+    }
+    if (!known) return APSM_OK;
+    APSM_TRY(add_texts(table, key, text));
+    if (strncmp(key, group, sizeof group - 1) != 0) return APSM_OK;
+    return add_texts(table, key + sizeof group - 1, text);
+}
+
+apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *project,
+                                    apsm_table *table)
+{
+    const char *key;
+    json_t *value;
+    apsm_status status = APSM_OK;
+    char **text = calloc(project->n + 1, sizeof *text);
+    *table = (apsm_table){ .I = project->n };
+    if (!text) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < project->n && status == APSM_OK; i++)
+        json_object_foreach(project->subjects[i].row, key, value)
+        {
+            if (status != APSM_OK || is_kept_for_programs(key) || apsm_table_find(table, key))
+                continue;
+            status = take_key(project, key, text, table);
+        }
+    free(text);
+    if (status != APSM_OK) apsm_table_free(table);
+    return status == APSM_ERR_MEMORY ? apsm_fail(ctx, status, "out of memory for the table")
+                                     : status;
+}
+
+/* ---- from a file ---- */
+
+/* A file of lines of fields; the data are cut up in place. */
+typedef struct sheet {
+    apsm_context *ctx;
+    const char *path;
+    char *at, separator;
+    size_t line, columns;
+    char **title; /* columns, borrowed from the data */
+    char **cell;  /* columns: of the present line */
+} sheet;
+
+/* Ends the field at *at and moves to the next one; *last: it was the line's. */
+static char *next_field(sheet *s, bool *last)
+{
+    char *from = s->at, *to = s->at;
+    if (*from == '"') {
+        for (s->at++; *s->at && (*s->at != '"' || s->at[1] == '"'); s->at++) {
+            if (*s->at == '"') s->at++;
+            *to++ = *s->at;
+        }
+        if (*s->at) s->at++;
+    } else {
+        while (*s->at && *s->at != s->separator && *s->at != '\n' && *s->at != '\r') s->at++;
+        to = s->at;
+    }
+    while (*s->at == '\r') s->at++;
+    *last = *s->at != s->separator;
+    if (*s->at) s->at++;
+    *to = '\0';
+    while (to > from && to[-1] == ' ') *--to = '\0';
+    return from + strspn(from, " ");
+}
+
+static size_t count_fields(const char *line, char separator)
+{
+    size_t n = 1;
+    bool quoted = false;
+    for (; *line && (quoted || (*line != '\n' && *line != '\r')); line++) {
+        if (*line == '"') quoted = !quoted;
+        n += !quoted && *line == separator;
+    }
+    return n;
+}
+
+/* The fields of the next line that has any into cell; false: no more. */
+static apsm_status next_line(sheet *s, char **cell, bool *there)
+{
+    bool last = false;
+    size_t n = 0;
+    while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
+    *there = *s->at != '\0';
+    if (!*there) return APSM_OK;
+    s->line++;
+    if (count_fields(s->at, s->separator) != s->columns)
+        return apsm_fail(s->ctx, APSM_ERR_FORMAT,
+                         "%s:%zu: has %zu fields, the header %zu; make all lines alike", s->path,
+                         s->line, count_fields(s->at, s->separator), s->columns);
+    while (!last) cell[n++] = next_field(s, &last);
+    return APSM_OK;
+}
+
+static apsm_status check_titles(const sheet *s)
+{
+    for (size_t k = 1; k < s->columns; k++) {
+        if (!*s->title[k])
+            return apsm_fail(s->ctx, APSM_ERR_FORMAT, "%s:1: column %zu has no name", s->path,
+                             k + 1);
+        for (size_t m = 1; m < k; m++)
+            if (strcmp(s->title[m], s->title[k]) == 0)
+                return apsm_fail(s->ctx, APSM_ERR_FORMAT, "%s:1: two columns are named '%s'",
+                                 s->path, s->title[k]);
+    }
+    return APSM_OK;
+}
+
+static apsm_status unknown_name(const sheet *s, size_t I, const char *const *names)
+{
+    size_t best = 0;
+    for (size_t i = 1; i < I; i++)
+        if (apsm_edit_distance(s->cell[0], names[i]) < apsm_edit_distance(s->cell[0], names[best]))
+            best = i;
+    return apsm_fail(
+        s->ctx, APSM_ERR_ARG,
+        "%s:%zu: '%s' is no shape of the model; the nearest is '%s'. Names must be the "
+        "same, letter by letter",
+        s->path, s->line, s->cell[0], names[best]);
+}
+
+/* text (columns x I) <- the cells of every shape. */
+static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char **text)
+{
+    for (bool there = true;;) {
+        size_t i = 0;
+        APSM_TRY(next_line(s, s->cell, &there));
+        if (!there) return APSM_OK;
+        while (i < I && strcmp(names[i], s->cell[0]) != 0) i++;
+        if (i == I) return unknown_name(s, I, names);
+        if (text[i])
+            return apsm_fail(s->ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' stands here a second time",
+                             s->path, s->line, s->cell[0]);
+        for (size_t k = 0; k < s->columns; k++) text[k * I + i] = s->cell[k];
+    }
+}
+
+static void tell_absent(const sheet *s, size_t I, const char *const *names, char *const *text)
+{
+    size_t absent = 0, first = I;
+    for (size_t i = 0; i < I; i++)
+        if (!text[i]) {
+            if (absent++ == 0) first = i;
+        }
+    if (absent > 0)
+        apsm_log(s->ctx, APSM_LOG_WARNING, "%s: has no line for %zu of %zu shapes (%s%s)", s->path,
+                 absent, I, names[first], absent > 1 ? ", ..." : "");
+}
+
+static apsm_status read_sheet(sheet *s, size_t I, const char *const *names, apsm_table *table)
+{
+    bool there;
+    char **text = calloc(s->columns * I + 1, sizeof *text);
+    if (!text) return APSM_ERR_MEMORY;
+    apsm_status status = next_line(s, s->title, &there);
+    if (status == APSM_OK) status = check_titles(s);
+    if (status == APSM_OK) status = read_rows(s, I, names, text);
+    for (size_t k = 1; k < s->columns && status == APSM_OK; k++)
+        status = add_texts(table, s->title[k], text + k * I);
+    if (status == APSM_OK) tell_absent(s, I, names, text);
+    free(text);
+    return status;
+}
+
+apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
+                            apsm_table *table)
+{
+    enum { LIMIT = 1 << 28 };
+    char *data = NULL;
+    size_t size;
+    APSM_TRY(apsm_read_file(ctx, path, LIMIT, &data, &size));
+    sheet s = { .ctx = ctx, .path = path, .at = data };
+    if (size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0) s.at += 3;
+    const size_t head = strcspn(s.at, "\n");
+    s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
+    s.columns = count_fields(s.at, s.separator);
+    s.title = calloc(s.columns, sizeof *s.title);
+    s.cell = calloc(s.columns, sizeof *s.cell);
+    apsm_status status = s.title && s.cell ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK && (size == 0 || s.columns < 2))
+        status = apsm_fail(ctx, APSM_ERR_FORMAT,
+                           "%s: needs a header and two columns at least, the first of which names "
+                           "the shapes",
+                           path);
+    if (status == APSM_OK) status = read_sheet(&s, I, names, table);
+    free(s.title);
+    free(s.cell);
+    free(data);
+    return status;
+}

@@ -1,0 +1,46 @@
+/* table.h -- what is known of the subjects: columns of numbers or of categories, one row a shape of
+ * the model, in its order. */
+#ifndef APSM_STATISTICS_TABLE_H
+#define APSM_STATISTICS_TABLE_H
+
+#include <stdbool.h>
+
+#include "apsm/context.h"
+#include "apsm/project.h"
+
+/* A category's value is the index of its level; NAN where nothing is known. */
+typedef struct apsm_column {
+    char *name;
+    bool category;
+    double *value; /* I */
+    size_t levels; /* 0 for numbers */
+    char **level;  /* in the order of their bytes */
+} apsm_column;
+
+/* Owns everything; zero-initialise with {0}, apsm_table_free leaves it so. */
+typedef struct apsm_table {
+    size_t I, n;
+    apsm_column *column;
+} apsm_table;
+
+/* The project's columns beside those that apsm and ShapeWorks keep for themselves ("group_sex"
+ * under that name and as "sex"). */
+apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *project,
+                                    apsm_table *table) APSM_NODISCARD;
+
+/* Adds the columns of a .csv or .tsv file: a header, then a line a subject, whose first field is
+ * the name of a shape.  A column of numbers only is one of numbers; empty fields and "NA" are
+ * unknown. A column of the table that has the same name is replaced.  Refused, with file and line:
+ * a name that is none of the I shapes (the nearest is named), a name twice, a line with another
+ * number of fields, a column without a name or named twice.  Shapes without a line are logged. */
+apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
+                            apsm_table *table) APSM_NODISCARD;
+
+/* Adds a column of numbers (I, copied); one of that name is replaced. */
+apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value) APSM_NODISCARD;
+
+/* The column of that name, or NULL. */
+const apsm_column *apsm_table_find(const apsm_table *table, const char *name);
+void apsm_table_free(apsm_table *table);
+
+#endif

@@ -1,0 +1,86 @@
+#!/bin/bash
+# From a cohort with a planted difference to its answer.  $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+refuse() { # CODE WORDS ARGUMENT...
+    local code=$1 words=$2 said
+    shift 2
+    said=$("$apsm" test "$@" 2>&1)
+    local got=$?
+    [ $got -eq "$code" ] || fail "test $*: exit code $got, not $code: $said"
+    grep -qF -- "$words" <<<"$said" || fail "test $*: does not say '$words': $said"
+}
+# A number of a JSON file of ours, by its key.
+number() { sed -n "s/^ *\"$2\": \([-0-9.e]*\),*$/\1/p" "$1"; }
+
+# Twelve ellipsoids of varying axes; those of group big are larger by a fifth.
+mkdir shapes
+echo "name,group,age" >table.csv
+for i in 0 1 2 3 4 5 6 7 8 9 10 11; do
+    group=big scale=1.2
+    [ $((i % 2)) -eq 1 ] && group=small scale=1
+    "$synthetic" ellipsoid shapes/s$i.ply level 3 index $((i * 5 % 12)) count 12 wobble 0.02 \
+        seed $((i + 1)) scale $scale || exit 1
+    echo "s$i,$group,$((20 + i * 7 % 12))" >>table.csv
+done
+"$apsm" run shapes -o model -J 32 --faces 1000 --stage1-epochs 3 --stage2-epochs 2 --quiet \
+    >said 2>&1 || fail "no model: $(tail -n 3 said)"
+
+"$apsm" test model --subjects table.csv --formula '~ group + age' --on size >said 2>&1 ||
+    fail "size: $(tail -n 1 said)"
+p=$(number model/statistics/group_size.json p)
+# All 12! orders are too many; with age in the model the smallest p of 10,000 draws is 1 / 10,001.
+awk -v p="$p" 'BEGIN { exit !(p < 0.01) }' || fail "sizes that differ by a fifth: p = $p"
+grep -q 'big minus small' model/statistics/group_size.csv || fail "no effect in the table"
+
+"$apsm" test model --subjects table.csv --formula '~ group' --on size --quiet || fail "exact"
+grep -q '"exact": true' model/statistics/group_size.json || fail "924 orders are not gone through"
+[ "$(number model/statistics/group_size.json permutations)" = 924 ] || fail "not 924 orders"
+
+# Size taken out, nothing is left to be found (the axes do not go with the groups).
+"$apsm" test model --subjects table.csv --formula '~ group' --on shape --permutations 500 --quiet
+p=$(number model/statistics/group_shape.json p)
+awk -v p="$p" 'BEGIN { exit !(p > 0.02) }' || fail "shapes that do not differ: p = $p"
+[ "$(wc -l <model/statistics/group_shape.csv)" -eq 33 ] || fail "not a line a particle"
+
+# The same bytes with two threads, and other draws with another seed.
+for threads in 1 2; do
+    "$apsm" test model --subjects table.csv --formula '~ group + age' -o t$threads \
+        --permutations 300 --threads $threads --quiet || fail "threads $threads"
+done
+cmp -s t1/group_form.json t2/group_form.json || fail "another result with two threads"
+"$apsm" test model --subjects table.csv --formula '~ group + age' -o t3 --permutations 300 \
+    --seed 5 --quiet
+cmp -s t1/group_form.json t3/group_form.json && fail "the seed does not matter"
+
+# The table by another program's arithmetic: the difference of mean sizes.
+want=$(awk -F, 'NR > 1 { print $1, $2 }' table.csv | while read -r name group; do
+    awk -v g="$group" '{ for (k = 1; k <= 3; k++) { s[k] += $k; q += $k * $k } n++ }
+        END { print g, sqrt(q - (s[1]^2 + s[2]^2 + s[3]^2) / n) }' "model/particles/${name}_world.particles"
+done | awk '{ s[$1] += $2; n[$1]++ } END { print s["big"] / n["big"] - s["small"] / n["small"] }')
+"$apsm" test model --subjects table.csv --formula '~ group' --on size --quiet
+got=$(awk -F, 'NR == 2 { print $8 }' model/statistics/group_size.csv)
+awk -v g="$got" -v w="$want" 'BEGIN { d = g - w; exit !(d * d < 1e-6 * w * w) }' ||
+    fail "difference of mean sizes is $got, not $want"
+
+refuse 2 "no column 'grup'" model --subjects table.csv --formula '~ grup'
+refuse 2 "is no term of the formula" model --subjects table.csv --formula '~ group' --of age
+refuse 2 "give form, shape, size or modes" model --subjects table.csv --formula '~ group' --on form2
+refuse 2 "give a whole number" model --subjects table.csv --formula '~ group' --permutations ten
+refuse 2 "needs a formula" model
+sed 's/^s3,/s33,/' table.csv >bad.csv
+refuse 2 "bad.csv:5: 's33' is no shape of the model" model --subjects bad.csv --formula '~ group'
+refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
+sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
+refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
+[ -z "$(find . -name '*.tmp')" ] || fail "temporary files are left"
+exit $failed
