@@ -8,6 +8,7 @@
 
 #include "apsm/affine.h"
 #include "fit/fit_model.h"
+#include "fit/parts.h"
 #include "folder/model_folder.h"
 #include "geometry/vec3.h"
 
@@ -130,6 +131,54 @@ static void whole(left_out *b)
            count[1], count[2]);
 }
 
+/* ---- where the time goes ---- */
+
+static void step(const char *what, double *start)
+{
+    const double now = bench_now();
+    printf("{\"step\": \"%s\", \"ms\": %.1f}\n", what, 1e3 * (now - *start));
+    *start = bench_now();
+}
+
+/* One shape, the last, with the joint model. */
+static void steps(left_out *b)
+{
+    const char *const names[] = { "shape" };
+    const size_t i = b->folder.template_index == 0 ? 1 : 0;
+    apsm_mesh mesh;
+    apsm_fit fit = { 0 };
+    apsm_cohort one;
+    apsm_bvh *bvh;
+    const apsm_fit_options o = apsm_fit_defaults();
+    fit_job job = { .m = b->joint, .name = "shape", .mesh = &mesh, .options = &o, .out = &fit };
+    must(b, model_folder_mesh(b->ctx, &b->folder, i, &mesh));
+    must(b, fit_alloc(b->joint, &fit));
+    for (int turn = 0; turn < 2; turn++) {
+        double t = bench_now();
+        must(b, apsm_bvh_build_unsigned(&mesh, &bvh));
+        step("tree", &t);
+        must(b, fit_pose_find(b->joint, &mesh, bvh, &o, &job.pose));
+        step("pose", &t);
+        must(b, apsm_cohort_build(b->ctx, 1, names, &mesh, job.pose.M, 0, 0, 0, &one));
+        job.shape = one.shape[0];
+        step("shape", &t);
+        must(b, fit_whole_particles(b->ctx, &job));
+        step("particles", &t);
+        must(b, fit_whole_deviations(&job));
+        step("deviations", &t);
+        must(b, fit_frames(&job));
+        must(b, fit_scores(&job));
+        step("frames and scores", &t);
+        must(b, apsm_surface_distance_between(b->ctx, &job.shape.mesh, job.shape.bvh, &fit.mesh,
+                                              NULL, &fit.distance));
+        step("distance", &t);
+        apsm_cohort_free(&one);
+        apsm_bvh_free(bvh);
+    }
+    apsm_fit_free(&fit);
+    apsm_mesh_free(&mesh);
+}
+
 int main(int argc, char **argv)
 {
     left_out b = { 0 };
@@ -139,6 +188,7 @@ int main(int argc, char **argv)
     }
     open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
     if (strcmp(argv[1], "whole") == 0) whole(&b);
+    if (strcmp(argv[1], "steps") == 0) steps(&b);
     apsm_fit_model_free(b.joint);
     model_folder_free(&b.folder);
     apsm_context_free(b.ctx);

@@ -153,7 +153,6 @@ static apsm_status finish_whole(apsm_context *ctx, fit_job *job)
     APSM_TRY(fit_whole_deviations(job));
     APSM_TRY(fit_frames(job));
     APSM_TRY(fit_scores(job));
-    APSM_TRY(fit_certify(job));
     APSM_TRY(apsm_surface_distance_between(ctx, &job->shape.mesh, job->shape.bvh, &out->mesh, NULL,
                                            &out->distance));
     out->has_distance = true;

@@ -6,9 +6,10 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "fit/pose.h"
 #include "geometry/vec3.h"
 #include "groom/icp.h"
-#include "optimize/correspondence_loss.h"
+#include "optimize/fidelity_shape.h"
 
 const double fit_band_missing[FIT_BANDS] = { 0.2, 0.5, 0.8 };
 
@@ -211,6 +212,24 @@ static void measure_sizes(size_t I, size_t J, const double *P, double radius, fi
     }
 }
 
+/* Mean pose residual of some of the shapes, as the warped template shows them. */
+static apsm_status measure_poses(const double *P, apsm_fit_model *m)
+{
+    enum { SOME = 8 };
+    const size_t I = m->model.I, n = I < SOME ? I : SOME;
+    apsm_mesh mesh;
+    apsm_status status = apsm_mesh_copy(&m->cohort.shape[0].mesh, &mesh);
+    m->calibration.pose = 0;
+    for (size_t k = 0; k < n && status == APSM_OK; k++) {
+        double residual = 0;
+        apsm_warp_apply(&m->fidelity->warp, P + (k * I / n) * 3 * m->model.J, mesh.V);
+        status = fit_pose_residual(m, &mesh, &residual);
+        m->calibration.pose += residual / (double)n;
+    }
+    if (status == APSM_OK) apsm_mesh_free(&mesh);
+    return status;
+}
+
 static apsm_status calibrate(apsm_context *ctx, apsm_fit_model *m)
 {
     const apsm_shape_model *s = &m->model;
@@ -218,7 +237,8 @@ static apsm_status calibrate(apsm_context *ctx, apsm_fit_model *m)
     if (!P) return APSM_ERR_MEMORY;
     fit_model_particles(s, P);
     measure_sizes(s->I, s->J, P, m->radius, &m->calibration);
-    const apsm_status status = fit_calibrate(ctx, P, m);
+    apsm_status status = measure_poses(P, m);
+    if (status == APSM_OK) status = fit_calibrate(ctx, P, m);
     free(P);
     return status;
 }

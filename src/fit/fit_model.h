@@ -28,6 +28,7 @@ typedef struct fit_calibration {
     double size_least, size_most; /* of the shapes, relative to the mean's */
     double distance;              /* two-way, mean over the shapes; 0: not measured */
     double distance_most;         /* of the worst shape */
+    double pose; /* residual of the poses of some shapes, over the radius: typical */
 } fit_calibration;
 enum { FIT_CALIBRATION = sizeof(fit_calibration) / sizeof(double) };
 

@@ -13,13 +13,15 @@ typedef struct fit_job {
     const apsm_fit_options *options;
     fit_pose pose;
     apsm_shape shape; /* in the world frame; {0} until posed */
+    unsigned faults;  /* the certificate's reasons */
     apsm_fit *out;
 } fit_job;
 
 /* Arrays of out, sized for the model. */
 apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out) APSM_NODISCARD;
 
-/* Particles of a whole shape (job->shape) to out->world: registration, then (12). */
+/* Particles of a whole shape (job->shape) to out->world, with their certificate: registration, then
+ * (12). */
 apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job) APSM_NODISCARD;
 
 /* From out->world and job->pose to all frames, and the warped mesh. */

@@ -92,12 +92,15 @@ static double ratio(double a, double b)
     return b > 0 ? a / b : INFINITY;
 }
 
-/* Both hands unless it was told. */
+/* Both hands unless it was told, or the one fits as shapes of the cohort do: the other hand would
+ * have to fit better by a quarter. */
 static void search_hands(search *s, const apsm_fit_options *o, fit_pose *out)
 {
     apsm_pose same = { .residual = INFINITY }, other = same;
     if (o->hand != APSM_HAND_OTHER) search_hand(s, false, &same);
-    if (o->hand != APSM_HAND_SAME) search_hand(s, true, &other);
+    const bool clear = same.residual < s->m->calibration.pose * s->fixed.cloud->radius;
+    if (o->hand == APSM_HAND_OTHER || (o->hand == APSM_HAND_AUTO && !clear))
+        search_hand(s, true, &other);
     out->mirrored =
         o->hand == APSM_HAND_OTHER ||
         (o->hand == APSM_HAND_AUTO && other.residual < APSM_MIRROR_RATIO * same.residual);
@@ -142,5 +145,24 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
         }
     }
     close_search(&s);
+    return status;
+}
+
+apsm_status fit_pose_residual(const apsm_fit_model *m, const apsm_mesh *mesh, double *residual)
+{
+    search s;
+    apsm_bvh *bvh = NULL;
+    double M[16];
+    apsm_affine_identity(M);
+    APSM_TRY(apsm_bvh_build_unsigned(mesh, &bvh));
+    const apsm_status status = open_search(m, mesh, bvh, &s);
+    if (status == APSM_OK) {
+        apsm_icp_options icp = icp_options(m);
+        icp.scale = true;
+        apsm_icp(&s.moving, &s.fixed, &icp, M, residual, s.work);
+        *residual /= s.fixed.cloud->radius;
+    }
+    close_search(&s);
+    apsm_bvh_free(bvh);
     return status;
 }

@@ -137,7 +137,7 @@ apsm_status posterior_of(const posterior_model *m, const posterior_seen *seen, p
 
 size_t posterior_particles_work_size(const posterior_model *m)
 {
-    return m->M * m->M + m->M + m->D * m->M + m->D;
+    return m->M * m->M + m->M + m->D * m->M + m->D + 6 * m->M;
 }
 
 /* (43) of particle j: its measurement pulls by noise / (noise + error). */
@@ -146,23 +146,17 @@ static double pull_of(const posterior_model *m, double error)
     return isinf(error) ? 0 : m->noise / (m->noise + error);
 }
 
-/* Block j of (44). */
+/* Block j of (44).  work: 6 M. */
 static void block_of(const posterior_model *m, const posterior_scores *s, size_t j, double pull,
-                     double block[9])
+                     double block[9], double *work)
 {
     const size_t D = m->D, M = m->M;
-    for (size_t a = 0; a < 3; a++)
-        for (size_t b = 0; b <= a; b++) {
-            const double *U = m->mode + 3 * j + a, *V = m->mode + 3 * j + b;
-            double sum = 0;
-            for (size_t k = 0; k < M; k++) {
-                double t = 0;
-                for (size_t l = 0; l < M; l++) t += s->B[k * M + l] * V[l * D];
-                sum += U[k * D] * t;
-            }
-            sum *= (1 - pull) * (1 - pull);
-            block[3 * a + b] = block[3 * b + a] = sum + (a == b ? m->noise * (1 - pull) : 0);
-        }
+    double *U = work, *BU = work + 3 * M; /* 3 x M: rows of U of the particle */
+    for (size_t k = 0; k < M; k++)
+        for (size_t a = 0; a < 3; a++) U[a * M + k] = (1 - pull) * m->mode[k * D + 3 * j + a];
+    apsm_gemm(0, 0, 3, M, M, 1, U, M, s->B, M, 0, BU, M);
+    apsm_gemm(0, 1, 3, 3, M, 1, BU, M, U, M, 0, block, 3);
+    for (size_t a = 0; a < 3; a++) block[4 * a] += m->noise * (1 - pull);
 }
 
 static void particles_of_scores(const posterior_model *m, const double *y, const double *error,
@@ -181,7 +175,7 @@ apsm_status posterior_of_particles(const posterior_model *m, const double *y, co
                                    posterior_scores *s, double *x, double *block, double *work)
 {
     const size_t D = m->D, M = m->M;
-    double *W = work, *e = W + D * M, *solve = e + D, eNe = 0, logdet = 0;
+    double *W = work, *e = W + D * M + 6 * M, *solve = e + D, eNe = 0, logdet = 0;
     size_t n = 0;
     for (size_t d = 0; d < D; d++) { /* N^-1/2 e and N^-1/2 U, zero where nothing is seen */
         const bool seen = !isinf(error[d / 3]);
@@ -197,6 +191,6 @@ apsm_status posterior_of_particles(const posterior_model *m, const double *y, co
     APSM_TRY(solve_scores(m, n, eNe, logdet, s, solve));
     if (x) particles_of_scores(m, y, error, s, x);
     for (size_t j = 0; block && j < D / 3; j++)
-        block_of(m, s, j, pull_of(m, error[j]), block + 9 * j);
+        block_of(m, s, j, pull_of(m, error[j]), block + 9 * j, W);
     return APSM_OK;
 }

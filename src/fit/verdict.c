@@ -7,6 +7,7 @@
 
 #include "fit/parts.h"
 #include "fit/tail.h"
+#include "optimize/certificate.h"
 
 static const double other_size = 1.35;      /* beyond the cohort's sizes by this factor */
 static const double pose_refused = 0.25;    /* of the radius: another shape altogether */
@@ -74,6 +75,9 @@ void fit_judge(fit_job *job)
         fit_object(out, miss > residual_refused ? APSM_FIT_REFUSED : APSM_FIT_REVIEW,
                    "the modes miss it by %.2g times as much as the worst left-out shape", miss);
     judge_distance(job);
+    for (int r = 0; r < APSM_REVIEW_COUNT; r++)
+        if (job->faults & (1u << r))
+            fit_object(out, APSM_FIT_REVIEW, "%s", apsm_review_text((apsm_review)r));
     if (out->tail < tail_review)
         fit_object(
             out, APSM_FIT_REVIEW,

@@ -27,17 +27,37 @@ static void open_pair(const fit_job *job, pair *p)
     p->stage.cohort = &p->cohort;
 }
 
-/* P0 and P: 2 x D. */
-static apsm_status run_rounds(const fit_job *job, const double *P0, double *P)
+/* The prior stays, so few rounds suffice: of 4, 6, 8 and 12 on 26 tali all end at the same
+ * distance.
+ */
+enum { ROUNDS = 4 };
+
+/* P0 and P: 2 x D.  with_end: a round more, after which particles with faults return. */
+static apsm_status run_rounds(const fit_job *job, long first, long last, bool with_end,
+                              const double *P0, double *P)
 {
     pair p;
     fidelity_work w;
     open_pair(job, &p);
+    p.stage.o.rounds = with_end ? last : last + 1;
     apsm_status status = fidelity_work_alloc(&p.stage, job->m->prior.modes, &w);
-    for (long r = 0; status == APSM_OK && r < p.stage.o.rounds; r++)
+    for (long r = first; status == APSM_OK && r < last; r++)
         status = fidelity_round_of(&p.stage, &job->m->prior, 1, r, P0, P, &w);
     fidelity_work_free(&w);
     return status;
+}
+
+/* Rounds, and where the certificate then finds a fault the end of the cohort's stage. */
+static apsm_status fit_rounds(fit_job *job, const double *P0, double *P)
+{
+    const size_t D = 3 * job->m->model.J, bytes = D * sizeof *P;
+    APSM_TRY(run_rounds(job, 0, ROUNDS, false, P0, P));
+    memcpy(job->out->world, P + D, bytes);
+    APSM_TRY(fit_certify(job));
+    if (job->out->certified && job->out->folds + job->out->swaps == 0) return APSM_OK;
+    APSM_TRY(run_rounds(job, ROUNDS, ROUNDS + 1, true, P0, P));
+    memcpy(job->out->world, P + D, bytes);
+    return fit_certify(job);
 }
 
 apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job)
@@ -53,9 +73,8 @@ apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job)
                                                  J, m->T, m->TN, m->h, P0 + D);
     if (status == APSM_OK) {
         memcpy(P, P0, 2 * D * sizeof *P);
-        status = run_rounds(job, P0, P);
+        status = fit_rounds(job, P0, P);
     }
-    if (status == APSM_OK) memcpy(job->out->world, P + D, D * sizeof *P);
     free(P0);
     return status;
 }
@@ -143,9 +162,7 @@ apsm_status fit_certify(fit_job *job)
         out->swaps = c.swaps;
         out->folds = c.folds;
         out->off_surface = c.off_surface_max;
-        for (int r = 0; r < APSM_REVIEW_COUNT; r++)
-            if (c.reasons & (1u << r))
-                fit_object(out, APSM_FIT_REVIEW, "%s", apsm_review_text((apsm_review)r));
+        job->faults = c.reasons;
     }
     apsm_certificate_free(&c);
     apsm_neighbourhoods_free(&l.rows);
