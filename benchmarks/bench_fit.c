@@ -131,6 +131,128 @@ static void whole(left_out *b)
            count[1], count[2]);
 }
 
+/* ---- parts ---- */
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Faces below the plane across axis that hides this share of the vertices. */
+static void cut(apsm_mesh *mesh, const double axis[3], double missing)
+{
+    double *along = bench_doubles(mesh->nv), *sorted = bench_doubles(mesh->nv);
+    size_t nf = 0;
+    for (size_t v = 0; v < mesh->nv; v++) sorted[v] = along[v] = dot(axis, mesh->V + 3 * v);
+    qsort(sorted, mesh->nv, sizeof *sorted, bench_by_value);
+    const double level = sorted[(size_t)((1 - missing) * (double)(mesh->nv - 1))];
+    for (size_t f = 0; f < mesh->nf; f++) {
+        const uint32_t *c = mesh->F + 3 * f;
+        if (along[c[0]] > level || along[c[1]] > level || along[c[2]] > level) continue;
+        memmove(mesh->F + 3 * nf++, c, 3 * sizeof *c);
+    }
+    mesh->nf = nf;
+    free(along);
+    free(sorted);
+}
+
+/* Sums over the hidden particles. */
+typedef struct part_sums {
+    double particle, surface, mean_surface, mean_particle, seconds, pose, inside, inside_surface;
+    size_t n, shapes, refused;
+} part_sums;
+
+static void judge_part(left_out *b, size_t i, const apsm_fit_model *m, const apsm_mesh *whole,
+                       const apsm_fit *fit, part_sums *s)
+{
+    apsm_bvh *bvh;
+    double M[16], *world = bench_doubles(3 * fit->J);
+    const double *P = b->folder.P + i * 3 * fit->J;
+    model_folder_to_world(&b->folder, i, M);
+    apsm_affine_apply(M, fit->J, fit->original, world);
+    double *placed = bench_doubles(3 * fit->J), *weight = bench_doubles(fit->J), A[16];
+    for (size_t j = 0; j < fit->J; j++) weight[j] = fit->observed[j] ? 1 : 1e-9;
+    apsm_affine_fit(fit->J, m->model.mean, P, weight, 0, A);
+    apsm_affine_apply(A, fit->J, m->model.mean, placed);
+    bench_must(apsm_bvh_build_unsigned(whole, &bvh));
+    for (size_t j = 0; j < fit->J; j++) {
+        if (fit->observed[j]) continue;
+        apsm_closest at;
+        const double *x = world + 3 * j, *mean = placed + 3 * j;
+        s->particle += sqrt(vec3_distance2(x, P + 3 * j));
+        s->mean_particle += sqrt(vec3_distance2(mean, P + 3 * j));
+        apsm_bvh_closest(bvh, x, INFINITY, &at);
+        s->surface += sqrt(at.distance2);
+        s->inside_surface += sqrt(at.distance2) <= 1.645 * fit->sd_normal[j];
+        apsm_bvh_closest(bvh, mean, INFINITY, &at);
+        s->mean_surface += sqrt(at.distance2);
+        for (size_t c = 0; c < 3; c++)
+            s->inside += fabs(x[c] - P[3 * j + c]) <= 1.645 * fit->sd[j] ? 1.0 / 3 : 0;
+        s->n++;
+    }
+    apsm_bvh_free(bvh);
+    free(placed);
+    free(weight);
+    free(world);
+}
+
+static void one_part(left_out *b, size_t i, const apsm_fit_model *m, const double axis[3],
+                     double missing, part_sums *s)
+{
+    apsm_mesh whole, part;
+    apsm_fit fit;
+    apsm_fit_options o = apsm_fit_defaults();
+    double M[16], back[16];
+    must(b, model_folder_mesh(b->ctx, &b->folder, i, &whole));
+    must(b, apsm_mesh_copy(&whole, &part));
+    cut(&part, axis, missing);
+    model_folder_to_world(&b->folder, i, M);
+    must(b, apsm_affine_invert(M, back));
+    apsm_mesh_transform(&part, back);
+    o.extent = APSM_EXTENT_PART;
+    o.hand = APSM_HAND_SAME;
+    const double start = bench_now();
+    must(b, apsm_fit_surface(b->ctx, m, b->folder.names[i], &part, &o, &fit));
+    s->seconds += bench_now() - start;
+    s->shapes++;
+    if (fit.verdict == APSM_FIT_REFUSED) {
+        s->refused++;
+        fprintf(stderr, "%s refused: %s\n", b->folder.names[i], fit.reason);
+    } else
+        judge_part(b, i, m, &whole, &fit, s);
+    apsm_fit_free(&fit);
+    apsm_mesh_free(&part);
+    apsm_mesh_free(&whole);
+}
+
+static void parts(left_out *b)
+{
+    static const double axis[4][3] = {
+        { 1, 0.3, 0.2 }, { -0.2, 1, 0.3 }, { 0.3, -0.2, 1 }, { -1, -1, -1 }
+    };
+    static const double missing[3] = { 0.2, 0.5, 0.8 };
+    part_sums s[3] = { 0 };
+    for (size_t fold = 0; fold < b->folds; fold++) {
+        apsm_fit_model *m = without_fold(b, fold);
+        for (size_t i = fold; i < b->folder.I; i += b->folds) {
+            if (i == b->folder.template_index) continue;
+            for (size_t q = 0; q < 3; q++)
+                one_part(b, i, m, axis[i / b->folds % 4], missing[q], &s[q]);
+        }
+        apsm_fit_model_free(m);
+    }
+    const double h = b->joint->h;
+    for (size_t q = 0; q < 3; q++)
+        printf("{\"missing\": %.1f, \"surface_h\": %.4f, \"mean_surface_h\": %.4f, "
+               "\"particle_h\": %.4f, \"mean_particle_h\": %.4f, \"inside\": %.3f, "
+               "\"inside_surface\": %.3f, \"seconds\": %.3f, \"refused\": %zu, \"shapes\": %zu}\n",
+               missing[q], s[q].surface / (double)s[q].n / h,
+               s[q].mean_surface / (double)s[q].n / h, s[q].particle / (double)s[q].n / h,
+               s[q].mean_particle / (double)s[q].n / h, s[q].inside / (double)s[q].n,
+               s[q].inside_surface / (double)s[q].n, s[q].seconds / (double)s[q].shapes,
+               s[q].refused, s[q].shapes);
+}
+
 /* ---- where the time goes ---- */
 
 static void step(const char *what, double *start)
@@ -188,6 +310,7 @@ int main(int argc, char **argv)
     }
     open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
     if (strcmp(argv[1], "whole") == 0) whole(&b);
+    if (strcmp(argv[1], "parts") == 0) parts(&b);
     if (strcmp(argv[1], "steps") == 0) steps(&b);
     apsm_fit_model_free(b.joint);
     model_folder_free(&b.folder);

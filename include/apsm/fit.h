@@ -72,9 +72,10 @@ typedef struct apsm_fit {
     double *score;                    /* modes: lengths */
     double *variance;                 /* modes: of the model, to read the scores by */
     double *sd;            /* J: standard deviation of a particle, root mean of its coordinates' */
+    double *sd_normal;     /* J: the same along the surface's normal */
     bool *observed;        /* J: the surface is there */
     apsm_mesh mesh;        /* the template's, warped to the particles; world frame */
-    double *mesh_sd;       /* mesh.nv */
+    double *mesh_sd;       /* mesh.nv: along the normal */
     bool *mesh_observed;   /* mesh.nv */
     double observed_share; /* of the particles */
     double counted_share;  /* of the given surface, points or landmarks: what was believed */
@@ -96,6 +97,12 @@ void apsm_fit_free(apsm_fit *fit);
 apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
                              const apsm_mesh *mesh, const apsm_fit_options *options,
                              apsm_fit *fit) APSM_NODISCARD;
+
+/* The same from n points (n x 3) on the surface, without order: a cloud, of all of it or a part.
+ * Ten at least. */
+apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                            size_t n, const double *x, const apsm_fit_options *options,
+                            apsm_fit *fit) APSM_NODISCARD;
 
 /* ---- files ---- */
 

@@ -8,7 +8,8 @@
  *   mahalanobis F of (45) over its expectation: modes are chosen where the cohort varies most, so
  *               new shapes vary less there and F is not quite distributed like F
  *   band        with a part of a shape hidden, by a plane, and the pose free: factor on the
- * standard deviations of (44) at which 90 % of hidden coordinates are within 1.645 of them */
+ * standard deviations of (44) at which 90 % of hidden particles are within 1.645 of them
+ *               along their normals */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -215,18 +216,30 @@ static void hide(const judging *g, const double *mean, size_t k, double share, d
     qsort(order, J, sizeof *order, by_value);
     const double level = order[seen < J ? seen : J - 1];
     for (size_t j = 0; j < J; j++)
-        error[j] = vec3_dot(axis[k], mean + 3 * j) >= level ? INFINITY : 0;
+        error[j] = vec3_dot(axis[k], mean + 3 * j) >= level ? INFINITY : fit_part_error;
 }
 
-/* The 90th percentile of |miss| / sd over the hidden coordinates, over that of a Gaussian. */
-static double band_of(const judging *g, size_t i, const bench *w, double *z)
+/* Deviation along n by a particle's covariance. */
+static double deviation_along(const double n[3], const double block[9])
 {
-    const size_t J = g->prior.J, D = 3 * J;
+    double sum = 0;
+    for (size_t a = 0; a < 3; a++) sum += n[a] * vec3_dot(block + 3 * a, n);
+    return sqrt(sum);
+}
+
+/* The 90th percentile of |miss| / sd along the normals of hidden particles, over that of a
+ * Gaussian.
+ */
+static double band_of(const judging *g, const bench *w, double *z)
+{
+    const size_t J = g->prior.J;
     size_t n = 0;
-    for (size_t d = 0; d < D; d++) {
-        if (!isinf(w->error[d / 3])) continue;
-        const double sd = sqrt(w->block[9 * (d / 3) + 4 * (d % 3)]);
-        z[n++] = fabs(g->P[i * D + d] / g->m->h - w->x[d]) / sd;
+    for (size_t j = 0; j < J; j++) {
+        if (!isinf(w->error[j])) continue;
+        const double *normal = g->m->TN + 3 * j;
+        double miss[3];
+        vec3_sub(w->y + 3 * j, w->x + 3 * j, miss);
+        z[n++] = fabs(vec3_dot(miss, normal)) / deviation_along(normal, w->block + 9 * j);
     }
     if (n == 0) return 1;
     qsort(z, n, sizeof *z, by_value);
@@ -249,8 +262,8 @@ static apsm_status bands_of(apsm_context *ctx, size_t k, int worker, void *user)
         for (size_t d = 0; d < D; d++) w.y[d] = g->P[i * D + d] / g->m->h;
         for (size_t q = 0; q < FIT_BANDS * DIRECTIONS && status == APSM_OK; q++) {
             hide(g, shape.mean, q % DIRECTIONS, fit_band_missing[q / DIRECTIONS], z, w.error);
-            status = posterior_of_particles(&m, w.y, w.error, &s, w.x, w.block, work);
-            g->result[k * FIT_BANDS * DIRECTIONS + q] = band_of(g, i, &w, z);
+            status = posterior_along_normals(&m, g->m->TN, w.y, w.error, &s, w.x, w.block, work);
+            g->result[k * FIT_BANDS * DIRECTIONS + q] = band_of(g, &w, z);
         }
     }
     bench_free(&w);

@@ -7,7 +7,7 @@
 
 #include "apsm/affine.h"
 #include "apsm/topology.h"
-#include "fit/parts.h"
+#include "fit/part.h"
 #include "fit/tail.h"
 #include "groom/groom.h"
 #include "optimize/fidelity_shape.h"
@@ -25,6 +25,7 @@ void apsm_fit_free(apsm_fit *fit)
     free(fit->score);
     free(fit->variance);
     free(fit->sd);
+    free(fit->sd_normal);
     free(fit->observed);
     free(fit->mesh_sd);
     free(fit->mesh_observed);
@@ -45,17 +46,28 @@ apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out)
     out->score = malloc(K * sizeof *out->score);
     out->variance = malloc(K * sizeof *out->variance);
     out->sd = malloc(J * sizeof *out->sd);
+    out->sd_normal = malloc(J * sizeof *out->sd_normal);
     out->observed = malloc(J * sizeof *out->observed);
     out->mesh_sd = malloc(mesh->nv * sizeof *out->mesh_sd);
     out->mesh_observed = malloc(mesh->nv * sizeof *out->mesh_observed);
     const bool ok = out->local && out->world && out->original && out->score && out->variance &&
-                    out->sd && out->observed && out->mesh_sd && out->mesh_observed;
+                    out->sd_normal && out->sd && out->observed && out->mesh_sd &&
+                    out->mesh_observed;
     if (!ok) return APSM_ERR_MEMORY;
     memcpy(out->variance, m->model.variance, K * sizeof *out->variance);
     return apsm_mesh_copy(mesh, &out->mesh);
 }
 
 /* ---- what follows from the particles ---- */
+
+void fit_set_deviation(apsm_fit *out, size_t j, const double block[9], const double n[3],
+                       double factor)
+{
+    double along = 0;
+    for (size_t a = 0; a < 9; a++) along += n[a / 3] * block[a] * n[a % 3];
+    out->sd[j] = factor * sqrt((block[0] + block[4] + block[8]) / 3);
+    out->sd_normal[j] = factor * sqrt(fmax(along, 0));
+}
 
 /* Vertices take their deviation and flag from the particles that move them. */
 static void carry_to_vertices(const apsm_warp *warp, apsm_fit *out)
@@ -65,7 +77,7 @@ static void carry_to_vertices(const apsm_warp *warp, apsm_fit *out)
         for (size_t j = 0; j < warp->J; j++) {
             const double w = fabs(warp->W[v * warp->J + j]);
             all += w;
-            sum += w * out->sd[j];
+            sum += w * out->sd_normal[j];
             seen += out->observed[j] ? w : 0;
         }
         out->mesh_sd[v] = sum / all;
@@ -173,6 +185,36 @@ static apsm_status fit_whole(apsm_context *ctx, fit_job *job)
     return status;
 }
 
+/* ---- parts of surfaces, and points ---- */
+
+static apsm_status fit_points(apsm_context *ctx, fit_job *job, const part_points *p)
+{
+    apsm_fit *out = job->out;
+    out->partial = true;
+    APSM_TRY(fit_part_particles(ctx, job, p));
+    APSM_TRY(fit_frames(job));
+    APSM_TRY(fit_scores(job));
+    fit_judge_part(job);
+    return APSM_OK;
+}
+
+static apsm_status fit_part(apsm_context *ctx, fit_job *job)
+{
+    part_points p;
+    APSM_TRY(part_points_of_mesh(job->mesh, &p));
+    const apsm_status status = fit_points(ctx, job, &p);
+    part_points_free(&p);
+    return status;
+}
+
+/* Whether it has openings. */
+static bool is_part(const apsm_mesh *mesh, const apsm_fit_options *o)
+{
+    apsm_mesh_defects defects;
+    if (o->extent != APSM_EXTENT_AUTO) return o->extent == APSM_EXTENT_PART;
+    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
+}
+
 /* ---- the door ---- */
 
 static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh)
@@ -197,6 +239,15 @@ static void withhold(apsm_fit *fit)
     apsm_mesh_free(&fit->mesh);
 }
 
+static apsm_status close_job(apsm_context *ctx, fit_job *job, apsm_status status)
+{
+    if (status == APSM_OK && is_refused(job)) withhold(job->out);
+    if (status == APSM_OK) return status;
+    apsm_fit_free(job->out);
+    const char *line = apsm_error_text(ctx);
+    return *line ? status : apsm_fail(ctx, status, "%s: %s", job->name, apsm_status_text(status));
+}
+
 apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
                              const apsm_mesh *mesh, const apsm_fit_options *options, apsm_fit *fit)
 {
@@ -204,10 +255,27 @@ apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, con
     APSM_TRY(check_mesh(ctx, name, mesh));
     fit_job job = { .m = model, .name = name, .mesh = mesh, .options = options, .out = fit };
     apsm_status status = fit_alloc(model, fit);
-    if (status == APSM_OK) status = fit_whole(ctx, &job);
-    if (status == APSM_OK && is_refused(&job)) withhold(fit);
-    if (status == APSM_OK) return status;
-    apsm_fit_free(fit);
-    const char *line = apsm_error_text(ctx);
-    return *line ? status : apsm_fail(ctx, status, "%s: %s", name, apsm_status_text(status));
+    if (status == APSM_OK)
+        status = is_part(mesh, options) ? fit_part(ctx, &job) : fit_whole(ctx, &job);
+    return close_job(ctx, &job, status);
+}
+
+apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                            size_t n, const double *x, const apsm_fit_options *options,
+                            apsm_fit *fit)
+{
+    part_points p = { 0 };
+    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    if (n < 10)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu points are too few; 10 at least", name,
+                         n);
+    for (size_t k = 0; k < 3 * n; k++)
+        if (!isfinite(x[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: point %zu is not finite", name, k / 3);
+    fit_job job = { .m = model, .name = name, .options = options, .out = fit };
+    apsm_status status = fit_alloc(model, fit);
+    if (status == APSM_OK) status = part_points_of_cloud(n, x, &p);
+    if (status == APSM_OK) status = fit_points(ctx, &job, &p);
+    part_points_free(&p);
+    return close_job(ctx, &job, status);
 }

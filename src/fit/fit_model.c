@@ -11,6 +11,7 @@
 #include "groom/icp.h"
 #include "optimize/fidelity_shape.h"
 
+const double fit_part_error = 0.0025;
 const double fit_band_missing[FIT_BANDS] = { 0.2, 0.5, 0.8 };
 
 void apsm_fit_model_free(apsm_fit_model *m)
@@ -25,6 +26,7 @@ void apsm_fit_model_free(apsm_fit_model *m)
     apsm_shape_model_free(&m->model);
     free(m->T);
     free(m->TN);
+    free(m->S);
     free(m->store);
     free(m->path);
     free(m);
@@ -171,12 +173,11 @@ static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 
 static apsm_status make_normals(apsm_fit_model *m)
 {
-    apsm_surface_point *S = malloc(m->model.J * sizeof *S);
+    m->S = malloc(m->model.J * sizeof *m->S);
     m->TN = malloc(3 * m->model.J * sizeof *m->TN);
-    if (S && m->TN) apsm_shape_look_up(&m->cohort.shape[0], m->model.J, m->T, S, NULL, m->TN);
-    const bool ok = S && m->TN;
-    free(S);
-    return ok ? APSM_OK : APSM_ERR_MEMORY;
+    if (!m->S || !m->TN) return APSM_ERR_MEMORY;
+    apsm_shape_look_up(&m->cohort.shape[0], m->model.J, m->T, m->S, NULL, m->TN);
+    return APSM_OK;
 }
 
 /* What poses and registrations are found with; no seed matters. */

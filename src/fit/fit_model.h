@@ -44,6 +44,7 @@ struct apsm_fit_model {
     /* made from the above */
     double h;
     double *TN;                /* J x 3: normals of T */
+    apsm_surface_point *S;     /* J: where they are on its mesh */
     apsm_fidelity *fidelity;   /* template, warp, neighbours */
     apsm_fidelity_prior prior; /* one fold */
     apsm_registration *registration;
@@ -68,6 +69,9 @@ apsm_status fit_model_without(apsm_context *ctx, const apsm_fit_model *m, const 
 
 /* Particles of all shapes of a model: mean + scores; P (I x J x 3, out). */
 void fit_model_particles(const apsm_shape_model *model, double *P);
+
+/* Variance, in h^2, with which a surface tells where a particle is along its normal. */
+extern const double fit_part_error;
 
 /* Modes of the smooth process of variance 1 at J points X: columns of a pivoted Cholesky factor of
  * exp(-|x - y|^2 / 2 reach^2), at most `most` of them; column (most x J, out).  Returns how many;

@@ -216,14 +216,15 @@ static apsm_status write_shape_json(apsm_context *ctx, char *path, const fit_ori
     json_t *root = json_pack("{s:s, s:i, s:o, s:o}", "format", FORMAT_FIT_CASE, "version",
                              FIT_VERSION, "model", json_model(origin), "fit", json_summary(row));
     if (root && fit->J > 0 &&
-        json_object_update_new(root,
-                               json_pack("{s:o, s:o, s:o, s:o, s:o, s:o}", "scores",
-                                         apsm_json_vector(fit->modes, fit->score), "variances",
-                                         apsm_json_vector(fit->modes, fit->variance), "world",
-                                         apsm_json_matrix(fit->J, 3, fit->world), "original",
-                                         apsm_json_matrix(fit->J, 3, fit->original), "deviation",
-                                         apsm_json_vector(fit->J, fit->sd), "observed",
-                                         json_flags(fit->J, fit->observed)))) {
+        json_object_update_new(
+            root, json_pack("{s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "scores",
+                            apsm_json_vector(fit->modes, fit->score), "variances",
+                            apsm_json_vector(fit->modes, fit->variance), "world",
+                            apsm_json_matrix(fit->J, 3, fit->world), "original",
+                            apsm_json_matrix(fit->J, 3, fit->original), "deviation_normal",
+                            apsm_json_vector(fit->J, fit->sd_normal), "deviation",
+                            apsm_json_vector(fit->J, fit->sd), "observed",
+                            json_flags(fit->J, fit->observed)))) {
         json_decref(root);
         root = NULL;
     }

@@ -30,6 +30,9 @@ apsm_status fit_frames(fit_job *job) APSM_NODISCARD;
 apsm_status fit_scores(fit_job *job) APSM_NODISCARD;
 /* Standard deviations of particles and vertices, all of them observed. */
 apsm_status fit_whole_deviations(fit_job *job) APSM_NODISCARD;
+/* Deviations of particle j from its covariance, times factor; n: unit normal. */
+void fit_set_deviation(apsm_fit *out, size_t j, const double block[9], const double n[3],
+                       double factor);
 /* The certificate's part of out, for particles out->world on job->shape. */
 apsm_status fit_certify(fit_job *job) APSM_NODISCARD;
 
@@ -37,6 +40,8 @@ apsm_status fit_certify(fit_job *job) APSM_NODISCARD;
 void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...) APSM_PRINTF(3, 4);
 /* What size and pose say, before particles are looked for. */
 void fit_judge_pose(fit_job *job);
+/* What can be said of a part. */
+void fit_judge_part(fit_job *job);
 /* What all figures say. */
 void fit_judge(fit_job *job);
 

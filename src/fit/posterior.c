@@ -194,3 +194,66 @@ apsm_status posterior_of_particles(const posterior_model *m, const double *y, co
         block_of(m, s, j, pull_of(m, error[j]), block + 9 * j, W);
     return APSM_OK;
 }
+
+/* ---- one coordinate of particles ---- */
+
+/* V = (I - pull n n') U of particle j (3 x M) and its block of (44).  work: 6 M. */
+static void normal_block(const posterior_model *m, const posterior_scores *s, size_t j,
+                         const double n[3], double pull, double block[9], double *work)
+{
+    const size_t D = m->D, M = m->M;
+    double *V = work, *VB = work + 3 * M;
+    for (size_t k = 0; k < M; k++) {
+        const double *u = m->mode + k * D + 3 * j, along = n[0] * u[0] + n[1] * u[1] + n[2] * u[2];
+        for (size_t a = 0; a < 3; a++) V[a * M + k] = u[a] - pull * along * n[a];
+    }
+    apsm_gemm(0, 0, 3, M, M, 1, V, M, s->B, M, 0, VB, M);
+    apsm_gemm(0, 1, 3, 3, M, 1, VB, M, V, M, 0, block, 3);
+    for (size_t a = 0; a < 3; a++)
+        for (size_t b = 0; b < 3; b++)
+            block[3 * a + b] += m->noise * ((a == b ? 1 : 0) - pull * n[a] * n[b]);
+}
+
+static void along_normals_of_scores(const posterior_model *m, const double *normal, const double *y,
+                                    const double *error, const posterior_scores *s, double *x)
+{
+    memcpy(x, m->mean, m->D * sizeof *x);
+    for (size_t k = 0; k < m->M; k++)
+        for (size_t d = 0; d < m->D; d++) x[d] += s->b[k] * m->mode[k * m->D + d];
+    for (size_t d = 0; d < m->D; d += 3) {
+        const double *n = normal + d, pull = pull_of(m, error[d / 3]);
+        double e = 0;
+        for (size_t c = 0; c < 3 && pull > 0; c++) e += n[c] * (y[d + c] - x[d + c]);
+        for (size_t c = 0; c < 3; c++) x[d + c] += pull * e * n[c];
+    }
+}
+
+apsm_status posterior_along_normals(const posterior_model *m, const double *normal, const double *y,
+                                    const double *error, posterior_scores *s, double *x,
+                                    double *block, double *work)
+{
+    const size_t D = m->D, M = m->M, J = D / 3;
+    double *W = work, *e = W + D * M + 6 * M, *solve = e + D, eNe = 0, logdet = 0;
+    size_t n = 0;
+    for (size_t j = 0; j < J; j++) { /* N^-1/2 e and N^-1/2 G, zero where nothing is seen */
+        const bool seen = !isinf(error[j]);
+        const double N = m->noise + error[j], root = seen ? 1 / sqrt(N) : 0, *a = normal + 3 * j;
+        e[j] = 0;
+        for (size_t c = 0; c < 3 && seen; c++)
+            e[j] += root * a[c] * (y[3 * j + c] - m->mean[3 * j + c]);
+        for (size_t k = 0; k < M; k++) {
+            const double *u = m->mode + k * D + 3 * j;
+            W[j * M + k] = root * (a[0] * u[0] + a[1] * u[1] + a[2] * u[2]);
+        }
+        eNe += e[j] * e[j];
+        logdet += seen ? log(N) : 0;
+        n += seen;
+    }
+    apsm_syrk(M, J, W, 0, s->B);
+    apsm_gemm(1, 0, M, 1, J, 1, W, M, e, 1, 0, s->b, 1);
+    APSM_TRY(solve_scores(m, n, eNe, logdet, s, solve));
+    if (x) along_normals_of_scores(m, normal, y, error, s, x);
+    for (size_t j = 0; block && j < J; j++)
+        normal_block(m, s, j, normal + 3 * j, pull_of(m, error[j]), block + 9 * j, W);
+    return APSM_OK;
+}

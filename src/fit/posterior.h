@@ -52,4 +52,10 @@ apsm_status posterior_of_particles(const posterior_model *m, const double *y, co
                                    posterior_scores *scores, double *x, double *block,
                                    double *work) APSM_NODISCARD;
 
+/* As above where only the coordinate along a unit normal (D: one for each particle) is measured, as
+ * a surface does that shows no marks: y (D) is any point with that coordinate. */
+apsm_status posterior_along_normals(const posterior_model *m, const double *normal, const double *y,
+                                    const double *error, posterior_scores *scores, double *x,
+                                    double *block, double *work) APSM_NODISCARD;
+
 #endif

@@ -106,7 +106,7 @@ static apsm_status keep_figures(apsm_fit *fit, fit_row *row)
     row->figures = *fit;
     fit_row *r = row;
     r->figures.local = r->figures.world = r->figures.original = NULL;
-    r->figures.variance = r->figures.sd = r->figures.mesh_sd = NULL;
+    r->figures.variance = r->figures.sd = r->figures.sd_normal = r->figures.mesh_sd = NULL;
     r->figures.observed = r->figures.mesh_observed = NULL;
     r->figures.mesh = (apsm_mesh){ 0 };
     r->figures.score = score;

@@ -17,6 +17,7 @@ static const double distance_refused = 4; /* times the worst of the cohort */
 static const double distance_review = 2;
 static const double distance_unmeasured = 0.2; /* h: what is taken for that where it is not known */
 static const double tail_review = 1e-3;
+static const double part_refused = 0.5, part_review = 0.8; /* of a part, what fits */
 
 const char *apsm_fit_verdict_text(apsm_fit_verdict verdict)
 {
@@ -66,6 +67,29 @@ static void judge_distance(const fit_job *job)
             distance / usual);
 }
 
+static void judge_scores(const fit_job *job)
+{
+    apsm_fit *out = job->out;
+    if (out->tail < tail_review)
+        fit_object(
+            out, APSM_FIT_REVIEW,
+            "far from the mean: Mahalanobis distance %.3g, beyond which one shape in %.0f lies",
+            out->mahalanobis, fmin(1 / fmax(out->tail, 1e-12), 1e12));
+}
+
+void fit_judge_part(fit_job *job)
+{
+    apsm_fit *out = job->out;
+    if (out->counted_share < part_refused)
+        fit_object(out, APSM_FIT_REFUSED, "another shape: only %.0f %% of what is given fits",
+                   100 * out->counted_share);
+    else if (out->counted_share < part_review)
+        fit_object(out, APSM_FIT_REVIEW, "only %.0f %% of what is given fits",
+                   100 * out->counted_share);
+    judge_distance(job);
+    judge_scores(job);
+}
+
 void fit_judge(fit_job *job)
 {
     const fit_calibration *c = &job->m->calibration;
@@ -78,9 +102,5 @@ void fit_judge(fit_job *job)
     for (int r = 0; r < APSM_REVIEW_COUNT; r++)
         if (job->faults & (1u << r))
             fit_object(out, APSM_FIT_REVIEW, "%s", apsm_review_text((apsm_review)r));
-    if (out->tail < tail_review)
-        fit_object(
-            out, APSM_FIT_REVIEW,
-            "far from the mean: Mahalanobis distance %.3g, beyond which one shape in %.0f lies",
-            out->mahalanobis, fmin(1 / fmax(out->tail, 1e-12), 1e12));
+    judge_scores(job);
 }

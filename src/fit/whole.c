@@ -93,7 +93,7 @@ apsm_status fit_whole_deviations(fit_job *job)
     const apsm_status status =
         posterior_of_particles(q, job->out->world, error, &s, NULL, block, work);
     for (size_t j = 0; j < J && status == APSM_OK; j++) {
-        job->out->sd[j] = sqrt((block[9 * j] + block[9 * j + 4] + block[9 * j + 8]) / 3);
+        fit_set_deviation(job->out, j, block + 9 * j, m->TN + 3 * j, 1);
         job->out->observed[j] = true;
     }
     free(error);

@@ -161,6 +161,47 @@ static void golden_particles(void **state)
     json_decref(root);
 }
 
+/* The case that measures one coordinate, by the kernel made for it. */
+static void golden_normals(void **state)
+{
+    (void)state;
+    json_t *root = golden_load("posterior");
+    const double tolerance = golden_number(root, "tolerance");
+    const json_t *json = json_array_get(golden_get(root, "cases"), 3);
+    golden_case c;
+    load(json, &c);
+    double b[M], B[M * M], x[D], block[9 * J], y[D] = { 0 }, error[J], normals[D];
+    double *normal = golden_array(golden_get(json, "normal"), 3);
+    double *C = golden_array(golden_get(json, "posterior_covariance"), D * D);
+    double *work = malloc(posterior_particles_work_size(&c.model) * sizeof *work);
+    const json_t *particles = golden_get(json, "particles");
+    for (size_t j = 0; j < J; j++) {
+        error[j] = INFINITY;
+        memcpy(normals + 3 * j, normal, 3 * sizeof *normal);
+    }
+    for (size_t k = 0; k < c.n; k++) {
+        const size_t j = (size_t)json_integer_value(json_array_get(particles, k));
+        error[j] = golden_number(json, "observation_noise");
+        for (size_t a = 0; a < 3; a++) y[3 * j + a] = c.y[k] * normal[a];
+    }
+    posterior_scores s = { .b = b, .B = B };
+    assert_int_equal(posterior_along_normals(&c.model, normals, y, error, &s, x, block, work),
+                     APSM_OK);
+    check_near("normals", D, x, json, "posterior_mean", tolerance);
+    check_near("normals", M * M, B, json, "score_covariance", tolerance);
+    check_near("normals", 1, &s.log_likelihood, json, "log_likelihood", tolerance);
+    check_near("normals", 1, &s.mahalanobis2, json, "mahalanobis2", tolerance);
+    for (size_t j = 0; j < J; j++)
+        for (size_t a = 0; a < 9; a++)
+            assert_true(fabs(block[9 * j + a] - C[(3 * j + a / 3) * D + 3 * j + a % 3]) <
+                        tolerance);
+    free(normal);
+    free(C);
+    free(work);
+    unload(&c);
+    json_decref(root);
+}
+
 /* Nothing measured: the model itself. */
 static void nothing_seen(void **state)
 {
@@ -188,6 +229,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(golden_cases),
                                         cmocka_unit_test(golden_particles),
+                                        cmocka_unit_test(golden_normals),
                                         cmocka_unit_test(nothing_seen) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
