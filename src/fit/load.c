@@ -55,6 +55,10 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: a model of %zu shapes cannot be fitted; it needs 3 at least", m->path,
                          f->I);
+    if (f->parts > 1)
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: is a model of %zu parts a subject; fits are of models of one part",
+                         m->path, f->parts);
     m->T = malloc(D * sizeof *m->T);
     if (!m->T) return APSM_ERR_MEMORY;
     memcpy(m->T, f->P + f->template_index * D, D * sizeof *m->T);

@@ -179,9 +179,10 @@ static apsm_status look_and_condition(fit_job *job, const sight *v, part_state *
 {
     const apsm_fit_model *m = job->m;
     const size_t J = m->model.J;
-    double *y = malloc(7 * J * sizeof *y), *normal = y + 3 * J, *error = normal + 3 * J;
+    double *y = malloc(7 * J * sizeof *y);
     size_t seen = 0;
     if (!y) return APSM_ERR_MEMORY;
+    double *normal = y + 3 * J, *error = normal + 3 * J;
     for (size_t j = 0; j < J; j++) {
         const double *p = w->P + 3 * j;
         job->out->observed[j] =
