@@ -20,7 +20,7 @@ set(CMAKE_ARCHIVE_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR})
 
 # Values must not depend on the compiler's mood: no contraction, no fast-math.
 set(APSM_C_FLAGS -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wstrict-prototypes
-    -ffp-contract=off -fno-math-errno -fno-trapping-math -fopenmp-simd -fvisibility=default)
+    -ffp-contract=off -fno-math-errno -fno-trapping-math -fopenmp-simd -fvisibility=hidden)
 # Two rounds of an outer loop jammed together keep the inner one from becoming vector code.
 if(CMAKE_C_COMPILER_ID STREQUAL "GNU")
   list(APPEND APSM_C_FLAGS -fno-loop-unroll-and-jam)
@@ -45,7 +45,8 @@ set(APSM_ROOMS "" CACHE INTERNAL "")
 
 function(apsm_c_target target)
   target_compile_definitions(${target} PRIVATE _POSIX_C_SOURCE=200809L _XOPEN_SOURCE=700)
-  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/include ${CMAKE_SOURCE_DIR}/src)
+  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/include ${CMAKE_SOURCE_DIR}/src
+                             ${CMAKE_SOURCE_DIR}/src/moved)
   target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:C>:${APSM_C_FLAGS}>)
   target_link_libraries(${target} PRIVATE ${APSM_LINK})
 endfunction()
@@ -70,17 +71,40 @@ function(apsm_embed target file symbol)
   target_sources(${target} PRIVATE ${out})
 endfunction()
 
+# What the shared library shows: the functions that the public headers mark with APSM_API.  Hidden
+# visibility alone leaves functions that choose their code by the processor.
+function(apsm_export_list out)
+  file(GLOB headers CONFIGURE_DEPENDS ${CMAKE_SOURCE_DIR}/include/apsm/*.h)
+  set(names)
+  foreach(header ${headers})
+    set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${header})
+    file(READ ${header} text)
+    string(REGEX MATCHALL "APSM_API [^(;#]*apsm_[a-z0-9_]+\\(" found "${text}")
+    foreach(line ${found})
+      string(REGEX REPLACE ".*(apsm_[a-z0-9_]+)\\($" "\\1" name "${line}")
+      list(APPEND names ${name})
+    endforeach()
+  endforeach()
+  list(JOIN names ";\n  " names)
+  file(CONFIGURE OUTPUT ${out} CONTENT "{ global:\n  @names@;\nlocal: *; };\n" @ONLY)
+endfunction()
+
 # The library is all rooms together.
 macro(apsm_library)
   set(objects)
   foreach(room ${APSM_ROOMS})
     list(APPEND objects $<TARGET_OBJECTS:room_${room}>)
   endforeach()
+  apsm_export_list(${CMAKE_BINARY_DIR}/apsm.map)
   add_library(apsm SHARED ${objects})
+  target_link_options(apsm PRIVATE -Wl,--version-script=${CMAKE_BINARY_DIR}/apsm.map)
   target_link_libraries(apsm PUBLIC ${APSM_LINK})
   target_include_directories(apsm PUBLIC $<BUILD_INTERFACE:${CMAKE_SOURCE_DIR}/include>)
   if(NOT APSM_SANITIZE)
     target_link_options(apsm PRIVATE -Wl,-z,defs) # nothing may be missing
   endif()
   set_target_properties(apsm PROPERTIES VERSION ${PROJECT_VERSION} SOVERSION 0)
+  # The same for our own programs and tests, which also use what the shared library hides.
+  add_library(apsm_inside STATIC ${objects})
+  target_link_libraries(apsm_inside PUBLIC ${APSM_LINK})
 endmacro()

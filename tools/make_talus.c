@@ -2,8 +2,8 @@
  *
  * Each file (Amira PLY of about 40,000 faces) goes through apsm_groom_mesh with the defaults, in
  * its own frame, unmirrored, and is written as binary PLY under the same name.  One JSON line a
- * file tells how far the result is from the original.  Built from the library's folder:
- *   cc -Iinclude tools/make_talus.c -Lbuild -lapsm -Wl,-rpath,$PWD/build -lm -o build/make_talus */
+ * file tells how far the result is from the original.  `scripts/make-talus-data` builds and runs
+ * it. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

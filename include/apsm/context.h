@@ -31,28 +31,28 @@ typedef void (*apsm_progress_fn)(void *user, const apsm_progress *progress);
 
 /* A context with 1 thread, seed 0 and silent; NULL if out of memory.  Free with
  * apsm_context_free (NULL is allowed). */
-apsm_context *apsm_context_new(void);
-void apsm_context_free(apsm_context *ctx);
+APSM_API apsm_context *apsm_context_new(void);
+APSM_API void apsm_context_free(apsm_context *ctx);
 
 /* threads >= 1; results do not depend on it.  seed: every random number derives from it. */
-void apsm_context_set_threads(apsm_context *ctx, int threads);
-int apsm_context_threads(const apsm_context *ctx);
-void apsm_context_set_seed(apsm_context *ctx, uint64_t seed);
-uint64_t apsm_context_seed(const apsm_context *ctx);
+APSM_API void apsm_context_set_threads(apsm_context *ctx, int threads);
+APSM_API int apsm_context_threads(const apsm_context *ctx);
+APSM_API void apsm_context_set_seed(apsm_context *ctx, uint64_t seed);
+APSM_API uint64_t apsm_context_seed(const apsm_context *ctx);
 
 /* Sinks for messages and progress; NULL switches one off.  user is passed through, borrowed. */
-void apsm_context_set_log(apsm_context *ctx, apsm_log_fn fn, void *user);
-void apsm_context_set_progress(apsm_context *ctx, apsm_progress_fn fn, void *user);
+APSM_API void apsm_context_set_log(apsm_context *ctx, apsm_log_fn fn, void *user);
+APSM_API void apsm_context_set_progress(apsm_context *ctx, apsm_progress_fn fn, void *user);
 
 /* flag (borrowed, may be NULL): long functions return APSM_ERR_INTERRUPTED soon after it is
  * non-zero.  A signal handler may set it. */
-void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag);
-bool apsm_interrupted(const apsm_context *ctx);
+APSM_API void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag);
+APSM_API bool apsm_interrupted(const apsm_context *ctx);
 
 /* fn is called between the tasks of apsm_parallel_for, from any of its threads: a place to keep
  * house (apsm_store_trim), never to decide anything.  NULL switches it off; user is borrowed. */
 typedef void (*apsm_between_fn)(void *user);
-void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user);
+APSM_API void apsm_context_set_between(apsm_context *ctx, apsm_between_fn fn, void *user);
 
 /* Who keeps finished pieces of long steps over an interruption.  A piece is what one task has
  * worked out, in the kind's fixed layout; the keeper sees to it that a piece comes back only for
@@ -64,23 +64,25 @@ typedef struct apsm_keeper {
                         const void *data);
 } apsm_keeper;
 /* keeper is borrowed; NULL: nothing is kept. */
-void apsm_context_set_keeper(apsm_context *ctx, const apsm_keeper *keeper);
+APSM_API void apsm_context_set_keeper(apsm_context *ctx, const apsm_keeper *keeper);
 /* Whether piece i of that kind had been kept; then its bytes are in data. */
-bool apsm_recall(const apsm_context *ctx, const char *kind, size_t i, size_t size, void *data);
-apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size,
-                      const void *data) APSM_NODISCARD;
+APSM_API bool apsm_recall(const apsm_context *ctx, const char *kind, size_t i, size_t size,
+                          void *data);
+APSM_API apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size,
+                               const void *data) APSM_NODISCARD;
 
-void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...) APSM_PRINTF(3, 4);
-void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress);
+APSM_API void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...)
+    APSM_PRINTF(3, 4);
+APSM_API void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress);
 
 /* Records why a call fails, in one line that names the file, the place in it and the remedy,
  * and returns status, so that it can be written `return apsm_fail(ctx, APSM_ERR_IO, ...)`.
  * ctx may be NULL. */
-apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format, ...)
+APSM_API apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format, ...)
     APSM_PRINTF(3, 4);
 
 /* The line of the last apsm_fail, or "" ; valid until the next call with ctx. */
-const char *apsm_error_text(const apsm_context *ctx);
+APSM_API const char *apsm_error_text(const apsm_context *ctx);
 
 /* Runs fn(task_ctx, i, worker, user) for i = 0..n-1 on the context's threads, in any order.
  * worker (0..threads-1) tells which scratch to use: two tasks never share one at a time.
@@ -90,8 +92,8 @@ const char *apsm_error_text(const apsm_context *ctx);
  * flag rises are skipped (APSM_ERR_INTERRUPTED).  If stage is not NULL, progress is reported
  * after each task. */
 typedef apsm_status (*apsm_task_fn)(apsm_context *task_ctx, size_t i, int worker, void *user);
-apsm_status apsm_parallel_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *user,
-                              const char *stage) APSM_NODISCARD;
+APSM_API apsm_status apsm_parallel_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *user,
+                                       const char *stage) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -9,9 +9,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "apsm/evaluate.h"
 #include "apsm/mesh.h"
 #include "apsm/options.h"
-#include "apsm/surface_distance.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -21,17 +21,18 @@ typedef struct apsm_fit_model apsm_fit_model;
 
 /* From a model folder that has been evaluated, or a file of apsm_fit_model_write.  A model needs
  * three shapes.  *model is owned by the caller, NULL on failure. */
-apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path,
-                                apsm_fit_model **model) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path,
+                                         apsm_fit_model **model) APSM_NODISCARD;
 /* One file that holds all that fits need (docs/formats.md), atomically. */
-apsm_status apsm_fit_model_write(apsm_context *ctx, const apsm_fit_model *model,
-                                 const char *path) APSM_NODISCARD;
-void apsm_fit_model_free(apsm_fit_model *model); /* NULL is allowed */
+APSM_API apsm_status apsm_fit_model_write(apsm_context *ctx, const apsm_fit_model *model,
+                                          const char *path) APSM_NODISCARD;
+APSM_API void apsm_fit_model_free(apsm_fit_model *model); /* NULL is allowed */
 
-size_t apsm_fit_model_particles(const apsm_fit_model *model);
-size_t apsm_fit_model_shapes(const apsm_fit_model *model);
-const apsm_options *apsm_fit_model_options(const apsm_fit_model *model);
-const apsm_mesh *apsm_fit_model_mesh(const apsm_fit_model *model); /* the template's; world frame */
+APSM_API size_t apsm_fit_model_particles(const apsm_fit_model *model);
+APSM_API size_t apsm_fit_model_shapes(const apsm_fit_model *model);
+APSM_API const apsm_options *apsm_fit_model_options(const apsm_fit_model *model);
+APSM_API const apsm_mesh *
+apsm_fit_model_mesh(const apsm_fit_model *model); /* the template's; world frame */
 
 /* Which hand a shape has: found out, that of the model, the other one. */
 enum { APSM_HAND_AUTO, APSM_HAND_SAME, APSM_HAND_OTHER };
@@ -44,14 +45,15 @@ typedef struct apsm_fit_options {
     bool aligned; /* the shape is in the model's world frame: no pose is searched for */
     bool force;   /* fit a stranger nevertheless */
 } apsm_fit_options;
-apsm_fit_options apsm_fit_defaults(void); /* auto, auto, false, false */
+APSM_API apsm_fit_options apsm_fit_defaults(void); /* auto, auto, false, false */
 
 typedef enum apsm_fit_verdict {
     APSM_FIT_GOOD,
     APSM_FIT_REVIEW, /* fitted; reason says what to look at */
     APSM_FIT_REFUSED /* not of the model's kind; there are no particles */
 } apsm_fit_verdict;
-const char *apsm_fit_verdict_text(apsm_fit_verdict verdict); /* "good", "needs review", "refused" */
+APSM_API const char *
+apsm_fit_verdict_text(apsm_fit_verdict verdict); /* "good", "needs review", "refused" */
 
 enum { APSM_FIT_REASON = 256 };
 
@@ -90,19 +92,20 @@ typedef struct apsm_fit {
     size_t lost, swaps, folds;
     double off_surface; /* most, in h */
 } apsm_fit;
-void apsm_fit_free(apsm_fit *fit);
+APSM_API void apsm_fit_free(apsm_fit *fit);
 
 /* mesh (borrowed): in any pose; closed and clean (as groomed) where it is whole.  name is for
  * messages.  A stranger is no failure: see verdict.  fit is overwritten, not freed. */
-apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                             const apsm_mesh *mesh, const apsm_fit_options *options,
-                             apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model,
+                                      const char *name, const apsm_mesh *mesh,
+                                      const apsm_fit_options *options,
+                                      apsm_fit *fit) APSM_NODISCARD;
 
 /* The same from n points (n x 3) on the surface, without order: a cloud, of all of it or a part.
  * Ten at least. */
-apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                            size_t n, const double *x, const apsm_fit_options *options,
-                            apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model,
+                                     const char *name, size_t n, const double *x,
+                                     const apsm_fit_options *options, apsm_fit *fit) APSM_NODISCARD;
 
 /* ---- files ---- */
 
@@ -126,8 +129,8 @@ typedef struct apsm_fit_totals {
  * (docs/formats.md).  One shape after the other is in memory for each thread.  A shape that is
  * refused or cannot be read is in the tables with its reason and does not end the call.
  * APSM_ERR_STATE: the folder holds something else. */
-apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
-                         apsm_fit_totals *totals) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
+                                  apsm_fit_totals *totals) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

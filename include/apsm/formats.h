@@ -17,35 +17,36 @@ extern "C" {
 
 /* PLY, STL, OBJ, legacy VTK, VTP.  Polygons are cut into triangles, coinciding points (STL)
  * merged; nothing else is changed.  mesh is overwritten, and {0} on failure. */
-apsm_status apsm_read_mesh(apsm_context *ctx, const char *path, apsm_mesh *mesh) APSM_NODISCARD;
+APSM_API apsm_status apsm_read_mesh(apsm_context *ctx, const char *path,
+                                    apsm_mesh *mesh) APSM_NODISCARD;
 /* Binary PLY, binary STL, OBJ, legacy VTK or VTP, atomically; equal meshes give equal bytes.  PLY
  * and STL hold float32 coordinates. */
-apsm_status apsm_write_mesh(apsm_context *ctx, const char *path,
-                            const apsm_mesh *mesh) APSM_NODISCARD;
+APSM_API apsm_status apsm_write_mesh(apsm_context *ctx, const char *path,
+                                     const apsm_mesh *mesh) APSM_NODISCARD;
 
 /* The points of a legacy VTK or VTP file without polygons, in their order.  *P (n x 3) is
  * malloc'ed.  A mesh is refused. */
-apsm_status apsm_read_mesh_points(apsm_context *ctx, const char *path, size_t *n,
-                                  double **P) APSM_NODISCARD;
+APSM_API apsm_status apsm_read_mesh_points(apsm_context *ctx, const char *path, size_t *n,
+                                           double **P) APSM_NODISCARD;
 /* Writes P (n x 3) as points, each with a vertex cell so that viewers show it, atomically, by
  * extension .vtk or .vtp, to the last bit. */
-apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path, size_t n,
-                                   const double *P) APSM_NODISCARD;
+APSM_API apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path, size_t n,
+                                            const double *P) APSM_NODISCARD;
 
 /* A segmentation: NIfTI-1 and 2 (.nii, .nii.gz, .hdr with .img), NRRD (.nrrd, .nhdr, Slicer's
  * .seg.nrrd with names and layers), MetaImage (.mha, .mhd); in LPS and mm whatever the file says.
  * Whole numbers are labels; a real-valued image with others comes as volume->value.  Where a header
  * contradicts itself or lacks what matters, the rule of docs/formats.md decides, and the volume's
  * notes say so.  volume is overwritten, and {0} on failure. */
-apsm_status apsm_read_volume(apsm_context *ctx, const char *path,
-                             apsm_volume *volume) APSM_NODISCARD;
+APSM_API apsm_status apsm_read_volume(apsm_context *ctx, const char *path,
+                                      apsm_volume *volume) APSM_NODISCARD;
 /* The same from a folder that holds one DICOM series or one DICOM segmentation (SEG), plain,
  * deflated or run-length encoded; other compressions are refused by name. */
-apsm_status apsm_read_dicom(apsm_context *ctx, const char *folder,
-                            apsm_volume *volume) APSM_NODISCARD;
+APSM_API apsm_status apsm_read_dicom(apsm_context *ctx, const char *folder,
+                                     apsm_volume *volume) APSM_NODISCARD;
 /* Labels of one layer into .nrrd, .nii, .nii.gz or .mha, packed but for .nii, atomically. */
-apsm_status apsm_write_volume(apsm_context *ctx, const char *path,
-                              const apsm_volume *volume) APSM_NODISCARD;
+APSM_API apsm_status apsm_write_volume(apsm_context *ctx, const char *path,
+                                       const apsm_volume *volume) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -31,7 +31,8 @@ typedef struct apsm_joint_settings {
 /* The whole job.  Subjects that miss a part are left out of the joint model, with a warning that
  * names them; their other parts still take part in those parts' models.  A folder that holds files,
  * but no joint model of ours, is refused. */
-apsm_status apsm_joint_run(apsm_context *ctx, const apsm_joint_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_joint_run(apsm_context *ctx,
+                                    const apsm_joint_settings *settings) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

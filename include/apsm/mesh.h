@@ -19,12 +19,12 @@ typedef struct apsm_mesh {
 } apsm_mesh;
 
 /* Uninitialised arrays of the given sizes.  mesh is overwritten, not freed. */
-apsm_status apsm_mesh_alloc(apsm_mesh *mesh, size_t nv, size_t nf) APSM_NODISCARD;
-apsm_status apsm_mesh_copy(const apsm_mesh *from, apsm_mesh *to) APSM_NODISCARD;
+APSM_API apsm_status apsm_mesh_alloc(apsm_mesh *mesh, size_t nv, size_t nf) APSM_NODISCARD;
+APSM_API apsm_status apsm_mesh_copy(const apsm_mesh *from, apsm_mesh *to) APSM_NODISCARD;
 /* Adds the vertices and faces of another mesh behind its own.  APSM_ERR_GEOMETRY: more than 2^32
  * vertices; mesh then stays as it was, as it does for want of memory. */
-apsm_status apsm_mesh_append(apsm_mesh *mesh, const apsm_mesh *more) APSM_NODISCARD;
-void apsm_mesh_free(apsm_mesh *mesh);
+APSM_API apsm_status apsm_mesh_append(apsm_mesh *mesh, const apsm_mesh *more) APSM_NODISCARD;
+APSM_API void apsm_mesh_free(apsm_mesh *mesh);
 
 /* A point on a mesh: its face and barycentric weights of the face's three corners
  * (>= 0, sum 1). */
@@ -34,24 +34,27 @@ typedef struct apsm_surface_point {
 } apsm_surface_point;
 
 /* x[3] of a surface point; unit normal n[3] interpolated from vertex normals VN (nv x 3). */
-void apsm_surface_position(const apsm_mesh *mesh, const apsm_surface_point *p, double x[3]);
-void apsm_surface_normal(const apsm_mesh *mesh, const double *VN, const apsm_surface_point *p,
-                         double n[3]);
+APSM_API void apsm_surface_position(const apsm_mesh *mesh, const apsm_surface_point *p,
+                                    double x[3]);
+APSM_API void apsm_surface_normal(const apsm_mesh *mesh, const double *VN,
+                                  const apsm_surface_point *p, double n[3]);
 
 /* Measures; O(nf). */
-double apsm_mesh_area(const apsm_mesh *mesh);
-double apsm_mesh_volume(const apsm_mesh *mesh); /* signed: > 0 when triangles face outward */
-void apsm_mesh_bounds(const apsm_mesh *mesh, double lo[3], double hi[3]);
-void apsm_mesh_centroid(const apsm_mesh *mesh, double c[3]); /* area-weighted, of the surface */
-double apsm_mesh_mean_edge(const apsm_mesh *mesh);           /* mean edge length over half-edges */
+APSM_API double apsm_mesh_area(const apsm_mesh *mesh);
+APSM_API double
+apsm_mesh_volume(const apsm_mesh *mesh); /* signed: > 0 when triangles face outward */
+APSM_API void apsm_mesh_bounds(const apsm_mesh *mesh, double lo[3], double hi[3]);
+APSM_API void apsm_mesh_centroid(const apsm_mesh *mesh,
+                                 double c[3]);              /* area-weighted, of the surface */
+APSM_API double apsm_mesh_mean_edge(const apsm_mesh *mesh); /* mean edge length over half-edges */
 
 /* Angle-weighted unit normals of the vertices, VN (nv x 3, out).  A vertex without a proper
  * face gets (0,0,1). */
-void apsm_mesh_vertex_normals(const apsm_mesh *mesh, double *VN);
+APSM_API void apsm_mesh_vertex_normals(const apsm_mesh *mesh, double *VN);
 
 /* In place: x <- M x for the row-major affine 4 x 4 M; triangles are turned over if det < 0, so
  * that they face outward again. */
-void apsm_mesh_transform(apsm_mesh *mesh, const double M[16]);
+APSM_API void apsm_mesh_transform(apsm_mesh *mesh, const double M[16]);
 
 #ifdef __cplusplus
 }

@@ -210,10 +210,10 @@ typedef struct apsm_option_info {
     const char *doc;
 } apsm_option_info;
 
-apsm_options apsm_options_defaults(void);
+APSM_API apsm_options apsm_options_defaults(void);
 
 /* The table; *n is its length. */
-const apsm_option_info *apsm_options_table(size_t *n);
+APSM_API const apsm_option_info *apsm_options_table(size_t *n);
 
 /* Sets one option from text, as `--set key=value` does.  Unknown key (the nearest one is
  * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line.
@@ -221,22 +221,23 @@ const apsm_option_info *apsm_options_table(size_t *n);
  * frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in every epoch), snap = none,
  * geodesic_correspondence = false, fidelity = 0, and the schedule of 50 + 50 epochs with its
  * weights; another method then takes these back to their defaults. */
-apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
-                             const char *value) APSM_NODISCARD;
+APSM_API apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
+                                      const char *value) APSM_NODISCARD;
 /* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */
-apsm_status apsm_options_get(const apsm_options *options, const char *key,
-                             char text[64]) APSM_NODISCARD;
+APSM_API apsm_status apsm_options_get(const apsm_options *options, const char *key,
+                                      char text[64]) APSM_NODISCARD;
 
 /* Presets: "default", "paper-literal-femur", "paper-literal-liver", "paper-literal-hip": every
  * paper reading at once with that cohort's weights. */
-apsm_status apsm_options_preset(apsm_context *ctx, apsm_options *options,
-                                const char *name) APSM_NODISCARD;
+APSM_API apsm_status apsm_options_preset(apsm_context *ctx, apsm_options *options,
+                                         const char *name) APSM_NODISCARD;
 
 /* Refuses contradictions between options. */
-apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *options) APSM_NODISCARD;
+APSM_API apsm_status apsm_options_check(apsm_context *ctx,
+                                        const apsm_options *options) APSM_NODISCARD;
 
 /* Number of edits between two words, for "did you mean". */
-size_t apsm_edit_distance(const char *a, const char *b);
+APSM_API size_t apsm_edit_distance(const char *a, const char *b);
 
 #ifdef __cplusplus
 }

@@ -18,8 +18,9 @@ typedef enum apsm_picture {
 } apsm_picture;
 
 /* "mean", "modes", "shape", "cohort"; a constant text. */
-const char *apsm_picture_name(apsm_picture what);
+APSM_API const char *apsm_picture_name(apsm_picture what);
 
+/* Begin with {0}; later versions may add fields at the end. */
 typedef struct apsm_render_options {
     apsm_picture what;
     const char *shape; /* name of the shape of APSM_PICTURE_SHAPE; NULL: the template */
@@ -33,8 +34,16 @@ enum { APSM_RENDER_LEAST = 64, APSM_RENDER_MOST = 8000 };
  * a particle has the same on every shape.  APSM_ERR_STATE: the folder has not been evaluated, or
  * has no modes to show; APSM_ERR_ARG: no such shape, a bad width or view.  The bytes do not depend
  * on the threads.  O(I V + pixels) time. */
-apsm_status apsm_render(apsm_context *ctx, const char *folder, const apsm_render_options *options,
-                        const char *path) APSM_NODISCARD;
+APSM_API apsm_status apsm_render_sized(apsm_context *ctx, const char *folder,
+                                       const apsm_render_options *options, size_t size,
+                                       const char *path) APSM_NODISCARD;
+
+static inline APSM_NODISCARD apsm_status apsm_render(apsm_context *ctx, const char *folder,
+                                                     const apsm_render_options *options,
+                                                     const char *path)
+{
+    return apsm_render_sized(ctx, folder, options, sizeof *options, path);
+}
 
 #ifdef __cplusplus
 }

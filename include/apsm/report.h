@@ -17,7 +17,7 @@ extern "C" {
  * APSM_ERR_STATE if the folder has not been evaluated, or was changed since.  Parallel over shapes;
  * the page does not depend on the threads.  O(I V (J + log V)) time, O(I V + V J) memory for I
  * shapes of V vertices and J particles. */
-apsm_status apsm_report_write(apsm_context *ctx, const char *folder) APSM_NODISCARD;
+APSM_API apsm_status apsm_report_write(apsm_context *ctx, const char *folder) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -9,7 +9,8 @@
 
 #include <stdbool.h>
 
-#include "apsm/metrics.h"
+#include "apsm/evaluate.h"
+#include "apsm/model.h"
 #include "apsm/options.h"
 #include "apsm/volume.h"
 
@@ -17,7 +18,8 @@
 extern "C" {
 #endif
 
-/* What is asked for.  All borrowed during apsm_run_open. */
+/* What is asked for; begin with {0}.  All borrowed during apsm_run_open.  Later versions may add
+ * fields at the end. */
 typedef struct apsm_run_settings {
     const char *folder; /* MODEL_DIR; NULL: a job in memory, which takes nothing but set */
     /* groom only; n_inputs 0: the inputs that the project already names */
@@ -36,21 +38,29 @@ typedef struct apsm_run_settings {
     bool dry;       /* only apsm_run_dry will be called: nothing is made or locked */
 } apsm_run_settings;
 
-typedef struct apsm_run apsm_run;
+typedef struct apsm_run apsm_run; /* opaque: one job */
 
 /* Opens or makes the folder, locks it against a second run, reads its project and settles the
- * options.  *run is owned by the caller, NULL on failure. */
-apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings,
-                          apsm_run **run) APSM_NODISCARD;
-void apsm_run_close(apsm_run *run);
+ * options.  *run is owned by the caller, NULL on failure.  ctx is borrowed until apsm_run_close.
+ * size: of settings as the program knows them; what it does not know of is as in {0}. */
+APSM_API apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *settings,
+                                         size_t size, apsm_run **run) APSM_NODISCARD;
+APSM_API void apsm_run_close(apsm_run *run); /* NULL is allowed */
+
+static inline APSM_NODISCARD apsm_status apsm_run_open(apsm_context *ctx,
+                                                       const apsm_run_settings *settings,
+                                                       apsm_run **run)
+{
+    return apsm_run_open_sized(ctx, settings, sizeof *settings, run);
+}
 
 /* The options in force, and any text setting ("" if not set). */
-const apsm_options *apsm_run_options(const apsm_run *run);
-const char *apsm_run_text(const apsm_run *run, const char *name);
+APSM_API const apsm_options *apsm_run_options(const apsm_run *run);
+APSM_API const char *apsm_run_text(const apsm_run *run, const char *name);
 
 /* What would be done, without doing it: inputs are listed and their headers read; time and
  * memory are estimated from measured rates.  One log line each. */
-apsm_status apsm_run_dry(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_dry(apsm_run *run) APSM_NODISCARD;
 
 /* ---- a job in memory: its shapes ----
  * name: what the shape is called, unique; no more than 200 bytes of UTF-8, without control
@@ -59,57 +69,57 @@ apsm_status apsm_run_dry(apsm_run *run) APSM_NODISCARD;
  * is out of range; APSM_ERR_STATE: the shapes have been groomed already. */
 
 /* A triangle mesh, V nv x 3 and F nf x 3 (counter-clockwise seen from outside). */
-apsm_status apsm_run_add_mesh(apsm_run *run, const char *name, bool reflect, size_t nv,
-                              const double *V, size_t nf, const uint32_t *F) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_add_mesh(apsm_run *run, const char *name, bool reflect, size_t nv,
+                                       const double *V, size_t nf,
+                                       const uint32_t *F) APSM_NODISCARD;
 /* A segmentation as volume.h has it; the option "labels" says which labels are the shape. */
-apsm_status apsm_run_add_volume(apsm_run *run, const char *name, bool reflect,
-                                const apsm_volume *volume) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_add_volume(apsm_run *run, const char *name, bool reflect,
+                                         const apsm_volume *volume) APSM_NODISCARD;
 
 /* ---- the steps ---- */
 
 /* Inputs to groomed meshes and transforms. */
-apsm_status apsm_run_groom(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_groom(apsm_run *run) APSM_NODISCARD;
 /* Groomed meshes to first particles. */
-apsm_status apsm_run_initialize(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_initialize(apsm_run *run) APSM_NODISCARD;
 /* First particles to corresponding ones.  With settings.resume from the last checkpoint. */
-apsm_status apsm_run_optimize(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_optimize(apsm_run *run) APSM_NODISCARD;
 /* Particles to model, certificate, figures and reconstructed meshes. */
-apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
 /* Reads and judges everything without writing: report gets one line for each problem, *problems
  * their number.  With inputs: each is groomed in memory; without: the folder's project. */
-apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line), void *user,
-                           size_t *problems) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line),
+                                    void *user, size_t *problems) APSM_NODISCARD;
 /* The report of what is in the folder, which may be another program's project. */
-apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
 /* All five; with settings.resume those that are not yet done.  In memory there is no report. */
-apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
 
 /* ---- results, of any job ----
  * Borrowed from the run: good until its next step or apsm_run_close.  Shapes are in the order of
  * their names, byte by byte; i must be below apsm_run_shapes.  What is not there yet is NULL or 0.
  */
 
-size_t apsm_run_shapes(const apsm_run *run);
-const char *apsm_run_shape_name(const apsm_run *run, size_t i);
-size_t apsm_run_template(const apsm_run *run); /* index; apsm_run_shapes if none is chosen yet */
+APSM_API size_t apsm_run_shapes(const apsm_run *run);
+APSM_API const char *apsm_run_shape_name(const apsm_run *run, size_t i);
+APSM_API size_t
+apsm_run_template(const apsm_run *run); /* index; apsm_run_shapes if none is chosen yet */
 /* Row-major map from the shape's own frame, that of its input (mirrored, if it was), to the frame
  * that all have in common; both are those of docs/formats.md, "local" and "world". */
-void apsm_run_to_world(const apsm_run *run, size_t i, double M[16]);
+APSM_API void apsm_run_to_world(const apsm_run *run, size_t i, double M[16]);
 /* The groomed mesh in its own frame; NULL: not in memory. */
-const apsm_mesh *apsm_run_mesh(const apsm_run *run, size_t i);
+APSM_API const apsm_mesh *apsm_run_mesh(const apsm_run *run, size_t i);
 /* Particles (shapes x *J x 3) in the common frame, of the last step that moved any. */
-const double *apsm_run_particles(const apsm_run *run, size_t *J);
+APSM_API const double *apsm_run_particles(const apsm_run *run, size_t *J);
 
-/* Of evaluate.  The figures have the names that evaluation.json has: "variances", "compactness",
- * "generalization", "generalization_standard_error", "specificity", "specificity_standard_error";
- * and one a shape "surface_mean", "surface_p95", "surface_max".  *n numbers. */
-const apsm_shape_model *apsm_run_model(const apsm_run *run);
-const double *apsm_run_figure(const apsm_run *run, const char *name, size_t *n);
+/* Of evaluate. */
+APSM_API const apsm_shape_model *apsm_run_model(const apsm_run *run);
+APSM_API const apsm_figures *apsm_run_figures(const apsm_run *run);
 
 /* The certificate of shape i: whether its correspondence is sound, and if not, the k-th reason why
  * (a constant text; NULL beyond the last). */
-bool apsm_run_is_certified(const apsm_run *run, size_t i);
-const char *apsm_run_review(const apsm_run *run, size_t i, size_t k);
+APSM_API bool apsm_run_is_certified(const apsm_run *run, size_t i);
+APSM_API const char *apsm_run_review(const apsm_run *run, size_t i, size_t k);
 
 /* What apsm_run_verify has looked at. */
 typedef struct apsm_verification {
@@ -120,10 +130,10 @@ typedef struct apsm_verification {
 /* Whether a model folder's files and inputs are what its manifest says, and the options in its
  * files agree.  Reads everything, writes nothing.  report gets one line for each disagreement, and
  * note one for what is unfinished. */
-apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
-                            void (*report)(void *user, const char *line),
-                            void (*note)(void *user, const char *line), void *user,
-                            apsm_verification *result) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
+                                     void (*report)(void *user, const char *line),
+                                     void (*note)(void *user, const char *line), void *user,
+                                     apsm_verification *result) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

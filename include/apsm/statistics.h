@@ -27,8 +27,8 @@ typedef struct apsm_test_settings {
 
 /* Writes OF_ON.json and OF_ON.csv (one line a particle, mode, or the size) and logs what they say.
  * Subjects with unknown values are left out, and counted.  Nothing of the model changes. */
-apsm_status apsm_statistics_test(apsm_context *ctx,
-                                 const apsm_test_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_test(apsm_context *ctx,
+                                          const apsm_test_settings *settings) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -6,6 +6,13 @@
 extern "C" {
 #endif
 
+/* Functions of the public face; all others are hidden in the shared library. */
+#if defined(__GNUC__)
+#define APSM_API __attribute__((visibility("default")))
+#else
+#define APSM_API
+#endif
+
 /* One list makes the enum and the texts.  Append only: the values are part of the ABI. */
 #define APSM_STATUS_LIST(X)                                                                        \
     X(APSM_OK, "success")                                                                          \
@@ -25,7 +32,7 @@ typedef enum apsm_status { APSM_STATUS_LIST(APSM_STATUS_ENUM) APSM_STATUS_COUNT 
 #undef APSM_STATUS_ENUM
 
 /* The text of a status; a constant string, never NULL. */
-const char *apsm_status_text(apsm_status status);
+APSM_API const char *apsm_status_text(apsm_status status);
 
 #if defined(__GNUC__)
 #define APSM_NODISCARD         __attribute__((warn_unused_result))

@@ -30,12 +30,12 @@ typedef struct apsm_volume {
     char *notes; /* what of the header had to be decided: lines that end in '\n', or NULL */
 } apsm_volume;
 
-void apsm_volume_free(apsm_volume *volume);
+APSM_API void apsm_volume_free(apsm_volume *volume);
 /* Logs "PATH: text" as a warning and adds it to the notes. */
-apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *volume,
-                             const char *format, ...) APSM_PRINTF(4, 5) APSM_NODISCARD;
+APSM_API apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *volume,
+                                      const char *format, ...) APSM_PRINTF(4, 5) APSM_NODISCARD;
 /* Row-major 4 x 4 map from (i,j,k) to LPS. */
-void apsm_volume_index_to_lps(const apsm_volume *volume, double M[16]);
+APSM_API void apsm_volume_index_to_lps(const apsm_volume *volume, double M[16]);
 
 #ifdef __cplusplus
 }

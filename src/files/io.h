@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "apsm/files.h"
 #include "core/number.h"
+#include "files/files.h"
 
 /* Fails with "PATH: WHAT: reason; remedy" for the given errno; ENOMEM gives APSM_ERR_MEMORY. */
 apsm_status apsm_fail_errno(apsm_context *ctx, const char *path, const char *what, int error);

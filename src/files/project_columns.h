@@ -4,8 +4,8 @@
 
 #include <jansson.h>
 
-#include "apsm/files.h"
-#include "apsm/project.h"
+#include "files/files.h"
+#include "files/project.h"
 
 /* Room for prefix + domain. */
 enum { APSM_KEY_LENGTH = 256 };

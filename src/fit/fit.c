@@ -7,6 +7,7 @@
 
 #include "apsm/affine.h"
 #include "apsm/topology.h"
+#include "evaluate/surface_distance.h"
 #include "fit/part.h"
 #include "fit/tail.h"
 #include "groom/groom.h"

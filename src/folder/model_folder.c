@@ -5,13 +5,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
+#include "files/files.h"
+#include "files/particles_file.h"
 #include "files/project_columns.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
+#include "geometry/affine.h"
 
 static apsm_status stale(apsm_context *ctx, const model_folder *m, const char *what)
 {

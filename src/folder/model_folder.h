@@ -5,8 +5,8 @@
 
 #include "apsm/mesh.h"
 #include "apsm/options.h"
-#include "apsm/project.h"
-#include "apsm/shape_model.h"
+#include "files/project.h"
+#include "model/shape_model.h"
 
 struct json_t;
 

@@ -2,7 +2,7 @@
 #ifndef APSM_FOLDER_MODEL_JSON_H
 #define APSM_FOLDER_MODEL_JSON_H
 
-#include "apsm/shape_model.h"
+#include "model/shape_model.h"
 
 /* Both write atomically; the scores of the model's shapes are named in its order. */
 apsm_status model_json_write(apsm_context *ctx, const char *path,

@@ -3,6 +3,7 @@
 #ifndef APSM_FORMATS_IMAGE_H
 #define APSM_FORMATS_IMAGE_H
 
+#include "apsm/formats.h"
 #include "apsm/volume.h"
 #include "formats/scan.h"
 

@@ -2,7 +2,7 @@
 #ifndef APSM_GEOMETRY_BVH_GUESS_H
 #define APSM_GEOMETRY_BVH_GUESS_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 /* As apsm_bvh_closest, and with the same result whatever the guess.  *slot: in, the triangle to
  * try first (0 if there is no idea); out, the one found, or as it was. */

@@ -2,7 +2,7 @@
 #ifndef APSM_GEOMETRY_BVH_TREE_H
 #define APSM_GEOMETRY_BVH_TREE_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 enum { WIDTH = 4, LEAF = 8 };
 

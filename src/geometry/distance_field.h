@@ -15,8 +15,8 @@
 #ifndef APSM_DISTANCE_FIELD_H
 #define APSM_DISTANCE_FIELD_H
 
-#include "apsm/bvh.h"
 #include "core/random.h"
+#include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {

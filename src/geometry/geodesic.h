@@ -8,7 +8,7 @@
 #define APSM_GEODESIC_H
 
 #include "apsm/mesh.h"
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 
 #ifdef __cplusplus
 extern "C" {

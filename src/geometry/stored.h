@@ -2,8 +2,8 @@
 #ifndef APSM_GEOMETRY_STORED_H
 #define APSM_GEOMETRY_STORED_H
 
-#include "apsm/bvh.h"
 #include "core/arrays.h"
+#include "geometry/bvh.h"
 #include "geometry/distance_field.h"
 #include "geometry/geodesic.h"
 

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/sized.h"
 #include "folder/model_folder.h"
 #include "report/colours.h"
 #include "report/picture.h"
@@ -529,9 +530,14 @@ static apsm_status check_options(apsm_context *ctx, const apsm_render_options *o
 
 enum { SHOWN_PARTS = FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED | FOLDER_MANIFESTED };
 
-apsm_status apsm_render(apsm_context *ctx, const char *folder, const apsm_render_options *options,
-                        const char *path)
+apsm_status apsm_render_sized(apsm_context *ctx, const char *folder,
+                              const apsm_render_options *given, size_t size, const char *path)
 {
+    apsm_render_options known = { 0 }, *const options = &known;
+    if (!folder || !path || !apsm_take_sized(given, size, &known, sizeof known))
+        return apsm_fail(
+            ctx, APSM_ERR_ARG,
+            "apsm_render: an argument is NULL, or options are unknown to this version");
     model_folder m = { 0 };
     picture p = { 0 };
     sheet s = { .options = options, .m = &m, .picture = &p };

@@ -277,6 +277,7 @@ apsm_status apsm_report_write(apsm_context *ctx, const char *folder)
     model_folder m = { 0 };
     display d = { 0 };
     composing c = { .m = &m, .d = &d };
+    if (!folder) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_report_write: no folder");
     char *path = apsm_path_join(folder, FOLDER_REPORT);
     apsm_status status = path ? model_folder_read(ctx, folder, SHOWN_PARTS, &m) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = display_make(ctx, &m, &d);

@@ -380,13 +380,11 @@ static apsm_status hand_over(evaluation_work *w)
                                   .P = w->P,
                                   .evaluated = true,
                                   .model = w->model,
-                                  .evaluation = w->evaluation,
                                   .certificate = w->certificate };
     w->P = NULL;
     w->model = (apsm_shape_model){ 0 };
-    w->evaluation = (apsm_evaluation){ 0 };
     w->certificate = (cohort_certificate){ 0 };
-    return run_gather_surface(&run->results);
+    return figures_take(&w->evaluation, &run->results.figures);
 }
 
 apsm_status apsm_run_evaluate(apsm_run *run)

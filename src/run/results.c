@@ -9,9 +9,8 @@ void run_forget_results(apsm_run *run)
 {
     run_results *r = &run->results;
     free(r->P);
-    free(r->surface);
     apsm_shape_model_free(&r->model);
-    apsm_evaluation_free(&r->evaluation);
+    figures_clear(&r->figures);
     certify_free(&r->certificate);
     *r = (run_results){ 0 };
 }
@@ -55,49 +54,9 @@ const apsm_shape_model *apsm_run_model(const apsm_run *run)
     return run->results.evaluated ? &run->results.model : NULL;
 }
 
-/* ---- figures ---- */
-
-typedef struct figure {
-    const char *name;
-    size_t n;
-    const double *x;
-} figure;
-
-const double *apsm_run_figure(const apsm_run *run, const char *name, size_t *n)
+const apsm_figures *apsm_run_figures(const apsm_run *run)
 {
-    const run_results *r = &run->results;
-    const apsm_evaluation *e = &r->evaluation;
-    const size_t I = r->surface ? r->I : 0;
-    const figure list[] = {
-        { "variances", e->modes, e->variance },
-        { "compactness", e->n_compactness, e->compactness },
-        { "generalization", e->n_generalization, e->generalization },
-        { "generalization_standard_error", e->n_generalization, e->generalization_error },
-        { "specificity", e->n_specificity, e->specificity },
-        { "specificity_standard_error", e->n_specificity, e->specificity_error },
-        { "surface_mean", I, r->surface },
-        { "surface_p95", I, I ? r->surface + I : NULL },
-        { "surface_max", I, I ? r->surface + 2 * I : NULL },
-    };
-    *n = 0;
-    for (size_t k = 0; k < sizeof list / sizeof *list && name; k++)
-        if (strcmp(list[k].name, name) == 0) return *n = list[k].n, list[k].x;
-    return NULL;
-}
-
-/* Three rows of I: mean, p95, max of the two-way distance. */
-apsm_status run_gather_surface(run_results *r)
-{
-    if (!r->evaluation.surface) return APSM_OK;
-    r->surface = malloc(3 * r->I * sizeof *r->surface);
-    if (!r->surface) return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < r->I; i++) {
-        const apsm_distance_summary *d = &r->evaluation.surface[i].two_way;
-        r->surface[i] = d->mean;
-        r->surface[r->I + i] = d->p95;
-        r->surface[2 * r->I + i] = d->max;
-    }
-    return APSM_OK;
+    return run->results.evaluated ? &run->results.figures : NULL;
 }
 
 /* ---- certificate ---- */

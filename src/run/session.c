@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "apsm/report.h"
+#include "core/sized.h"
 #include "files/io.h"
 #include "run/groom_inputs.h"
 #include "run/guard.h"
@@ -98,7 +99,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 
 static bool is_complete(const apsm_run_settings *s)
 {
-    if (!s || (s->folder && !*s->folder)) return false;
+    if (s->folder && !*s->folder) return false;
     if ((s->n_inputs > 0 && !s->inputs) || (s->n_set > 0 && !s->set)) return false;
     for (size_t k = 0; k < s->n_inputs; k++)
         if (!s->inputs[k]) return false;
@@ -107,14 +108,18 @@ static bool is_complete(const apsm_run_settings *s)
     return true;
 }
 
-apsm_status apsm_run_open(apsm_context *ctx, const apsm_run_settings *settings, apsm_run **out)
+apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *given, size_t size,
+                                apsm_run **out)
 {
+    apsm_run_settings known = { 0 }, *const settings = &known;
     if (!out) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_run_open: no place for the run");
     *out = NULL;
+    if (!apsm_take_sized(given, size, &known, sizeof known))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "apsm_run_open: no settings, or some that this version does not know");
     if (!ctx || !is_complete(settings))
-        return apsm_fail(
-            ctx, APSM_ERR_ARG,
-            "apsm_run_open: needs a context and settings, and no text may be empty or NULL");
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "apsm_run_open: needs a context, and no text may be empty or NULL");
     apsm_run *run = calloc(1, sizeof *run);
     if (!run) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     run->ctx = ctx;

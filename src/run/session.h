@@ -6,9 +6,9 @@
 #include <time.h>
 
 #include "apsm/files.h"
-#include "apsm/metrics.h"
 #include "apsm/project.h"
 #include "apsm/run.h"
+#include "evaluate/figures.h"
 #include "files/store.h"
 #include "folder/names.h"
 #include "initialize/cohort.h"
@@ -24,9 +24,8 @@ typedef struct run_results {
     double *P; /* I x J x 3, world frame, with the digits of the files; NULL: no particles yet */
     bool evaluated;
     apsm_shape_model model;
-    apsm_evaluation evaluation;
+    apsm_figures figures;
     cohort_certificate certificate;
-    double *surface; /* 3 x I: mean, p95, max of the surface distances; NULL: not measured */
 } run_results;
 
 struct apsm_run {
@@ -125,8 +124,6 @@ apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state
 
 /* ---- results.c ---- */
 
-/* From the evaluation, for apsm_run_figure. */
-apsm_status run_gather_surface(run_results *results);
 void run_forget_results(apsm_run *run);
 
 /* ---- particles.c ---- */

@@ -6,11 +6,12 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "apsm/files.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
 #include "apsm/run.h"
+#include "files/files.h"
+#include "files/particles_file.h"
 #include "folder.h"
+#include "model/shape_model.h"
 #include "synthetic.h"
 
 enum { I = 5, LEVEL = 3, GRID = 24 };
@@ -108,14 +109,14 @@ static void same_figures(const apsm_run *a, const apsm_run *b)
                                            "surface_max" };
     for (size_t k = 0; k < sizeof figures / sizeof *figures; k++) {
         size_t n, m;
-        const double *x = apsm_run_figure(a, figures[k], &n);
-        const double *y = apsm_run_figure(b, figures[k], &m);
+        const double *x = apsm_figures_get(apsm_run_figures(a), figures[k], &n);
+        const double *y = apsm_figures_get(apsm_run_figures(b), figures[k], &m);
         assert_int_equal(n, m);
         assert_true(n > 0);
         assert_memory_equal(x, y, n * sizeof *x);
     }
     size_t n;
-    assert_null(apsm_run_figure(a, "beauty", &n));
+    assert_null(apsm_figures_get(apsm_run_figures(a), "beauty", &n));
     assert_int_equal(n, 0);
 }
 

@@ -1,6 +1,6 @@
 /* bvh.h -- closest points on a triangle mesh, by a tree of bounding boxes. */
-#ifndef APSM_BVH_H
-#define APSM_BVH_H
+#ifndef APSM_GEOMETRY_BVH_H
+#define APSM_GEOMETRY_BVH_H
 
 #include <stdbool.h>
 

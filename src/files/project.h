@@ -1,7 +1,7 @@
 /* project.h -- the project file of a model folder: ShapeWorks' .swproj (JSON) or .xlsx, read and
  * written so that both programs can work on one project.  What apsm does not know is kept. */
-#ifndef APSM_PROJECT_H
-#define APSM_PROJECT_H
+#ifndef APSM_FILES_PROJECT_H
+#define APSM_FILES_PROJECT_H
 
 #include <stdbool.h>
 #include <stddef.h>

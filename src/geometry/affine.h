@@ -1,7 +1,7 @@
 /* affine.h -- rigid, similarity and affine maps as row-major 4 x 4 matrices (last row 0 0 0 1),
  * the layout of ShapeWorks' project files. */
-#ifndef APSM_AFFINE_H
-#define APSM_AFFINE_H
+#ifndef APSM_GEOMETRY_AFFINE_H
+#define APSM_GEOMETRY_AFFINE_H
 
 #include <stddef.h>
 

@@ -1,40 +1,17 @@
 /* surface_distance.h -- how far a reconstruction (the warped template) is from a shape's own
  * surface, by the paper's definition and by ShapeWorks' (METHOD section 9).  All distances are from
  * a vertex to the nearest point of the other surface's triangles, unsigned, in input units. */
-#ifndef APSM_SURFACE_DISTANCE_H
-#define APSM_SURFACE_DISTANCE_H
+#ifndef APSM_EVALUATE_SURFACE_DISTANCE_H
+#define APSM_EVALUATE_SURFACE_DISTANCE_H
 
-#include "apsm/bvh.h"
+#include "apsm/evaluate.h"
 #include "apsm/mesh.h"
-#include "apsm/warp.h"
+#include "geometry/bvh.h"
+#include "model/warp.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
-
-/* Of a list of distances with weights.  A quantile q is the smallest distance that at least the
- * share q of the weight does not exceed. */
-typedef struct apsm_distance_summary {
-    double mean, median, p95, p99, max;
-} apsm_distance_summary;
-
-typedef struct apsm_surface_distance {
-    apsm_distance_summary two_way; /* paper: both directions' vertices in one list, unweighted */
-    apsm_distance_summary pull;    /* ShapeWorks: reconstruction to shape, unweighted */
-    apsm_distance_summary push;    /* ShapeWorks: shape to reconstruction, by vertex area */
-    apsm_distance_summary disagreement; /* ShapeWorks: at a shape's vertex the larger of push and
-                                           the pulls that land on its triangles; by vertex area */
-    double diagonal; /* of the shape's bounding box; ShapeWorks also reports distance / diagonal */
-} apsm_surface_distance;
-
-/* Over a cohort: `mean` is the mean of the shapes' means, `max` the largest distance of all,
- * `mean_max` the mean of the shapes' maxima. */
-typedef struct apsm_surface_aggregate {
-    double mean, max, mean_max;
-} apsm_surface_aggregate;
-typedef struct apsm_surface_summary {
-    apsm_surface_aggregate two_way, pull, push, disagreement; /* without the template */
-} apsm_surface_summary;
 
 /* Summary of n >= 1 distances; weight NULL: all 1.  order (n) is scratch.  O(n log n). */
 void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,

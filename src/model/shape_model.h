@@ -1,11 +1,11 @@
 /* shape_model.h -- the statistical shape model: mean and modes of variation (PCA) of the
  * particles of a cohort.  Lengths are in the unit of the particles, variances in its square. */
-#ifndef APSM_SHAPE_MODEL_H
-#define APSM_SHAPE_MODEL_H
+#ifndef APSM_MODEL_SHAPE_MODEL_H
+#define APSM_MODEL_SHAPE_MODEL_H
 
 #include <stddef.h>
 
-#include "apsm/context.h"
+#include "apsm/model.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,14 +15,14 @@ extern "C" {
 #define APSM_ZERO_VARIANCE 1e-12
 
 /* Owns its arrays.  Zero-initialise with {0}; apsm_shape_model_free leaves it so. */
-typedef struct apsm_shape_model {
+struct apsm_shape_model {
     size_t I, J, modes; /* modes <= I - 1: those of non-zero variance */
     double *mean;       /* J x 3 */
     double *mode;       /* modes x 3J: orthonormal rows; the largest entry of each (by magnitude,
                            the first of equals) is positive */
     double *variance;   /* modes, descending; divisor I - 1 */
     double *score;      /* I x modes: p_i = mean + sum_k score_ik mode_k */
-} apsm_shape_model;
+};
 
 /* The model of particles P (I x J x 3).  I = 1, or shapes that are all alike, give a mean without
  * modes.  The eigenproblem is that of the I x I Gram matrix: O(I^2 J + I^3) time, memory for a

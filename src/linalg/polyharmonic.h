@@ -4,8 +4,8 @@
  * for n >= 5 centres q_k that do not lie in a plane, and any number of right-hand sides.
  * The system is factored once, by Cholesky on the null space of Q^T, in coordinates centred and
  * scaled to the unit box; weights are handed out in the units of the input. */
-#ifndef APSM_POLYHARMONIC_H
-#define APSM_POLYHARMONIC_H
+#ifndef APSM_LINALG_POLYHARMONIC_H
+#define APSM_LINALG_POLYHARMONIC_H
 
 #include <stdbool.h>
 #include <stddef.h>

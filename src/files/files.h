@@ -2,15 +2,15 @@
  *
  * Nothing here depends on the process's locale: a number is written with a point and read with
  * a point, wherever the program runs.  Paths are UTF-8 as the system gives them. */
-#ifndef APSM_FILES_H
-#define APSM_FILES_H
+#ifndef APSM_FILES_FILES_H
+#define APSM_FILES_FILES_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "apsm/context.h"
-#include "apsm/number.h"
+#include "core/number.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,7 +1,7 @@
 /* particles_file.h -- the particles of one shape as text: one "x y z" a line, no header, the
  * order is the correspondence.  ShapeWorks reads and writes the same (.particles, .lpts, .wpts). */
-#ifndef APSM_PARTICLES_FILE_H
-#define APSM_PARTICLES_FILE_H
+#ifndef APSM_FILES_PARTICLES_FILE_H
+#define APSM_FILES_PARTICLES_FILE_H
 
 #include <stddef.h>
 

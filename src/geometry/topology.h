@@ -1,6 +1,6 @@
 /* topology.h -- who is next to whom on a triangle mesh, and whether it is a proper surface. */
-#ifndef APSM_TOPOLOGY_H
-#define APSM_TOPOLOGY_H
+#ifndef APSM_GEOMETRY_TOPOLOGY_H
+#define APSM_GEOMETRY_TOPOLOGY_H
 
 #include <stdbool.h>
 

@@ -1,6 +1,6 @@
 /* input.h -- from the INPUT arguments of a user to cases, and from a case to its shape. */
-#ifndef APSM_INPUT_H
-#define APSM_INPUT_H
+#ifndef APSM_INPUT_INPUT_H
+#define APSM_INPUT_INPUT_H
 
 #include <stdbool.h>
 

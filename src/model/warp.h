@@ -1,11 +1,11 @@
 /* warp.h -- takes the template's mesh to any shape of the model: the interpolant of METHOD
  * section 9 through the particles is linear in the target's particles, y = W P, with W (nv x J)
  * from the template alone. */
-#ifndef APSM_WARP_H
-#define APSM_WARP_H
+#ifndef APSM_MODEL_WARP_H
+#define APSM_MODEL_WARP_H
 
 #include "apsm/mesh.h"
-#include "apsm/polyharmonic.h"
+#include "linalg/polyharmonic.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -5,11 +5,11 @@
  * in the unit of the particles.  Arrays over modes have fixed lengths, compactness and specificity
  * I - 1, generalization I - 2, entry m - 1 for m modes; once a (sub)model has no further mode, its
  * values stay as they are. */
-#ifndef APSM_METRICS_H
-#define APSM_METRICS_H
+#ifndef APSM_EVALUATE_METRICS_H
+#define APSM_EVALUATE_METRICS_H
 
-#include "apsm/shape_model.h"
-#include "apsm/surface_distance.h"
+#include "evaluate/surface_distance.h"
+#include "model/shape_model.h"
 
 #ifdef __cplusplus
 extern "C" {

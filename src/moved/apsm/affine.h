@@ -1,0 +1,2 @@
+/* Has moved; include "geometry/affine.h". */
+#include "geometry/affine.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "geometry/bvh.h". */
+#include "geometry/bvh.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "files/files.h". */
+#include "files/files.h"

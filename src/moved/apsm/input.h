@@ -1,0 +1,2 @@
+/* Has moved; include "input/input.h". */
+#include "input/input.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "evaluate/metrics.h". */
+#include "evaluate/metrics.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "core/number.h". */
+#include "core/number.h"

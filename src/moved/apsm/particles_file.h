@@ -1,0 +1,2 @@
+/* Has moved; include "files/particles_file.h". */
+#include "files/particles_file.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "apsm/particles.h". */
+#include "apsm/particles.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "linalg/polyharmonic.h". */
+#include "linalg/polyharmonic.h"

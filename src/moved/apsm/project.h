@@ -1,0 +1,2 @@
+/* Has moved; include "files/project.h". */
+#include "files/project.h"

@@ -1,0 +1,2 @@
+/* Has moved; include "model/shape_model.h". */
+#include "model/shape_model.h"

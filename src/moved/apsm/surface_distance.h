@@ -1,0 +1,2 @@
+/* Has moved; include "evaluate/surface_distance.h". */
+#include "evaluate/surface_distance.h"

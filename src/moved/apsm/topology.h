@@ -1,0 +1,2 @@
+/* Has moved; include "geometry/topology.h". */
+#include "geometry/topology.h"

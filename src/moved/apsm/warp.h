@@ -1,0 +1,2 @@
+/* Has moved; include "model/warp.h". */
+#include "model/warp.h"
