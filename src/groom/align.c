@@ -80,6 +80,7 @@ static apsm_status sample_task(apsm_context *ctx, size_t i, int worker, void *us
         return fail(ctx, a, i, status, "surface without area, or not finite; check the mesh");
     if (status != APSM_OK) return fail(ctx, a, i, status, apsm_status_text(status));
     apsm_cloud_find_cuts(a->mesh[i], &a->cloud[i]);
+    if (a->opt->borders) apsm_cloud_keep_cuts(&a->opt->borders[i], &a->cloud[i]);
     return APSM_OK;
 }
 

@@ -104,14 +104,22 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
 /* Let the template be the medoid. */
 #define APSM_TEMPLATE_AUTO SIZE_MAX
 
+/* Borders of a shape's image that its mask reaches: only there can the image have cut it off. */
+typedef struct apsm_borders {
+    bool known; /* false: a mesh, of which nobody knows */
+    size_t n;
+    double normal[6][3]; /* outward, in the shape's frame */
+} apsm_borders;
+
 typedef struct apsm_align_options {
     int mode;              /* APSM_ALIGN_RIGID, _SIMILARITY, or _NONE: shapes stay where they are */
     int mirror;            /* APSM_MIRROR_WARN, _FIX or _OFF */
     size_t template_index; /* or APSM_TEMPLATE_AUTO */
     size_t points;         /* a shape, >= 64 */
     double trim;           /* see apsm_icp_options */
+    const apsm_borders *borders; /* one a shape, borrowed; NULL: nothing is known of any */
 } apsm_align_options;
-apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0 */
+apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0, NULL */
 
 /* Where a shape was cut off. */
 typedef struct apsm_cut {

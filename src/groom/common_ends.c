@@ -89,8 +89,8 @@ static void find_end(size_t n, const apsm_mesh *const *meshes, const apsm_alignm
     end->apart = (longest - end->plane[3]) / radius - in_plane;
 }
 
-/* Share of a shape's surface beyond the planes. */
-static double loss_of(const apsm_mesh *mesh, const double M[16], const apsm_common_ends *ends)
+double apsm_common_ends_loss(const apsm_mesh *mesh, const double M[16],
+                             const apsm_common_ends *ends)
 {
     double lost = 0.0, all = 0.0;
     for (size_t f = 0; f < mesh->nf; f++) {
@@ -115,7 +115,7 @@ static void find_losses(size_t n, const apsm_mesh *const *meshes, const apsm_ali
                         apsm_common_ends *ends)
 {
     for (size_t i = 0; i < n; i++) {
-        const double loss = loss_of(meshes[i], a->sized + 16 * i, ends);
+        const double loss = apsm_common_ends_loss(meshes[i], a->sized + 16 * i, ends);
         ends->mean_loss += loss / (double)n;
         if (loss <= ends->most_loss) continue;
         ends->most_loss = loss;

@@ -38,6 +38,10 @@ typedef struct apsm_common_ends {
 void apsm_find_common_ends(size_t n, const apsm_mesh *const *meshes,
                            const apsm_alignment *alignment, size_t least, apsm_common_ends *ends);
 
+/* Share of its surface that a mesh, with the pose M, has beyond the planes.  O(nf). */
+double apsm_common_ends_loss(const apsm_mesh *mesh, const double M[16],
+                             const apsm_common_ends *ends);
+
 /* clipped (owned by the caller, overwritten): what of mesh lies where n.x <= d, open at the plane.
  * O(nf). */
 apsm_status apsm_mesh_clip(const apsm_mesh *mesh, const double plane[4],

@@ -16,6 +16,7 @@
  * more than 2.5 times as long as it is wide, as on the side of a bowed shaft, 0.8 takes the place
  * of 0.65. */
 #include <math.h>
+#include <string.h>
 
 #include "apsm/affine.h"
 #include "geometry/vec3.h"
@@ -206,4 +207,18 @@ void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud)
         for (size_t a = 0; a < 4; a++) cloud->cut[cloud->cuts][a] = plane[a];
         cloud->cuts++;
     }
+}
+
+void apsm_cloud_keep_cuts(const apsm_borders *borders, apsm_cloud *cloud)
+{
+    size_t kept = 0;
+    if (!borders->known) return;
+    for (size_t c = 0; c < cloud->cuts; c++) {
+        double most = -1.0;
+        for (size_t b = 0; b < borders->n; b++)
+            most = fmax(most, vec3_dot(borders->normal[b], cloud->cut[c]));
+        if (most < cosine_other) continue;
+        memmove(cloud->cut[kept++], cloud->cut[c], sizeof cloud->cut[c]);
+    }
+    cloud->cuts = kept;
 }

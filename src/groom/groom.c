@@ -19,6 +19,7 @@ apsm_groom_options apsm_groom_defaults(void)
                                  .fill_holes = true,
                                  .max_cap_share = 0.25,
                                  .remesh = true,
+                                 .measure = true,
                                  .remesh_options = apsm_remesh_defaults() };
 }
 
@@ -91,20 +92,26 @@ apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
     return APSM_OK;
 }
 
+apsm_status groom_surface(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                          const apsm_groom_options *opt, apsm_mesh *mesh_out, apsm_groom_report *r)
+{
+    APSM_TRY(apsm_repair(ctx, name, mesh, opt, mesh_out, r));
+    say_repair(ctx, name, r);
+    if (!opt->remesh) return APSM_OK;
+    const apsm_status status = groom_remesh(ctx, name, mesh_out, &opt->remesh_options,
+                                            opt->measure ? &r->remesh : NULL);
+    if (status != APSM_OK) apsm_mesh_free(mesh_out);
+    return status;
+}
+
 apsm_status apsm_groom_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
                             const apsm_groom_options *options, apsm_mesh *mesh_out,
                             apsm_groom_report *report)
 {
     const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
-    apsm_groom_report own = { 0 }, *r = report ? report : &own;
+    apsm_groom_report own, *r = report ? report : &own;
     *r = (apsm_groom_report){ 0 };
-    APSM_TRY(apsm_repair(ctx, name, mesh, &opt, mesh_out, r));
-    say_repair(ctx, name, r);
-    if (!opt.remesh) return APSM_OK;
-    const apsm_status status =
-        groom_remesh(ctx, name, mesh_out, &opt.remesh_options, report ? &r->remesh : NULL);
-    if (status != APSM_OK) apsm_mesh_free(mesh_out);
-    return status;
+    return groom_surface(ctx, name, mesh, &opt, mesh_out, r);
 }
 
 void apsm_reflect(apsm_mesh *mesh, double M[16])

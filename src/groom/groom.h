@@ -30,6 +30,7 @@ typedef struct apsm_groom_options {
     double max_cap_share; /* an opening is closed only if its cap is at most this share of the
                              mesh's area; default 0.25; 1: close everything */
     bool remesh;          /* default true; false: repair only */
+    bool measure; /* what remeshing did, for the report (default true; takes a third longer) */
     apsm_remesh_options remesh_options;
 } apsm_groom_options;
 apsm_groom_options apsm_groom_defaults(void);
@@ -44,7 +45,10 @@ typedef struct apsm_groom_report {
     unsigned border;         /* the label touches the image's border: bits 0..5 for
                                 -i +i -j +j -k +k; the surface is closed there */
     int supersampling[3];    /* nodes a voxel along each axis */
-    double mask_volume;      /* mm^3 */
+    double border_normal[6][3]; /* of those borders, outward, in LPS; zero for the others */
+    double mask_volume;         /* in the unit's cube */
+    double dice;      /* of the result with the largest part of the label as it was given ... */
+    double departure; /* ... and the farthest that a voxel's centre lies on the wrong side */
     double smoothing_volume; /* relative change of volume by smoothing */
     /* repair */
     size_t merged_vertices, unused_vertices;

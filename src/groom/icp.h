@@ -7,6 +7,9 @@
 /* Finds where the mesh has been cut off flat: cuts and cut of its cloud.  O(n^2 + nf). */
 void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud);
 
+/* Forgets the cuts that no border of the image explains. */
+void apsm_cloud_keep_cuts(const apsm_borders *borders, apsm_cloud *cloud);
+
 /* Inverse of a similarity, proper or not. */
 void apsm_similarity_invert(const double M[16], double inverse[16]);
 

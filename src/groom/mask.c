@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/vec3.h"
+
 /* Bounding box lo..hi (inclusive) of the label; false if there is none. */
 static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
 {
@@ -40,7 +42,8 @@ static apsm_status crop(const apsm_volume *v, const size_t lo[3], const size_t h
         m->origin[c] = (ptrdiff_t)lo[c] - (ptrdiff_t)rim[c];
     }
     m->in = calloc(m->n[0] * m->n[1] * m->n[2], 1);
-    if (!m->in) return APSM_ERR_MEMORY;
+    m->given = malloc(m->n[0] * m->n[1] * m->n[2]);
+    if (!m->in || !m->given) return APSM_ERR_MEMORY;
     for (size_t z = lo[2]; z <= hi[2]; z++)
         for (size_t y = lo[1]; y <= hi[1]; y++) {
             const int32_t *row = v->label + v->n[0] * (y + v->n[1] * z);
@@ -131,6 +134,26 @@ static void note_border(const apsm_volume *v, const mask *m, apsm_groom_report *
             }
 }
 
+/* Outward normals of those borders, for axes that need not be at right angles. */
+static void note_normals(const apsm_volume *v, apsm_groom_report *r)
+{
+    for (int c = 0; c < 3; c++) {
+        double n[3], a[3], b[3], axis[3];
+        for (int k = 0; k < 3; k++) {
+            a[k] = v->direction[3 * k + (c + 1) % 3];
+            b[k] = v->direction[3 * k + (c + 2) % 3];
+            axis[k] = v->direction[3 * k + c];
+        }
+        vec3_cross(a, b, n);
+        vec3_normalise(n);
+        const double sign = vec3_dot(n, axis) < 0.0 ? -1.0 : 1.0;
+        for (int k = 0; k < 3; k++) {
+            if (r->border & (1u << (2 * c))) r->border_normal[2 * c][k] = -sign * n[k];
+            if (r->border & (2u << (2 * c))) r->border_normal[2 * c + 1][k] = sign * n[k];
+        }
+    }
+}
+
 static apsm_status judge(apsm_context *ctx, const char *name, const apsm_groom_options *opt,
                          const apsm_groom_report *r)
 {
@@ -151,14 +174,16 @@ apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *vo
     *m = (mask){ .in = NULL };
     if (!bounding_box(volume, lo, hi))
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: no voxel has the label", name);
-    APSM_TRY(crop(volume, lo, hi, rim, m));
+    apsm_status status = crop(volume, lo, hi, rim, m);
     size_t *queue = malloc(m->n[0] * m->n[1] * m->n[2] * sizeof *queue);
-    apsm_status status = queue ? APSM_OK : APSM_ERR_MEMORY;
+    if (!queue) status = APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         keep_largest(m, queue, report);
+        memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
         status = judge(ctx, name, opt, report);
         if (opt->fill_cavities) fill_cavities(m, queue, report);
         note_border(volume, m, report);
+        note_normals(volume, report);
     }
     free(queue);
     if (status != APSM_OK) mask_free(m);
@@ -168,5 +193,6 @@ apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *vo
 void mask_free(mask *m)
 {
     free(m->in);
-    m->in = NULL;
+    free(m->given);
+    m->in = m->given = NULL;
 }

@@ -33,6 +33,11 @@ apsm_status repair_slivers(repair *r) APSM_NODISCARD;
 /* Removes the faces with drop[f] != 0 (their order is kept) and vertices without a face. */
 apsm_status repair_drop(apsm_mesh *mesh, const unsigned char *drop) APSM_NODISCARD;
 
+/* As apsm_groom_mesh; the report, which must be there, is added to. */
+apsm_status groom_surface(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                          const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                          apsm_groom_report *report) APSM_NODISCARD;
+
 /* Remeshes a closed surface in place. */
 apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
                          const apsm_remesh_options *opt, apsm_remesh_report *report) APSM_NODISCARD;

@@ -8,10 +8,12 @@
 
 #include "apsm/affine.h"
 #include "geometry/isosurface.h"
+#include "groom/agreement.h"
 #include "groom/antialias.h"
 #include "groom/fair.h"
 #include "groom/groom.h"
 #include "groom/mask.h"
+#include "groom/repair.h"
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
 static const double volume_tolerance = 0.003;          /* relative */
@@ -130,26 +132,23 @@ static double voxel_volume(const apsm_volume *v)
     return fabs(apsm_affine_det(M));
 }
 
+/* m (out) is the caller's to free. */
 static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_volume *volume,
-                                const apsm_groom_options *opt, apsm_mesh *surface,
+                                const apsm_groom_options *opt, mask *m, apsm_mesh *surface,
                                 apsm_groom_report *r)
 {
     antialias_input in = { .smoothing = opt->smoothing };
-    mask m;
     size_t rim[3];
     choose_refinement(volume, &in);
     antialias_rim(&in, rim);
-    APSM_TRY(mask_make(ctx, name, volume, opt, rim, &m, r));
+    APSM_TRY(mask_make(ctx, name, volume, opt, rim, m, r));
     memcpy(r->supersampling, in.refine, sizeof in.refine);
     r->mask_volume = (double)r->voxels * voxel_volume(volume);
     say_mask(ctx, name, r);
-    apsm_status status = APSM_OK;
     if (r->voxels < LEAST_VOXELS)
-        status = apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
-                           name, r->voxels);
-    if (status == APSM_OK) status = extract(ctx, volume, &m, &in, opt->fairing, surface, r);
-    mask_free(&m);
-    return status;
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
+                         name, r->voxels);
+    return extract(ctx, volume, m, &in, opt->fairing, surface, r);
 }
 
 static double least_spacing(const apsm_volume *v)
@@ -178,8 +177,25 @@ static void lengths_in_unit(apsm_groom_report *r, double unit)
     double *const lengths[] = { &r->remesh.edge,         &r->remesh.forward_mean,
                                 &r->remesh.forward_max,  &r->remesh.backward_mean,
                                 &r->remesh.backward_max, &r->largest_cap_at[0],
-                                &r->largest_cap_at[1],   &r->largest_cap_at[2] };
+                                &r->largest_cap_at[1],   &r->largest_cap_at[2],
+                                &r->departure };
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
+}
+
+/* With voxels as the unit. */
+static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                              const apsm_groom_options *opt, apsm_mesh *mesh_out,
+                              apsm_groom_report *r)
+{
+    apsm_mesh surface = { 0 };
+    mask m = { .in = NULL };
+    apsm_status status = make_surface(ctx, name, grid, opt, &m, &surface, r);
+    if (status == APSM_OK) status = groom_surface(ctx, name, &surface, opt, mesh_out, r);
+    apsm_mesh_free(&surface);
+    if (status == APSM_OK) status = mask_agreement(grid, &m, mesh_out, r);
+    mask_free(&m);
+    if (status != APSM_OK) apsm_mesh_free(mesh_out);
+    return status;
 }
 
 apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
@@ -187,29 +203,17 @@ apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const a
                                     apsm_groom_report *report)
 {
     const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
-    apsm_groom_report mask_report = { 0 };
-    apsm_mesh surface = { 0 };
+    apsm_groom_report own, *r = report ? report : &own;
+    *r = (apsm_groom_report){ 0 };
     *mesh_out = (apsm_mesh){ 0 };
     APSM_TRY(check_volume(ctx, name, volume));
     const double unit = least_spacing(volume);
     double rest[3];
     const apsm_volume grid = in_unit(volume, unit, rest);
-    apsm_status status = make_surface(ctx, name, &grid, &opt, &surface, &mask_report);
-    if (status == APSM_OK) status = apsm_groom_mesh(ctx, name, &surface, &opt, mesh_out, report);
-    apsm_mesh_free(&surface);
+    APSM_TRY(groom_grid(ctx, name, &grid, &opt, mesh_out, r));
     for (size_t k = 0; k < 3 * mesh_out->nv; k++)
         mesh_out->V[k] = (double)(float)(unit * mesh_out->V[k] + rest[k % 3]);
-    mask_report.mask_volume *= unit * unit * unit;
-    if (report) lengths_in_unit(report, unit);
-    if (!report) return status; /* and apsm_groom_mesh has not measured anything */
-    /* What it cleared. */
-    report->voxels = mask_report.voxels;
-    report->dropped_parts = mask_report.dropped_parts;
-    report->dropped_voxels = mask_report.dropped_voxels;
-    report->filled_voxels = mask_report.filled_voxels;
-    report->border = mask_report.border;
-    memcpy(report->supersampling, mask_report.supersampling, sizeof report->supersampling);
-    report->mask_volume = mask_report.mask_volume;
-    report->smoothing_volume = mask_report.smoothing_volume;
-    return status;
+    r->mask_volume *= unit * unit * unit;
+    lengths_in_unit(r, unit);
+    return APSM_OK;
 }

@@ -124,6 +124,9 @@ static apsm_status crop_all(cropping *c, bool *cropped)
     APSM_TRY(apsm_parallel_for(c->run->ctx, n, crop_task, c, NULL));
     for (size_t i = 0; i < n; i++)
         if (c->problem[i]) return keep(c->run, c->in, c->ends, c->problem[i]);
+    for (size_t i = 0; i < n; i++)
+        c->in->cropped[i] =
+            apsm_common_ends_loss(&c->in->mesh[i], c->alignment->sized + 16 * i, c->ends);
     APSM_TRY(apsm_parallel_for(c->run->ctx, n, store_task, c, NULL));
     *cropped = true;
     tell(c->run, c->in, c->ends);

@@ -91,21 +91,25 @@ static apsm_groom_options groom_options(const apsm_options *o)
     g.fill_cavities = g.fill_holes = o->fill_holes;
     g.keep_largest = o->largest_component;
     g.remesh = o->remesh;
+    g.measure = false;
     g.remesh_options.target_faces = (size_t)o->faces;
     return g;
 }
 
-static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, const groom_inputs *in,
-                                  size_t i, apsm_mesh *out)
+static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_inputs *in,
+                                  size_t i)
 {
     const apsm_input_case *c = &in->list.cases[i];
+    apsm_mesh *out = &in->mesh[i];
+    apsm_groom_report *r = &in->report[i];
     apsm_input_shape shape = { 0 };
     apsm_status status = run_is_in_memory(run) ? memory_read(ctx, run, i, &in->labels, &shape)
                                                : apsm_input_read(ctx, c, &in->labels, &shape);
     if (status == APSM_OK)
-        status = shape.is_mesh ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, NULL)
+        status = shape.is_mesh ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
                                : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options,
-                                                         out, NULL);
+                                                         out, r);
+    in->is_mask[i] = !shape.is_mesh;
     apsm_input_shape_free(&shape);
     return status;
 }
@@ -168,13 +172,17 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
 {
     groom_inputs *in = t->in;
     const apsm_input_case *c = &in->list.cases[i];
-    if (run_is_in_memory(t->run)) return read_and_groom(ctx, t->run, in, i, &in->mesh[i]);
+    if (run_is_in_memory(t->run)) return read_and_groom(ctx, t->run, in, i);
     APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
-    *lost = kept_find_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
+    kept_groomed groomed = { 0 };
+    *lost = kept_find_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i], &groomed);
     in->recalled[i] = in->mesh[i].V != NULL;
+    in->report[i] = groomed.report;
+    in->is_mask[i] = groomed.is_mask;
     if (*lost != APSM_OK || in->recalled[i]) return *lost;
-    APSM_TRY(read_and_groom(ctx, t->run, in, i, &in->mesh[i]));
-    return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i]);
+    APSM_TRY(read_and_groom(ctx, t->run, in, i));
+    groomed = (kept_groomed){ in->report[i], in->is_mask[i] };
+    return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i], &groomed);
 }
 
 static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -209,8 +217,11 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
     in->status = calloc(n, sizeof *in->status);
     in->problem = calloc(n, sizeof *in->problem);
     in->recalled = calloc(n, sizeof *in->recalled);
+    in->report = calloc(n, sizeof *in->report);
+    in->is_mask = calloc(n, sizeof *in->is_mask);
+    in->cropped = calloc(n, sizeof *in->cropped);
     if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
-        !in->problem || !in->recalled)
+        !in->problem || !in->recalled || !in->report || !in->is_mask || !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
     return apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
@@ -228,6 +239,9 @@ void groom_inputs_free(groom_inputs *in)
     free(in->status);
     free(in->problem);
     free(in->recalled);
+    free(in->report);
+    free(in->is_mask);
+    free(in->cropped);
     apsm_labels_free(&in->labels);
     apsm_input_list_free(&in->list);
     *in = (groom_inputs){ 0 };

@@ -16,6 +16,9 @@ typedef struct groom_inputs {
     apsm_mesh *mesh;          /* in their own frames, mirrored where asked for */
     double (*reflection)[16]; /* input to groomed frame */
     bool *reflected;
+    apsm_groom_report *report; /* what grooming did; the frame is that of the input */
+    bool *is_mask;
+    double *cropped; /* share of the surface that cropping took away */
     char (*sha256)[65];
     apsm_status *status;
     char **problem; /* the line of a failure, else NULL */

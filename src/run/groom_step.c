@@ -10,6 +10,7 @@
 #include "model/template_choice.h"
 #include "run/crop_ends.h"
 #include "run/groom_inputs.h"
+#include "run/groomed.h"
 #include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
@@ -93,24 +94,40 @@ static apsm_status move_mirror_to_mesh(groom_work *w, size_t i)
     return APSM_OK;
 }
 
+/* To the manifest. */
+static apsm_status describe_grooming(const groom_work *w, json_t *notes)
+{
+    json_t *groomed = groomed_json(&w->in);
+    if (!notes || !groomed || groomed_add_notes(&w->in, notes)) {
+        json_decref(groomed);
+        return APSM_ERR_MEMORY;
+    }
+    APSM_TRY(manifest_set_groomed(w->run, groomed));
+    return manifest_set_notes(w->run, json_incref(notes));
+}
+
 static apsm_status align(groom_work *w)
 {
     apsm_run *run = w->run;
     const size_t n = w->in.list.n;
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
     const char **names = calloc(n, sizeof *names);
+    apsm_borders *borders = calloc(n, sizeof *borders);
     bool cropped = false;
     apsm_align_options ao = apsm_align_defaults();
     ao.mode = run->options.align;
     ao.mirror = run->options.mirror_check;
-    apsm_status status = meshes && names ? find_template(w, &ao.template_index) : APSM_ERR_MEMORY;
+    apsm_status status =
+        meshes && names && borders ? find_template(w, &ao.template_index) : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         for (size_t i = 0; i < n; i++)
             meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
+        groomed_borders(&w->in, borders);
+        /* Asked to crop, all that looks cut off is, wherever the image ended. */
+        if (run->options.cuts != APSM_CUTS_CROP) ao.borders = borders;
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
-    if (status == APSM_OK)
-        status = manifest_set_notes(run, notes_of_alignment(&w->alignment, names, &ao));
+    json_t *notes = status == APSM_OK ? notes_of_alignment(&w->alignment, names, &ao) : NULL;
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)
@@ -119,6 +136,9 @@ static apsm_status align(groom_work *w)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
                                       ao.mirror == APSM_MIRROR_FIX ? NULL : w->alignment.mirrored,
                                       w->alignment.template_index, &w->alignment.template_index);
+    if (status == APSM_OK) status = describe_grooming(w, notes);
+    json_decref(notes);
+    free(borders);
     free(meshes);
     free(names);
     return status;

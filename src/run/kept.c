@@ -240,14 +240,15 @@ static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const
     return key;
 }
 
-/* Content: two uint64, the numbers of vertices and faces, and the arrays V and F. */
+/* Content: two uint64, the numbers of vertices and faces, kept_groomed, and the arrays V and F. */
 static size_t mesh_bytes(uint64_t nv, uint64_t nf)
 {
-    return 2 * sizeof(uint64_t) + (size_t)nv * 3 * sizeof(double) +
+    return 2 * sizeof(uint64_t) + sizeof(kept_groomed) + (size_t)nv * 3 * sizeof(double) +
            (size_t)nf * 3 * sizeof(uint32_t);
 }
 
-static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh *mesh)
+static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh *mesh,
+                               kept_groomed *groomed)
 {
     uint64_t n[2];
     if (size < sizeof n) return APSM_ERR_FORMAT;
@@ -255,13 +256,15 @@ static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh
     if (n[0] > size || n[1] > size || size != mesh_bytes(n[0], n[1])) return APSM_ERR_FORMAT;
     APSM_TRY(apsm_mesh_alloc(mesh, (size_t)n[0], (size_t)n[1]));
     const size_t bytes = 3 * mesh->nv * sizeof *mesh->V;
-    memcpy(mesh->V, data + sizeof n, bytes);
-    memcpy(mesh->F, data + sizeof n + bytes, 3 * mesh->nf * sizeof *mesh->F);
+    data += sizeof n;
+    memcpy(groomed, data, sizeof *groomed);
+    memcpy(mesh->V, data + sizeof *groomed, bytes);
+    memcpy(mesh->F, data + sizeof *groomed + bytes, 3 * mesh->nf * sizeof *mesh->F);
     return APSM_OK;
 }
 
 apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
-                           const char sha256[65], apsm_mesh *mesh)
+                           const char sha256[65], apsm_mesh *mesh, kept_groomed *groomed)
 {
     void *data;
     size_t size;
@@ -269,22 +272,26 @@ apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_in
     if (!run->kept || journal_count(run->kept->journal) == 0) return APSM_OK;
     const journal_key key = mesh_key(run, c, sha256);
     APSM_TRY(journal_find(ctx, run->kept->journal, &key, &data, &size));
-    const apsm_status status = data ? unpack_mesh(data, size, mesh) : APSM_OK;
+    const apsm_status status = data ? unpack_mesh(data, size, mesh, groomed) : APSM_OK;
     free(data);
     return status;
 }
 
 apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
-                          const char sha256[65], const apsm_mesh *mesh)
+                          const char sha256[65], const apsm_mesh *mesh,
+                          const kept_groomed *groomed)
 {
     const uint64_t n[2] = { mesh->nv, mesh->nf };
     const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, size = mesh_bytes(n[0], n[1]);
     if (!run->kept) return APSM_OK;
-    unsigned char *data = malloc(size);
+    unsigned char *data = malloc(size), *to = data;
     if (!data) return APSM_ERR_MEMORY;
-    memcpy(data, n, sizeof n);
-    memcpy(data + sizeof n, mesh->V, bytes);
-    memcpy(data + sizeof n + bytes, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
+    memcpy(to, n, sizeof n);
+    to += sizeof n;
+    memcpy(to, groomed, sizeof *groomed);
+    to += sizeof *groomed;
+    memcpy(to, mesh->V, bytes);
+    memcpy(to + bytes, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
     const journal_key key = mesh_key(run, c, sha256);
     const apsm_status status = journal_add(ctx, run->kept->journal, &key, data, size);
     free(data);

@@ -6,6 +6,7 @@
 #define APSM_RUN_KEPT_H
 
 #include "apsm/input.h"
+#include "groom/groom.h"
 #include "run/session.h"
 
 /* With --resume, before options are settled: if grooming was under way, its options are the
@@ -25,12 +26,19 @@ void kept_close(apsm_run *run);
 /* Whether a step that keeps its work has not ended. */
 bool kept_is_there(const apsm_run *run);
 
+/* What is kept beside a groomed mesh. */
+typedef struct kept_groomed {
+    apsm_groom_report report;
+    bool is_mask;
+} kept_groomed;
+
 /* A groomed mesh, not yet mirrored, of an input with the given SHA-256.  mesh->V is NULL if there
  * is none.  Both from any thread; both do nothing unless a step has begun. */
 apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
-                           const char sha256[65], apsm_mesh *mesh);
+                           const char sha256[65], apsm_mesh *mesh, kept_groomed *groomed);
 apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
-                          const char sha256[65], const apsm_mesh *mesh);
+                          const char sha256[65], const apsm_mesh *mesh,
+                          const kept_groomed *groomed);
 
 /* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, for
  * initialize those of run_identity. */

@@ -135,6 +135,11 @@ apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped)
     return json_object_set_new(run->manifest, "cropped", cropped) ? no_memory(run) : APSM_OK;
 }
 
+apsm_status manifest_set_groomed(apsm_run *run, json_t *groomed)
+{
+    return json_object_set_new(run->manifest, "groomed", groomed) ? no_memory(run) : APSM_OK;
+}
+
 apsm_status manifest_set_notes(apsm_run *run, json_t *notes)
 {
     return json_object_set_new(run->manifest, "notes", notes) ? no_memory(run) : APSM_OK;

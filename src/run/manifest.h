@@ -20,6 +20,8 @@ apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *name
                                 const char *const *paths, char (*sha256)[65]);
 /* What groom cropped (takes the reference over), or NULL: nothing. */
 apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped);
+/* What grooming did to every shape (takes the reference over; run/groomed.h). */
+apsm_status manifest_set_groomed(apsm_run *run, json_t *groomed);
 /* What groom has to say of its shapes (takes the reference over; run/notes.h). */
 apsm_status manifest_set_notes(apsm_run *run, json_t *notes);
 /* The stored SHA-256 of a named input, or NULL. */

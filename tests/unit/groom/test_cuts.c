@@ -92,6 +92,29 @@ static void cut_is_found_where_it_is(void **state)
     }
 }
 
+/* Of a mask only what a border of its image, 20 degrees askew, explains is a cut. */
+static void masks_are_cut_at_borders_only(void **state)
+{
+    (void)state;
+    const double turned[3] = { cos(0.35), sin(0.35), 0 };
+    apsm_borders meshes = { .known = false }, whole = { .known = true };
+    apsm_borders across = { true, 1, { { 0, 1, 0 } } }, other = { true, 1, { { -1, 0, 0 } } };
+    apsm_borders near = { true, 2, { { 0, 1, 0 }, { turned[0], turned[1], 0 } } };
+    const struct {
+        const apsm_borders *borders;
+        size_t cuts;
+    } cases[] = { { &meshes, 1 }, { &whole, 0 }, { &across, 0 }, { &other, 0 }, { &near, 1 } };
+    for (size_t k = 0; k < sizeof cases / sizeof *cases; k++) {
+        apsm_cloud cloud = { .cuts = 1, .cut = { { 1, 0, 0, 5 } } };
+        apsm_cloud_keep_cuts(cases[k].borders, &cloud);
+        assert_int_equal(cloud.cuts, cases[k].cuts);
+    }
+    apsm_cloud two = { .cuts = 2, .cut = { { -1, 0, 0, 7 }, { 0, 1, 0, 8 } } };
+    apsm_cloud_keep_cuts(&across, &two);
+    assert_int_equal(two.cuts, 1);
+    assert_true(two.cut[0][3] == 8);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -99,6 +122,7 @@ int main(void)
         cmocka_unit_test(flat_shapes_are_whole),
         cmocka_unit_test(bowed_shafts_are_whole),
         cmocka_unit_test(cut_is_found_where_it_is),
+        cmocka_unit_test(masks_are_cut_at_borders_only),
     };
     return cmocka_run_group_tests_name("cuts", tests, NULL, NULL);
 }

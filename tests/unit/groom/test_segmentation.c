@@ -1,6 +1,7 @@
 /* Segmentations of known bodies, voxels long and short, mirrored and turned. */
 #include "cmocka_all.h"
 
+#include "apsm/bvh.h"
 #include "apsm/topology.h"
 #include "groom/groom.h"
 #include "solids.h"
@@ -131,7 +132,43 @@ static void cavities_strays_and_borders_are_reported(void **state)
     assert_int_equal(r.dropped_parts, 1);
     assert_int_equal(r.dropped_voxels, 2);
     assert_int_equal(r.border, 4);
+    assert_true(r.border_normal[2][1] == -1.0 && r.border_normal[3][1] == 0.0);
     assert_near(volume, 1728.0, 17.0);
+}
+
+/* Inside or not, by the solid that the surface is: dice and departure by definition. */
+static void agreement_is_what_it_says(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    for (uint64_t seed = 1; seed < 5; seed++) {
+        apsm_volume v = solid_mask(solid_ellipsoid, (const double[3]){ 1, 1, 2 }, seed % 2, seed);
+        apsm_groom_report r;
+        apsm_mesh mesh;
+        apsm_bvh *tree;
+        double M[16], most = 0;
+        size_t both = 0, all = 0;
+        assert_ok(apsm_groom_segmentation(ctx, "mask", &v, NULL, &mesh, &r));
+        assert_ok(apsm_bvh_build(&mesh, &tree));
+        apsm_volume_index_to_lps(&v, M);
+        for (size_t i = 0; i < v.n[0] * v.n[1] * v.n[2]; i++) {
+            const size_t row = i / v.n[0];
+            double x[3] = { (double)(i % v.n[0]), (double)(row % v.n[1]), (double)(row / v.n[1]) };
+            apsm_closest hit;
+            apsm_affine_apply(M, 1, x, x);
+            const double d = apsm_bvh_signed_distance(tree, x, &hit);
+            const bool a = v.label[i] != 0, b = d < 0;
+            both += a && b;
+            all += (size_t)a + b;
+            if (a != b) most = fmax(most, fabs(d));
+        }
+        assert_near(r.dice, 2 * (double)both / (double)all, 1e-4);
+        assert_near(r.departure, most, 1e-4);
+        apsm_bvh_free(tree);
+        apsm_mesh_free(&mesh);
+        apsm_volume_free(&v);
+    }
+    apsm_context_free(ctx);
 }
 
 /* Single voxels and a ridge on a block go; a fin of one voxel and a pin stay. */
@@ -264,6 +301,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surfaces_are_smooth_and_true),
+        cmocka_unit_test(agreement_is_what_it_says),
         cmocka_unit_test(sheared_grid_keeps_the_volume),
         cmocka_unit_test(cavities_strays_and_borders_are_reported),
         cmocka_unit_test(raggedness_is_smoothed_and_fins_are_kept),

@@ -1,0 +1,104 @@
+#include "run/groomed.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { SIDES = 6 };
+
+void groomed_borders(const groom_inputs *in, apsm_borders *borders)
+{
+    for (size_t i = 0; i < in->list.n; i++) {
+        apsm_borders *b = &borders[i];
+        *b = (apsm_borders){ .known = in->is_mask[i] };
+        for (int s = 0; s < SIDES; s++) {
+            if (!(in->report[i].border & (1u << s))) continue;
+            double *n = b->normal[b->n++];
+            memcpy(n, in->report[i].border_normal[s], 3 * sizeof *n);
+            if (in->reflected[i]) n[0] = -n[0]; /* apsm_reflect mirrors x */
+        }
+    }
+}
+
+static json_t *border_json(unsigned border)
+{
+    static const char *const sides[SIDES] = { "-i", "+i", "-j", "+j", "-k", "+k" };
+    json_t *list = json_array();
+    for (int s = 0; s < SIDES; s++)
+        if (border & (1u << s)) json_array_append_new(list, json_string(sides[s]));
+    return list;
+}
+
+static int set_count(json_t *o, const char *key, size_t value)
+{
+    return json_object_set_new(o, key, json_integer((json_int_t)value));
+}
+
+/* What masks have and meshes have not. */
+static int set_mask(json_t *o, const apsm_groom_report *r)
+{
+    int failed = set_count(o, "voxels", r->voxels);
+    failed |= json_object_set_new(o, "mask_volume", json_real(r->mask_volume));
+    failed |= json_object_set_new(o, "dice", json_real(r->dice));
+    failed |= json_object_set_new(o, "departure", json_real(r->departure));
+    failed |= json_object_set_new(o, "border", border_json(r->border));
+    failed |= set_count(o, "dropped_parts", r->dropped_parts);
+    failed |= set_count(o, "dropped_voxels", r->dropped_voxels);
+    return failed | set_count(o, "filled_voxels", r->filled_voxels);
+}
+
+static int set_mesh(json_t *o, const apsm_groom_report *r)
+{
+    int failed = set_count(o, "dropped_parts", r->dropped_components);
+    failed |= json_object_set_new(o, "dropped_area", json_real(r->dropped_area));
+    failed |= set_count(o, "holes", r->holes);
+    return failed | json_object_set_new(o, "largest_cap", json_real(r->largest_cap));
+}
+
+static json_t *shape_json(const groom_inputs *in, size_t i)
+{
+    const apsm_groom_report *r = &in->report[i];
+    json_t *o = json_pack("{s:s, s:s, s:f, s:I, s:f}", "name", in->list.cases[i].name, "kind",
+                          in->is_mask[i] ? "mask" : "mesh", "volume",
+                          apsm_mesh_volume(&in->mesh[i]), "genus", (json_int_t)r->genus, "cropped",
+                          in->cropped[i]);
+    if (!o) return NULL;
+    if (!(in->is_mask[i] ? set_mask(o, r) : set_mesh(o, r))) return o;
+    json_decref(o);
+    return NULL;
+}
+
+json_t *groomed_json(const groom_inputs *in)
+{
+    json_t *list = json_array();
+    int failed = !list;
+    for (size_t i = 0; i < in->list.n && !failed; i++)
+        failed = json_array_append_new(list, shape_json(in, i));
+    if (!failed) return list;
+    json_decref(list);
+    return NULL;
+}
+
+static int add_note(json_t *notes, const char *shape, const char *text)
+{
+    return json_array_append_new(notes, json_pack("{s:s, s:s, s:s}", "shape", shape, "aspect",
+                                                  "input", "text", text));
+}
+
+int groomed_add_notes(const groom_inputs *in, json_t *notes)
+{
+    int failed = 0;
+    for (size_t i = 0; i < in->list.n && !failed; i++) {
+        char text[160];
+        const char *name = in->list.cases[i].name;
+        if (in->report[i].border)
+            failed |= add_note(notes, name,
+                               "its mask touches the image's border and was closed there");
+        if (!(in->cropped[i] > 0.0)) continue;
+        snprintf(text, sizeof text,
+                 "cropped to what all shapes hold: %.2g %% of its surface taken away",
+                 100.0 * in->cropped[i]);
+        failed |= add_note(notes, name, text);
+    }
+    return failed;
+}
