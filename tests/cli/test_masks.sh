@@ -30,10 +30,10 @@ expect() {
 # ---- whole bones on thick slices end flat, but were not cut off ----
 expect 0 "10 shapes groomed" groom "$cases/talus5" -o whole --faces 5000
 grep -q "cropped" said && fail "whole tali were cropped: $(cat said)"
-[ "$(grep -c '"cropped": 0.0' whole/manifest.json)" = 10 ] || fail "cropped: not 0 ten times"
-expect 0 "are cropped there" groom "$cases/talus5" -o forced --faces 5000 --cuts crop
-grep -q '"cropped": 0.0' forced/manifest.json && fail "--cuts crop: says nothing was cropped"
-[ "$(grep -c 'cropped to what all shapes hold' forced/manifest.json)" = 10 ] ||
-    fail "--cuts crop: not ten notes"
+[ "$(grep -cE '"cropped": 0\.0[,}]?$' whole/manifest.json)" = 10 ] || fail "cropped: not 0 ten times"
+expect 0 "are cropped there" groom "$cases"/talus5/a[239].nii.gz -o forced --faces 5000 --cuts crop
+grep -qE '"cropped": 0\.0[,}]?$' forced/manifest.json && fail "--cuts crop: says nothing was cropped"
+[ "$(grep -c 'cropped to what all shapes hold' forced/manifest.json)" = 3 ] ||
+    fail "--cuts crop: not three notes"
 
 exit $failed
