@@ -98,8 +98,8 @@ apsm_status groom_surface(apsm_context *ctx, const char *name, const apsm_mesh *
     APSM_TRY(apsm_repair(ctx, name, mesh, opt, mesh_out, r));
     say_repair(ctx, name, r);
     if (!opt->remesh) return APSM_OK;
-    const apsm_status status = groom_remesh(ctx, name, mesh_out, &opt->remesh_options,
-                                            opt->measure ? &r->remesh : NULL);
+    const apsm_status status =
+        groom_remesh(ctx, name, mesh_out, &opt->remesh_options, opt->measure ? &r->remesh : NULL);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
     return status;
 }

@@ -38,13 +38,13 @@ apsm_groom_options apsm_groom_defaults(void);
 /* What was done to one shape.  Zero where a step had nothing to do. */
 typedef struct apsm_groom_report {
     /* segmentation */
-    size_t voxels;           /* of the label, after the steps below */
-    size_t dropped_parts;    /* parts of the label not kept ... */
-    size_t dropped_voxels;   /* ... and their voxels */
-    size_t filled_voxels;    /* enclosed background filled */
-    unsigned border;         /* the label touches the image's border: bits 0..5 for
-                                -i +i -j +j -k +k; the surface is closed there */
-    int supersampling[3];    /* nodes a voxel along each axis */
+    size_t voxels;              /* of the label, after the steps below */
+    size_t dropped_parts;       /* parts of the label not kept ... */
+    size_t dropped_voxels;      /* ... and their voxels */
+    size_t filled_voxels;       /* enclosed background filled */
+    unsigned border;            /* the label touches the image's border: bits 0..5 for
+                                   -i +i -j +j -k +k; the surface is closed there */
+    int supersampling[3];       /* nodes a voxel along each axis */
     double border_normal[6][3]; /* of those borders, outward, in LPS; zero for the others */
     double mask_volume;         /* in the unit's cube */
     double dice;      /* of the result with the largest part of the label as it was given ... */

@@ -174,11 +174,11 @@ static apsm_volume in_unit(const apsm_volume *volume, double unit, double rest[3
 /* Back to the input's. */
 static void lengths_in_unit(apsm_groom_report *r, double unit)
 {
-    double *const lengths[] = { &r->remesh.edge,         &r->remesh.forward_mean,
-                                &r->remesh.forward_max,  &r->remesh.backward_mean,
-                                &r->remesh.backward_max, &r->largest_cap_at[0],
-                                &r->largest_cap_at[1],   &r->largest_cap_at[2],
-                                &r->departure };
+    double *const lengths[] = {
+        &r->remesh.edge,          &r->remesh.forward_mean, &r->remesh.forward_max,
+        &r->remesh.backward_mean, &r->remesh.backward_max, &r->largest_cap_at[0],
+        &r->largest_cap_at[1],    &r->largest_cap_at[2],   &r->departure
+    };
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
 }
 

@@ -106,9 +106,9 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     apsm_status status = run_is_in_memory(run) ? memory_read(ctx, run, i, &in->labels, &shape)
                                                : apsm_input_read(ctx, c, &in->labels, &shape);
     if (status == APSM_OK)
-        status = shape.is_mesh ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
-                               : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options,
-                                                         out, r);
+        status = shape.is_mesh
+                     ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
+                     : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options, out, r);
     in->is_mask[i] = !shape.is_mesh;
     apsm_input_shape_free(&shape);
     return status;

@@ -58,10 +58,10 @@ static int set_mesh(json_t *o, const apsm_groom_report *r)
 static json_t *shape_json(const groom_inputs *in, size_t i)
 {
     const apsm_groom_report *r = &in->report[i];
-    json_t *o = json_pack("{s:s, s:s, s:f, s:I, s:f}", "name", in->list.cases[i].name, "kind",
-                          in->is_mask[i] ? "mask" : "mesh", "volume",
-                          apsm_mesh_volume(&in->mesh[i]), "genus", (json_int_t)r->genus, "cropped",
-                          in->cropped[i]);
+    json_t *o =
+        json_pack("{s:s, s:s, s:f, s:I, s:f}", "name", in->list.cases[i].name, "kind",
+                  in->is_mask[i] ? "mask" : "mesh", "volume", apsm_mesh_volume(&in->mesh[i]),
+                  "genus", (json_int_t)r->genus, "cropped", in->cropped[i]);
     if (!o) return NULL;
     if (!(in->is_mask[i] ? set_mask(o, r) : set_mesh(o, r))) return o;
     json_decref(o);
@@ -81,8 +81,8 @@ json_t *groomed_json(const groom_inputs *in)
 
 static int add_note(json_t *notes, const char *shape, const char *text)
 {
-    return json_array_append_new(notes, json_pack("{s:s, s:s, s:s}", "shape", shape, "aspect",
-                                                  "input", "text", text));
+    return json_array_append_new(
+        notes, json_pack("{s:s, s:s, s:s}", "shape", shape, "aspect", "input", "text", text));
 }
 
 int groomed_add_notes(const groom_inputs *in, json_t *notes)
@@ -92,8 +92,8 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
         char text[160];
         const char *name = in->list.cases[i].name;
         if (in->report[i].border)
-            failed |= add_note(notes, name,
-                               "its mask touches the image's border and was closed there");
+            failed |=
+                add_note(notes, name, "its mask touches the image's border and was closed there");
         if (!(in->cropped[i] > 0.0)) continue;
         snprintf(text, sizeof text,
                  "cropped to what all shapes hold: %.2g %% of its surface taken away",

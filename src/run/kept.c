@@ -278,8 +278,7 @@ apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_in
 }
 
 apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
-                          const char sha256[65], const apsm_mesh *mesh,
-                          const kept_groomed *groomed)
+                          const char sha256[65], const apsm_mesh *mesh, const kept_groomed *groomed)
 {
     const uint64_t n[2] = { mesh->nv, mesh->nf };
     const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, size = mesh_bytes(n[0], n[1]);

@@ -118,10 +118,8 @@ static void masks_are_cut_at_borders_only(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(round_shapes_are_whole),
-        cmocka_unit_test(flat_shapes_are_whole),
-        cmocka_unit_test(bowed_shafts_are_whole),
-        cmocka_unit_test(cut_is_found_where_it_is),
+        cmocka_unit_test(round_shapes_are_whole),        cmocka_unit_test(flat_shapes_are_whole),
+        cmocka_unit_test(bowed_shafts_are_whole),        cmocka_unit_test(cut_is_found_where_it_is),
         cmocka_unit_test(masks_are_cut_at_borders_only),
     };
     return cmocka_run_group_tests_name("cuts", tests, NULL, NULL);
