@@ -139,10 +139,9 @@ static void run_stage(apsm_context *ctx, apsm_cohort *cohort, size_t J, const do
                     k, r.before, r.after, r.step, r.moved, r.kept, r.modes, r.noise);
     }
     const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
-    snprintf(label, sizeof label,
-             "F %g c %g prior %g stay %g smooth %g modes %zu%s %ldx%ld points %zu", o->fidelity,
-             adaptivity, o->prior, o->stay, o->smooth, modes, o->modes < 0 ? "*" : "", o->rounds,
-             o->iterations, o->points);
+    snprintf(label, sizeof label, "F %g c %g prior %g smooth %g modes %zu%s %ldx%ld points %zu",
+             o->fidelity, adaptivity, o->prior, o->smooth, modes, o->modes < 0 ? "*" : "",
+             o->rounds, o->iterations, o->points);
     judge(ctx, cohort, J, P, label, seconds);
     apsm_fidelity_free(f);
     free(own);
@@ -167,7 +166,6 @@ int main(int argc, char **argv)
         if (strncmp(argv[k], "F=", 2) == 0) list = value + 1;
         if (strncmp(argv[k], "prior=", 6) == 0) o.prior = x;
         if (strncmp(argv[k], "adaptivity=", 11) == 0) adaptivity = x;
-        if (strncmp(argv[k], "stay=", 5) == 0) o.stay = x;
         if (strncmp(argv[k], "smooth=", 7) == 0) o.smooth = x;
         if (strncmp(argv[k], "order=", 6) == 0) o.order = x;
         if (strncmp(argv[k], "modes=", 6) == 0) o.modes = (long)x;

@@ -35,10 +35,12 @@ extern "C" {
          "c in (5): 0 spreads particles evenly, 1 follows the surface error")                      \
     REAL(alpha, 5, 0, 1e6, "weight of the sampling loss in stage 1")                               \
     REAL(stage2_alpha_factor, 1, 0, 1e6, "alpha of stage 2 relative to alpha")                     \
-    REAL(beta, 0.05, 0, 1e6, "weight of the eigenshape loss")                                      \
+    REAL(beta, 0, 0, 1e6,                                                                          \
+         "weight of the eigenshape loss; 0.05 without the fidelity stage, whose prior takes its "  \
+         "place")                                                                                  \
     REAL(gamma, 0.5, 0, 1e6, "weight of the correspondence loss")                                  \
-    INT(stage1_epochs, 6, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")               \
-    INT(stage2_epochs, 12, 0, 1000000, "epochs of stage 2 (adaptive)")                             \
+    INT(stage1_epochs, 3, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")               \
+    INT(stage2_epochs, 6, 0, 1000000, "epochs of stage 2 (adaptive)")                              \
     INT(settle_epochs, 50, 0, 1000000,                                                             \
         "most epochs before stage 1, with weights that move particles far, if the first "          \
         "particles "                                                                               \
@@ -125,7 +127,7 @@ extern "C" {
     /* fidelity stage */                                                                           \
     REAL(fidelity, 0.5, 0, 1,                                                                      \
          "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
-         "the other shapes weighs (1 - F)/F against that; 0: no such stage")                       \
+         "the other shapes weighs (1 - F)/F times what is measured to suit; 0: no such stage")     \
     INT(fidelity_rounds, 12, 1, 1000, "rounds of the fidelity stage")                              \
     INT(fidelity_modes, -1, -1, 100000,                                                            \
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \

@@ -162,12 +162,17 @@ static apsm_status make_prior(apsm_fit_model *m)
 
 /* ---- the template ---- */
 
+/* A shape alone does not show how far surfaces leave open where particles are: the model weighs as
+ * it would where they leave much open (tali: 0.02). */
+static const double doubt = 0.08;
+
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
     apsm_fidelity_options o = apsm_fidelity_of(&m->options);
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));
     m->h = apsm_fidelity_spacing(m->fidelity);
+    apsm_fidelity_set_doubt(m->fidelity, doubt);
     return APSM_OK;
 }
 

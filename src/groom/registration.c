@@ -73,6 +73,16 @@ static void covariance(const double y[3], const double c[3], double k[4])
     for (int a = 0; a < 3; a++) k[1 + a] = a2 * c[a] + slope * (y[a] - c[a]);
 }
 
+void apsm_registration_covariance(size_t n, const double *y, double *K)
+{
+    for (size_t a = 0; a < n; a++)
+        for (size_t b = 0; b < n; b++) {
+            double k[4];
+            covariance(y + 3 * a, y + 3 * b, k);
+            K[a * n + b] = k[0];
+        }
+}
+
 /* K (4n x C): rows 4m to 4m + 3 belong to y_m. */
 static void covariances(const apsm_registration *r, size_t n, const double *y, double *K)
 {
@@ -89,12 +99,7 @@ static apsm_status find_modes(apsm_registration *r, double *K, double *eigen)
 {
     const size_t C = r->C;
     double *value = eigen, *Q = eigen + C;
-    for (size_t a = 0; a < C; a++) /* the values alone, without derivatives */
-        for (size_t b = 0; b < C; b++) {
-            double k[4];
-            covariance(r->y + 3 * a, r->y + 3 * b, k);
-            K[a * C + b] = k[0];
-        }
+    apsm_registration_covariance(C, r->y, K);
     APSM_TRY(apsm_symmetric_eigen(C, K, value, Q));
     r->p = 0;
     while (r->p < C && value[r->p] > least_eigenvalue * value[0]) r->p++;

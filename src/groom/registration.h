@@ -21,6 +21,10 @@ apsm_status apsm_registration_new(const apsm_cloud *reference,
                                   apsm_registration **registration) APSM_NODISCARD;
 void apsm_registration_free(apsm_registration *registration);
 
+/* The prior (14) of a displacement: K (n x n, out) is its covariance at points y (n x 3) in radii
+ * about their centre, lengths in radii. */
+void apsm_registration_covariance(size_t n, const double *y, double *K);
+
 /* Scratch in doubles for shapes with clouds of at most n points. */
 size_t apsm_registration_work_size(const apsm_registration *registration, size_t n);
 

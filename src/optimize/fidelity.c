@@ -3,8 +3,11 @@
  *
  * The weights of the quadratic terms are relative to the mean diagonal of the shape's Gauss-Newton
  * matrix when the round begins, and stay for the round.  A step counts if the objective falls, the
- * two-way distance is not above that at the round's beginning and no fold appears; else it is
- * halved, a few times.  The last round's result is certified. */
+ * two-way distance does not grow (by more than a tenth, once the prior weighs) and no fold appears;
+ * else it is halved, a few times.  The last round's result is certified.
+ *
+ * The prior waits for the second half of the rounds: what the surfaces say alone tells how much it
+ * should say. */
 #include "optimize/fidelity.h"
 
 #include <math.h>
@@ -17,13 +20,14 @@
 #include "optimize/fidelity_shape.h"
 
 enum { HALVINGS = 4, WEAKER = 3 };
+static const double growth = 1.1; /* of the distance in a round, at most, for the prior's sake */
 
 apsm_fidelity_options apsm_fidelity_defaults(void)
 {
     return (apsm_fidelity_options){ .fidelity = 0.5,
-                                    .prior = 7,
+                                    .prior = 85,
                                     .stay = 0.02,
-                                    .smooth = 0.1,
+                                    .smooth = 1,
                                     .order = 16,
                                     .modes = -1,
                                     .rounds = 12,
@@ -98,9 +102,10 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     f->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *f->N6);
     f->triangle = malloc(J * PAIRS * sizeof *f->triangle);
     f->side = malloc(J * PAIRS * sizeof *f->side);
+    f->Q = malloc(J * J * sizeof *f->Q);
     apsm_surface_point *S = malloc(J * sizeof *S);
     apsm_status status = APSM_ERR_MEMORY;
-    if (f->T && f->TN && f->N6 && f->triangle && f->side && S) {
+    if (f->T && f->TN && f->N6 && f->triangle && f->side && f->Q && S) {
         memcpy(f->T, T, 3 * J * sizeof *f->T);
         apsm_shape_look_up(shape, J, T, S, NULL, f->TN);
         status = measure_reference(shape, S, f);
@@ -110,6 +115,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     APSM_TRY(status);
     f->h = apsm_spacing(J, T, f->N6, NULL);
     list_triangles(f);
+    APSM_TRY(fidelity_smoothness(J, T, f->Q));
     return apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp);
 }
 
@@ -139,7 +145,18 @@ void apsm_fidelity_free(apsm_fidelity *f)
     free(f->N6);
     free(f->triangle);
     free(f->side);
+    free(f->Q);
     free(f);
+}
+
+double apsm_fidelity_doubt(const apsm_fidelity *f)
+{
+    return f->doubt;
+}
+
+void apsm_fidelity_set_doubt(apsm_fidelity *f, double doubt)
+{
+    f->doubt = doubt;
 }
 
 double apsm_fidelity_spacing(const apsm_fidelity *f)
@@ -231,8 +248,9 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
     const double F = o->fidelity;
     return (fidelity_weights){ .stay = diagonal * o->stay,
                                .smooth = diagonal * o->smooth,
-                               .prior = diagonal * o->prior * (1 - F) / F,
+                               .prior = diagonal * o->prior * t->f->doubt * (1 - F) / F,
                                .order = diagonal * o->order,
+                               .from = t->P0 + i * D,
                                .mean = p->mean + fold * D,
                                .modes = p->modes,
                                .mode = p->mode + fold * p->modes * D,
@@ -245,13 +263,12 @@ static bool try_steps(const round_task *t, size_t i, const fidelity_weights *q, 
                       size_t folds, fidelity_work *w)
 {
     const apsm_fidelity *f = t->f;
-    const double *P0 = t->P0 + i * 3 * f->J;
     double length = 1;
     for (int k = 0; k < HALVINGS; k++, length /= 2) {
         fidelity_move(f, i, length, &w->a, &w->b, w);
         if (fidelity_folds(f, &w->b) > folds) continue;
         fidelity_measure(f, i, t->round, &w->b, w);
-        fidelity_value(f, q, P0, &w->b, w);
+        fidelity_value(f, q, &w->b, w);
         if (w->b.value < w->a.value && w->b.distance <= limit) return true;
     }
     return false;
@@ -271,7 +288,6 @@ static apsm_status solve(size_t n, fidelity_work *w)
 static bool find_step(const round_task *t, size_t i, double limit, size_t folds,
                       fidelity_weights *q, fidelity_work *w)
 {
-    const double *P0 = t->P0 + i * 3 * t->f->J;
     const bool thin = t->f->cohort->shape[i].half_thickness < 0.5 * t->f->h;
     for (int k = 0; k < (thin ? WEAKER : 1); k++) {
         if (k > 0) {
@@ -279,9 +295,9 @@ static bool find_step(const round_task *t, size_t i, double limit, size_t folds,
             q->prior /= 4;
             fidelity_linearise(t->f, &w->a, w);
             fidelity_set_prior(t->f, q, w->a.P, w);
-            fidelity_value(t->f, q, P0, &w->a, w);
+            fidelity_value(t->f, q, &w->a, w);
         }
-        fidelity_add_quadratic(t->f, q, P0, &w->a, w);
+        fidelity_add_quadratic(t->f, q, &w->a, w);
         if (solve(2 * t->f->J, w) != APSM_OK) break; /* no step is better than a wrong one */
         if (try_steps(t, i, q, limit, folds, w)) return true;
     }
@@ -299,7 +315,7 @@ static bool descend(const round_task *t, size_t i, double limit, fidelity_work *
         if (k == 0) {
             q = weights_at(t, i, diagonal);
             fidelity_set_prior(f, &q, w->a.P, w);
-            fidelity_value(f, &q, t->P0 + i * 3 * f->J, &w->a, w);
+            fidelity_value(f, &q, &w->a, w);
         }
         if (!find_step(t, i, limit, folds, &q, w)) break;
         swap_states(w);
@@ -348,6 +364,12 @@ static apsm_status certify_end(const round_task *t, size_t i, fidelity_work *w, 
     return APSM_OK;
 }
 
+/* The first half of the rounds is without the prior. */
+static long first_with_prior(const apsm_fidelity *f)
+{
+    return f->o.fidelity < 1 ? f->o.rounds / 2 : f->o.rounds;
+}
+
 static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, shape_result *r)
 {
     const apsm_fidelity *f = t->f;
@@ -358,7 +380,7 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
     fidelity_measure(f, i, t->round, &w->a, w);
     r->before = w->a.distance;
-    r->moved = descend(t, i, w->a.distance, w);
+    r->moved = descend(t, i, (f->doubt > 0 ? growth : 1) * w->a.distance, w);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
     if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));
@@ -401,7 +423,43 @@ static void sum_up(const round_task *t, size_t I, apsm_fidelity_record *record)
         record->noise += sqrt(t->prior->noise[k]) / (double)t->prior->folds;
 }
 
-static apsm_status run_round(apsm_context *ctx, round_task *t, apsm_fidelity_record *record)
+/* Whether the shape has a say in what the cohort is like. */
+static bool counts(const apsm_fidelity *f, size_t i)
+{
+    return i != f->cohort->template_index && !(f->o.left_out && f->o.left_out[i]);
+}
+
+/* Distance of the surfaces at P, and of the particles at P0 from what the others predict there. */
+static apsm_status measure_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx;
+    const round_task *t = user;
+    fidelity_work *w = &t->work[worker];
+    const double *P0 = t->P0 + i * 3 * t->f->J;
+    const fidelity_weights q = weights_at(t, i, 1);
+    if (!counts(t->f, i)) return APSM_OK;
+    memcpy(w->a.P, t->P + i * 3 * t->f->J, 3 * t->f->J * sizeof *P0);
+    fidelity_measure(t->f, i, 0, &w->a, w);
+    t->result[i].before = w->a.distance;
+    t->result[i].after = fidelity_left_out(t->f, &q, P0, w);
+    return APSM_OK;
+}
+
+/* How far the surfaces leave open where particles are: what is between them once they alone have
+ * decided, over the distance of the particles, when the stage began, from what the other shapes
+ * predict, squared.  Surfaces that fit to a small part of that know better than the model. */
+static double doubt_of(const round_task *t)
+{
+    double misfit = 0, spread = 0;
+    for (size_t i = 0; i < t->f->cohort->I; i++) {
+        misfit += t->result[i].before;
+        spread += t->result[i].after;
+    }
+    return spread > 0 ? misfit * misfit / (spread * spread) : 0;
+}
+
+/* One task for every shape; t->result is the caller's to free. */
+static apsm_status run_tasks(apsm_context *ctx, round_task *t, apsm_task_fn task)
 {
     const size_t I = t->f->cohort->I, threads = (size_t)apsm_context_threads(ctx);
     t->work = calloc(threads, sizeof *t->work);
@@ -409,24 +467,44 @@ static apsm_status run_round(apsm_context *ctx, round_task *t, apsm_fidelity_rec
     apsm_status status = t->work && t->result ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t k = 0; status == APSM_OK && k < threads; k++)
         status = fidelity_work_alloc(t->f, t->prior->modes, &t->work[k]);
-    if (status == APSM_OK) status = apsm_parallel_for(ctx, I, round_of_shape, t, NULL);
-    if (status == APSM_OK) sum_up(t, I, record);
+    if (status == APSM_OK) status = apsm_parallel_for(ctx, I, task, t, NULL);
     for (size_t k = 0; t->work && k < threads; k++) fidelity_work_free(&t->work[k]);
     free(t->work);
-    free(t->result);
     return status;
 }
 
-apsm_status apsm_fidelity_round(apsm_context *ctx, const apsm_fidelity *f, long round,
-                                const double *P0, double *P, apsm_fidelity_record *record)
+static apsm_status fit_prior(apsm_context *ctx, const apsm_fidelity *f, const double *P,
+                             apsm_fidelity_prior *prior)
+{
+    return apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, f->o.left_out,
+                                   prior);
+}
+
+static apsm_status measure_doubt(apsm_context *ctx, const double *P0, double *P, apsm_fidelity *f)
 {
     apsm_fidelity_prior prior;
+    APSM_TRY(fit_prior(ctx, f, P0, &prior));
+    round_task t = { .f = f, .prior = &prior, .P0 = P0, .P = P };
+    const apsm_status status = run_tasks(ctx, &t, measure_shape);
+    if (status == APSM_OK) f->doubt = doubt_of(&t);
+    free(t.result);
+    apsm_fidelity_prior_free(&prior);
+    return status;
+}
+
+apsm_status apsm_fidelity_round(apsm_context *ctx, apsm_fidelity *f, long round, const double *P0,
+                                double *P, apsm_fidelity_record *record)
+{
+    apsm_fidelity_prior prior;
+    const size_t I = f->cohort->I;
     *record = (apsm_fidelity_record){ 0 };
-    if (f->cohort->I < 2) return APSM_OK;
-    APSM_TRY(apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, f->o.left_out,
-                                     &prior));
+    if (I < 2) return APSM_OK;
+    if (round == first_with_prior(f)) APSM_TRY(measure_doubt(ctx, P0, P, f));
+    APSM_TRY(fit_prior(ctx, f, P, &prior));
     round_task t = { .f = f, .prior = &prior, .round = round, .P0 = P0, .P = P };
-    const apsm_status status = run_round(ctx, &t, record);
+    const apsm_status status = run_tasks(ctx, &t, round_of_shape);
+    if (status == APSM_OK) sum_up(&t, I, record);
+    free(t.result);
     apsm_fidelity_prior_free(&prior);
     return status;
 }

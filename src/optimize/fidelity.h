@@ -11,10 +11,10 @@ extern "C" {
 #endif
 
 typedef struct apsm_fidelity_options {
-    double fidelity;      /* F in (0, 1]: the prior weighs prior (1 - F) / F; 1: no prior */
-    double prior;         /* weight of the prior at F = 1/2: 7 */
+    double fidelity;      /* F in (0, 1]: the prior weighs prior doubt (1 - F) / F; 1: no prior */
+    double prior;         /* weight of the prior at F = 1/2, times the doubt: 85 */
     double stay;          /* lambda: pull to where the stage began: 0.02 */
-    double smooth;        /* mu: neighbours move alike: 0.1 */
+    double smooth;        /* mu: displacements from the mean are smooth: 1 */
     double order;         /* nu: neighbours of the template stay neighbours: 16 */
     long modes;           /* of the prior; -1: as many as predict left-out shapes best */
     long rounds;          /* prior and shapes in turn: 12 */
@@ -60,6 +60,10 @@ apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size
                               apsm_fidelity **fidelity) APSM_NODISCARD;
 void apsm_fidelity_free(apsm_fidelity *fidelity);
 double apsm_fidelity_spacing(const apsm_fidelity *fidelity); /* h */
+/* How much the surfaces leave to the prior, measured in the middle of the rounds (0 before):
+ * whoever goes on with a stage after that sets it. */
+double apsm_fidelity_doubt(const apsm_fidelity *fidelity);
+void apsm_fidelity_set_doubt(apsm_fidelity *fidelity, double doubt);
 
 /* What a round did, means over the shapes without the template. */
 typedef struct apsm_fidelity_record {
@@ -71,10 +75,10 @@ typedef struct apsm_fidelity_record {
 } apsm_fidelity_record;
 
 /* Round 0, 1, ...: the prior is made from P, then every shape takes Gauss-Newton steps.  P0
- * (I x J x 3) are the particles when the stage began, P (in/out) those now.  A round makes no
- * shape's two-way distance on the round's points larger, and after the last one its certificate is
- * no worse than at P0. */
-apsm_status apsm_fidelity_round(apsm_context *ctx, const apsm_fidelity *fidelity, long round,
+ * (I x J x 3) are the particles when the stage began, P (in/out) those now.  The prior weighs from
+ * the middle of the rounds on; before, a round makes no shape's two-way distance on the round's
+ * points larger.  After the last one a shape's certificate is no worse than at P0. */
+apsm_status apsm_fidelity_round(apsm_context *ctx, apsm_fidelity *fidelity, long round,
                                 const double *P0, double *P,
                                 apsm_fidelity_record *record) APSM_NODISCARD;
 

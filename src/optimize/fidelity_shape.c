@@ -1,11 +1,12 @@
 /* The objective of the fidelity stage for one shape, equation (12), lengths in h:
  *
- *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 lambda |e|^2 + 1/2 mu e' L e
- *       + 1/2 kappa (p - mean)' S (p - mean) + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
+ *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 mu e' Q e + 1/2 kappa e' S e
+ *       + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
- *   e = p - p0  displacement since the stage began;  L  Laplacian of the 6-neighbour graph / 12
+ *   e = p - mean  displacement from the mean of the other shapes
+ *   Q           what of it is not smooth (fidelity_smooth.c)
  *   rho(d)      d between a floor and a ceiling; d^2 / (2 s) + s / 2 with s = floor below, ceiling
  *               above: tips that are not reached count for more than their few vertices
  *   S           precision of the prior; with it the term counts distances, not squares (below)
@@ -73,7 +74,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
     w->e = malloc(3 * J * sizeof *w->e);
-    w->Le = malloc(3 * J * sizeof *w->Le);
+    w->Se = malloc(3 * J * sizeof *w->Se);
     w->v = malloc(J * sizeof *w->v);
     w->z = malloc((3 * J * modes + 1) * sizeof *w->z);
     w->K = malloc((modes * modes + 1) * sizeof *w->K);
@@ -81,7 +82,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
     if (states && w->v && w->z && w->K && w->entry && w->named && w->Y && w->YN && w->tangent &&
-        w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Le && w->tangent_mode) {
+        w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -110,7 +111,7 @@ void fidelity_work_free(fidelity_work *w)
     free(w->H);
     free(w->g);
     free(w->e);
-    free(w->Le);
+    free(w->Se);
     free(w->tangent_mode);
 }
 
@@ -185,24 +186,20 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
 
 /* ---- the objective ---- */
 
-/* Le = L e, with e = p - p0 in h. */
-static void displacement(const apsm_fidelity *f, const double *P, const double *P0,
-                         fidelity_work *w)
+/* e = p - mean in h; Se = Q e. */
+static void roughness(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                      fidelity_work *w)
 {
     const size_t J = f->J;
-    for (size_t x = 0; x < 3 * J; x++) {
-        w->e[x] = (P[x] - P0[x]) / f->h;
-        w->Le[x] = 0;
-    }
-    for (size_t j = 0; j < J; j++)
-        for (size_t q = 0; q < APSM_NEIGHBOURS; q++) {
-            const size_t k = f->N6[APSM_NEIGHBOURS * j + q];
-            for (size_t c = 0; c < 3; c++) {
-                const double d = (w->e[3 * j + c] - w->e[3 * k + c]) / 12;
-                w->Le[3 * j + c] += d;
-                w->Le[3 * k + c] -= d;
-            }
-        }
+    for (size_t x = 0; x < 3 * J; x++) w->e[x] = P[x] / f->h - q->mean[x];
+    apsm_gemm(0, 0, J, 3, J, 1, f->Q, J, w->e, 3, 0, w->Se, 3);
+}
+
+/* e = p - from in h. */
+static void departure(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                      fidelity_work *w)
+{
+    for (size_t x = 0; x < 3 * f->J; x++) w->e[x] = (P[x] - q->from[x]) / f->h;
 }
 
 static double dot(size_t n, const double *a, const double *b)
@@ -212,18 +209,18 @@ static double dot(size_t n, const double *a, const double *b)
     return sum;
 }
 
-/* e = p - mean in h; Le = S e, S = V - Z'Z. */
+/* e = p - mean in h; Se = S e, S = V - Z'Z. */
 static void deviation(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                       fidelity_work *w)
 {
     const size_t D = 3 * f->J;
     for (size_t x = 0; x < D; x++) {
         w->e[x] = P[x] / f->h - q->mean[x];
-        w->Le[x] = w->v[x / 3] * w->e[x];
+        w->Se[x] = w->v[x / 3] * w->e[x];
     }
     for (size_t m = 0; m < q->modes; m++) {
         const double *z = w->z + m * D, s = dot(D, z, w->e);
-        for (size_t x = 0; x < D; x++) w->Le[x] -= s * z[x];
+        for (size_t x = 0; x < D; x++) w->Se[x] -= s * z[x];
     }
 }
 
@@ -253,6 +250,20 @@ static void make_precision(const apsm_fidelity *f, const fidelity_weights *q, fi
     }
 }
 
+double fidelity_left_out(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                         fidelity_work *w)
+{
+    const size_t D = 3 * f->J;
+    double sum = 0;
+    for (size_t x = 0; x < D; x++) w->e[x] = P[x] / f->h - q->mean[x];
+    for (size_t m = 0; m < q->modes; m++) {
+        const double *u = q->mode + m * D, b = dot(D, u, w->e);
+        for (size_t x = 0; x < D; x++) w->e[x] -= b * u[x];
+    }
+    for (size_t j = 0; j < f->J; j++) sum += vec3_norm(w->e + 3 * j);
+    return sum / (double)f->J;
+}
+
 /* Particles weigh 1 / r, r the distance by which the model misses them, over what is usual: squares
  * so weighted add up like distances, and a particle whose place is its own is not held by the
  * model.  Within a factor of 4, and found in turns with what the model makes of the others. */
@@ -268,7 +279,7 @@ void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const
     for (int k = 0; k < TURNS; k++) {
         deviation(f, q, P, w);
         for (size_t j = 0; j < f->J; j++) {
-            const double r = vec3_norm(w->Le + 3 * j) / w->v[j];
+            const double r = vec3_norm(w->Se + 3 * j) / w->v[j];
             w->v[j] = r * most > usual ? fmax(usual / r, 1 / most) : most;
         }
         make_precision(f, q, w);
@@ -338,8 +349,8 @@ static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const 
     return sum;
 }
 
-void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
-                    fidelity_state *s, fidelity_work *w)
+void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_state *s,
+                    fidelity_work *w)
 {
     const size_t D = 3 * f->J;
     const double floor_ = f->o.floor, ceiling = f->o.ceiling;
@@ -349,11 +360,17 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const dou
         const double scale = fmin(fmax(d, floor_), ceiling);
         sum += 0.5 * (d * d / scale + scale);
     }
-    displacement(f, s->P, P0, w);
-    sum += 0.5 * (q->stay * dot(D, w->e, w->e) + q->smooth * dot(D, w->e, w->Le));
+    if (q->stay > 0) {
+        departure(f, q, s->P, w);
+        sum += 0.5 * q->stay * dot(D, w->e, w->e);
+    }
+    if (q->smooth > 0) {
+        roughness(f, q, s->P, w);
+        sum += 0.5 * q->smooth * dot(D, w->e, w->Se);
+    }
     if (q->prior > 0) {
         deviation(f, q, s->P, w);
-        sum += 0.5 * q->prior * dot(D, w->e, w->Le);
+        sum += 0.5 * q->prior * dot(D, w->e, w->Se);
     }
     if (q->order > 0) sum += 0.5 * q->order * disorder(f, q, s->P, NULL, w);
     s->value = sum;
@@ -463,25 +480,30 @@ static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelit
     }
 }
 
-void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+static void add_roughness(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                          fidelity_work *w)
+{
+    const size_t J = f->J;
+    roughness(f, q, P, w);
+    add_gradient(J, q->smooth, w->Se, w->tangent, w->g);
+    for (size_t j = 0; j < J; j++)
+        for (size_t k = 0; k <= j; k++)
+            add_block(J, j, k, q->smooth * f->Q[j * J + k], w->tangent, w->H);
+}
+
+void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
                             const fidelity_state *s, fidelity_work *w)
 {
-    const size_t J = f->J, n = 2 * J;
-    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->stay;
-    for (size_t j = 0; j < J; j++)
-        for (size_t l = 0; l < APSM_NEIGHBOURS; l++) {
-            const size_t k = f->N6[APSM_NEIGHBOURS * j + l], hi = j > k ? j : k, lo = j + k - hi;
-            add_block(J, j, j, q->smooth / 12, w->tangent, w->H);
-            add_block(J, k, k, q->smooth / 12, w->tangent, w->H);
-            add_block(J, hi, lo, -q->smooth / 12, w->tangent, w->H);
-        }
+    if (q->stay > 0) {
+        departure(f, q, s->P, w);
+        add_gradient(f->J, q->stay, w->e, w->tangent, w->g);
+        for (size_t x = 0; x < 2 * f->J; x++) w->H[x * 2 * f->J + x] += q->stay;
+    }
+    if (q->smooth > 0) add_roughness(f, q, s->P, w);
     if (q->order > 0) disorder(f, q, s->P, w->tangent, w);
-    displacement(f, s->P, P0, w);
-    add_gradient(J, q->stay, w->e, w->tangent, w->g);
-    add_gradient(J, q->smooth, w->Le, w->tangent, w->g);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
-    add_gradient(J, q->prior, w->Le, w->tangent, w->g);
+    add_gradient(f->J, q->prior, w->Se, w->tangent, w->g);
     add_prior(f, q, w);
 }
 

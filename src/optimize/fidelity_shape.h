@@ -18,6 +18,8 @@ struct apsm_fidelity {
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
     int *side;               /* triangles: that orientation */
     apsm_neighbourhoods reference;
+    double *Q;    /* J x J: what displacements cost that are not smooth */
+    double doubt; /* how far surfaces leave open where particles are: 0 before the prior weighs */
 };
 
 /* A point of either surface and the closest on the other. */
@@ -40,14 +42,17 @@ typedef struct fidelity_state {
 
 /* Weights of the quadratic terms of (12), lengths in h. */
 typedef struct fidelity_weights {
-    double stay, smooth, prior;
-    double order;
+    double stay, smooth, prior, order;
+    const double *from; /* J x 3: particles when the stage began */
     const double *mean; /* J x 3 */
     size_t modes;
     const double *mode;   /* modes x 3J */
     const double *weight; /* modes */
     double noise;         /* standard deviation of a coordinate beside the modes */
 } fidelity_weights;
+
+/* Q (J x J, out) from the template's particles T. */
+apsm_status fidelity_smoothness(size_t J, const double *T, double *Q) APSM_NODISCARD;
 
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {
@@ -63,7 +68,7 @@ typedef struct fidelity_work {
     float *rows;          /* FIDELITY_ROWS x 2J */
     float *H32;           /* 2J x 2J lower: the surface terms' part of H */
     double *H, *g;        /* 2J x 2J lower, 2J */
-    double *e, *Le;       /* J x 3 */
+    double *e, *Se;       /* J x 3 */
     double *v, *z, *K;    /* precision of the prior: J, modes x 3J; modes x modes: scratch */
     double *tangent_mode; /* modes x 2J */
 } fidelity_work;
@@ -84,14 +89,17 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
 /* The precision of the prior for a shape with particles P (J x 3): w->v and w->z. */
 void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                         fidelity_work *w);
-/* s->value from the matches and the quadratic terms; P0 (J x 3). */
-void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
-                    fidelity_state *s, fidelity_work *w);
+/* s->value from the matches and the quadratic terms. */
+void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_state *s,
+                    fidelity_work *w);
 /* w->tangent, w->H and w->g of the surface terms at s; returns the mean of H's diagonal. */
 double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w);
 /* Adds the quadratic terms to w->H and w->g. */
-void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q, const double *P0,
+void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
                             const fidelity_state *s, fidelity_work *w);
+/* Mean distance in h of particles P (J x 3) from what the other shapes' model makes of them. */
+double fidelity_left_out(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
+                         fidelity_work *w);
 /* x <- the closest point of the surface, on the side that looks the way of the normal. */
 void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
                    apsm_surface_point *on);

@@ -306,6 +306,7 @@ static apsm_status begin_fidelity(optimizer *op)
     APSM_TRY(apsm_fidelity_new(op->ctx, op->cohort, op->J,
                                particles(op, op->cohort->template_index), &fo, &op->fidelity));
     s->h = apsm_fidelity_spacing(op->fidelity);
+    apsm_fidelity_set_doubt(op->fidelity, s->doubt);
     return APSM_OK;
 }
 
@@ -315,6 +316,7 @@ static apsm_status run_round(optimizer *op, apsm_epoch_record *r)
     apsm_fidelity_record f;
     if (!op->fidelity) APSM_TRY(begin_fidelity(op));
     APSM_TRY(apsm_fidelity_round(op->ctx, op->fidelity, s->epoch, s->own, s->P, &f));
+    s->doubt = apsm_fidelity_doubt(op->fidelity);
     *r = (apsm_epoch_record){ .stage = s->stage,
                               .epoch = s->epoch,
                               .alpha = NAN,

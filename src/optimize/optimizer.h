@@ -38,6 +38,7 @@ typedef struct apsm_optimizer_state {
     long epochs_run;        /* in both stages */
     double h;               /* length unit of the stage; 0: not yet fixed */
     double best_mismatched; /* least worst-shape share at any pass; 2: no pass yet */
+    double doubt;           /* of the fidelity stage: apsm_fidelity_doubt */
     long passes_without_gain;
     apsm_stop stage1_stop;
     double *P;    /* I x J x 3, world frame */

@@ -38,7 +38,7 @@ apsm_status run_identity(apsm_run *run, char hex[65])
 /* The numbers of a state, apart from its arrays. */
 typedef struct state_numbers {
     int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop, own_size;
-    double h, best_mismatched;
+    double h, best_mismatched, doubt;
 } state_numbers;
 
 static double *copy_doubles(size_t n, const double *x)
@@ -88,7 +88,8 @@ apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer
                                   (int64_t)s->stage1_stop,
                                   (int64_t)s->own_size,
                                   s->h,
-                                  s->best_mismatched };
+                                  s->best_mismatched,
+                                  s->doubt };
         apsm_checkpoint_add(w, "identity", identity, sizeof identity);
         apsm_checkpoint_add(w, "numbers", &n, sizeof n);
         apsm_checkpoint_add(w, "P", s->P, s->I * s->J * 3 * sizeof *s->P);
@@ -151,7 +152,8 @@ static apsm_status check_numbers(apsm_run *run, const char *path, const apsm_che
     const bool counted = n->epoch > -MOST_EPOCHS && n->epoch < MOST_EPOCHS && n->epochs_run >= 0 &&
                          n->epochs_run < MOST_EPOCHS && n->passes_without_gain >= 0 &&
                          n->passes_without_gain < MOST_EPOCHS;
-    const bool measured = isfinite(n->h) && n->h >= 0 && isfinite(n->best_mismatched);
+    const bool measured = isfinite(n->h) && n->h >= 0 && isfinite(n->best_mismatched) &&
+                          isfinite(n->doubt) && n->doubt >= 0;
     const bool held = n->J > 0 && (uint64_t)n->J <= P_bytes && n->own_size >= 0 &&
                       (uint64_t)n->own_size <= own_bytes / sizeof(double);
     if (known && counted && measured && held && own_fits(run, n)) return APSM_OK;
@@ -193,6 +195,7 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
     s->stage1_stop = (apsm_stop)n.stage1_stop;
     s->h = n.h;
     s->best_mismatched = n.best_mismatched;
+    s->doubt = n.doubt;
     APSM_TRY(take_array(run, path, c, "P", s->I * s->J * 3, s->P));
     APSM_TRY(take_array(run, path, c, "mean", s->J * 3, s->mean));
     if (n.own_size == 0) return APSM_OK;

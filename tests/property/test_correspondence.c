@@ -25,28 +25,27 @@ static apsm_options short_run(void)
     return o;
 }
 
-/* Bounds in h, the spacing: about a quarter above what was measured (0.18, 0.35, 0.03).  How far
- * the surface around the bump turns with it is ours to define and hard to see from its shape, hence
+/* Bounds in h, the spacing, above what was measured (0.03, 0.24, 0.03).  How far the surface around the bump turns with it is ours to define and hard to see from its shape, hence
  * the larger figure there. */
 static void ellipsoids_correspond(void **state)
 {
     (void)state;
     const apsm_options o = short_run();
-    assert_true(truth_error(SYNTHETIC_ELLIPSOID, &o) < 0.25);
+    assert_true(truth_error(SYNTHETIC_ELLIPSOID, &o) < 0.06);
 }
 
 static void a_sliding_bump_is_followed(void **state)
 {
     (void)state;
     const apsm_options o = short_run();
-    assert_true(truth_error(SYNTHETIC_BUMP, &o) < 0.45);
+    assert_true(truth_error(SYNTHETIC_BUMP, &o) < 0.32);
 }
 
 static void a_thin_plate_keeps_its_sides(void **state)
 {
     (void)state;
     const apsm_options o = short_run();
-    assert_true(truth_error(SYNTHETIC_PLATE, &o) < 0.08);
+    assert_true(truth_error(SYNTHETIC_PLATE, &o) < 0.05);
 }
 
 /* Particles of a shape whose true place on the template looks another way than the template's
@@ -89,6 +88,7 @@ static void the_losses_make_the_correspondence(void **state)
     (void)state;
     apsm_options with = short_run();
     with.fidelity = 0; /* a stage of its own */
+    with.beta = 0.05;
     with.alpha = 10;
     with.stage2_alpha_factor = 0.5;
     apsm_options without = with;
@@ -114,20 +114,21 @@ static void quality(apsm_options o, double *truth, double *generalization)
            o.stage2_epochs, *truth, *generalization);
 }
 
-/* The default schedule does in 30 epochs at most what three hundred do with the paper's proportions
- * of the weights. */
+/* With the eigenshape loss that its fidelity stage makes needless, 18 epochs of the default's other
+ * weights do what three hundred do with the paper's proportions. */
 static void few_epochs_do(void **state)
 {
     (void)state;
-    const apsm_options few = apsm_options_defaults();
-    apsm_options many = few;
+    apsm_options few = apsm_options_defaults(), many = few;
+    few.stage1_epochs = 6;
+    few.stage2_epochs = 12;
+    few.beta = 0.05;
     many.stage1_epochs = 100;
     many.stage2_epochs = 200;
     many.alpha = 10;
     many.stage2_alpha_factor = 0.5;
     many.beta = 0.02;
     many.gamma = 1;
-    assert_true(few.stage1_epochs + few.stage2_epochs <= 30);
     double truth[2], generalization[2];
     quality(few, &truth[0], &generalization[0]);
     quality(many, &truth[1], &generalization[1]);

@@ -200,7 +200,9 @@ typedef struct anatomy_map {
     anatomy_extent extent;
     anatomy_waves waves[ANATOMY_FIELDS + 1]; /* the cohort's, and one of the shape's own */
     double weight[ANATOMY_FIELDS + 1];
-    double own[8]; /* standard normal: parameters of the kind, see anatomy_bend */
+    anatomy_waves bumps; /* short ones, of the shape's own */
+    double rough;        /* their size */
+    double own[8];       /* standard normal: parameters of the kind, see anatomy_bend */
     double stretch[3], size;
     double pose[16]; /* det < 0: mirrored */
 } anatomy_map;
@@ -229,6 +231,7 @@ static inline void anatomy_waves_at(const anatomy_waves *w, const double x[3], d
 /* How a cohort's shapes differ beyond its kind. */
 typedef struct anatomy_spread {
     double strength; /* factor of the variation, 1: that of the kind */
+    double rough;    /* size of bumps that no other shape has, relative to the kind's variation */
     double size;     /* standard deviation of log size */
     double turn;     /* largest turn of a pose in degrees */
     bool mirrored;
@@ -269,6 +272,9 @@ static inline anatomy_map anatomy_draw(anatomy_kind kind, uint64_t seed, size_t 
     for (int f = 0; f < ANATOMY_FIELDS; f++)
         m.weight[f] *= s->strength * m.extent.strength * apsm_random_normal(&rng) / sqrt(norm);
     m.weight[ANATOMY_FIELDS] = 0.2 * s->strength * m.extent.strength;
+    apsm_random own = apsm_random_stream(seed, APSM_STREAM_TEST, (uint64_t)kind, 100000 + i);
+    anatomy_draw_waves(&own, 0.2 * m.extent.length, &m.bumps);
+    m.rough = s->rough * m.extent.strength;
     for (int k = 0; k < 8; k++)
         m.own[k] = s->strength * fmin(fmax(apsm_random_normal(&rng), -2), 2);
     for (int c = 0; c < 3; c++) m.stretch[c] = exp(0.05 * s->strength * apsm_random_normal(&rng));
@@ -290,6 +296,13 @@ static inline void anatomy_flow(const anatomy_map *m, double x[3])
         }
         for (int c = 0; c < 3; c++) x[c] += sum[c] / STEPS;
     }
+}
+
+static inline void anatomy_roughen(const anatomy_map *m, double x[3])
+{
+    double v[3];
+    anatomy_waves_at(&m->bumps, x, v);
+    for (int c = 0; c < 3; c++) x[c] += m->rough * v[c];
 }
 
 /* Neck angle (sd 5 degrees), anteversion (10), bow, length of the shaft (6 %). */
@@ -333,6 +346,7 @@ static inline void anatomy_place(const anatomy_map *m, const double t[3], double
     if (m->kind >= ANATOMY_TABLED)
         anatomy_bend_table(anatomy_tables[m->kind - ANATOMY_TABLED].bend, m->own, y);
     anatomy_flow(m, y);
+    if (m->rough > 0) anatomy_roughen(m, y);
     for (int c = 0; c < 3; c++) y[c] *= m->stretch[c] * m->size;
     for (int r = 0; r < 3; r++)
         x[r] = m->pose[4 * r] * y[0] + m->pose[4 * r + 1] * y[1] + m->pose[4 * r + 2] * y[2] +

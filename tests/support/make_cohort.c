@@ -4,12 +4,13 @@
  *   make_synthetic KIND OUT_DIR [OPTION VALUE...]
  *
  * OUT_DIR/shapes/KIND_NN.ply (or .nrrd) is what a modeller gets, OUT_DIR/truth/KIND_NN.ply the same
- * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), turn
- * (largest, degrees), size (standard deviation of log size), mirror (every so many-th shape is
- * mirrored and called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), mess (level of
- * mesh_mess.h, for masks of mesh_mask.h), coarse, fine (the meshes' grids, relative to the truth's,
- * are drawn from fine to coarse), x, y, z (write masks with this spacing), mixed (spacings differ
- * by up to this factor), crop (voxels of the mask lost beyond the borders of its image). */
+ * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), rough
+ * (size of bumps that no other shape has, relative to the variation; 0.25 is much), turn (largest,
+ * degrees), size (standard deviation of log size), mirror (every so many-th shape is mirrored and
+ * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), mess (level of mesh_mess.h, for
+ * masks of mesh_mask.h), coarse, fine (the meshes' grids, relative to the truth's, are drawn from
+ * fine to coarse), x, y, z (write masks with this spacing), mixed (spacings differ by up to this
+ * factor), crop (voxels of the mask lost beyond the borders of its image). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -38,11 +39,12 @@ enum {
     Z,
     MIXED,
     CROP,
+    ROUGH,
     OPTIONS
 };
-static const char *const names[OPTIONS] = { "count",  "seed", "strength", "turn",   "size",
-                                            "mirror", "cut",  "mess",     "coarse", "fine",
-                                            "x",      "y",    "z",        "mixed",  "crop" };
+static const char *const names[OPTIONS] = { "count", "seed",  "strength", "turn", "size", "mirror",
+                                            "cut",   "mess",  "coarse",   "fine", "x",    "y",
+                                            "z",     "mixed", "crop",     "rough" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -97,6 +99,7 @@ static apsm_status make_one(const job *j, size_t i)
     apsm_random rng = apsm_random_stream((uint64_t)j->v[SEED], APSM_STREAM_TEST, 1000 + i, 1);
     const size_t every = (size_t)j->v[MIRROR];
     const anatomy_spread spread = { .strength = j->v[STRENGTH],
+                                    .rough = j->v[ROUGH],
                                     .size = j->v[SIZE],
                                     .turn = j->v[TURN],
                                     .mirrored = every > 0 && i % every == every - 1 };

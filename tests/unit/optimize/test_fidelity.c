@@ -96,11 +96,13 @@ static apsm_fidelity *new_stage(scene *s, const apsm_fidelity_options *o)
 static void run_all(scene *s, const apsm_fidelity_options *o, double *P)
 {
     apsm_fidelity *f = new_stage(s, o);
+    double P0[I * J * 3];
     memcpy(P, s->P, sizeof s->P);
+    memcpy(P0, s->P, sizeof s->P);
     for (long k = 0; k < o->rounds; k++) {
         apsm_fidelity_record r;
-        assert_int_equal(apsm_fidelity_round(s->ctx, f, k, s->P, P, &r), APSM_OK);
-        assert_true(r.after <= r.before);
+        assert_int_equal(apsm_fidelity_round(s->ctx, f, k, P0, P, &r), APSM_OK);
+        if (k < o->rounds / 2) assert_true(r.after <= r.before);
         if (k == 0) assert_true(r.moved > 0); /* later ones may find nothing better */
     }
     apsm_fidelity_free(f);
@@ -119,11 +121,12 @@ static void shift(const apsm_fidelity *f, const fidelity_state *from, const doub
                 f->h * t * (d[2 * j] * tangent[6 * j + c] + d[2 * j + 1] * tangent[6 * j + 3 + c]);
 }
 
-static fidelity_weights some_weights(const apsm_fidelity_prior *prior, size_t i)
+static fidelity_weights some_weights(const apsm_fidelity_prior *prior, size_t i, const double *from)
 {
     const size_t fold = i % prior->folds;
-    return (fidelity_weights){ .stay = 3,
+    return (fidelity_weights){ .stay = 30,
                                .smooth = 20,
+                               .from = from,
                                .prior = 40,
                                .order = 50,
                                .mean = prior->mean + fold * 3 * J,
@@ -169,15 +172,15 @@ static void test_gradient(void **state)
     make_prior_scene(&p);
     const apsm_fidelity *f = p.f;
     const size_t i = 3;
-    double d[2 * J], P0[3 * J];
-    fidelity_weights q = some_weights(&p.prior, i);
-    memcpy(p.w.a.P, p.s.P + i * J * 3, sizeof P0);
+    double d[2 * J], from[3 * J];
+    fidelity_weights q = some_weights(&p.prior, i, from);
+    for (size_t x = 0; x < 3 * J; x++) from[x] = p.s.P[i * J * 3 + x] + f->h * 0.1 * noise(x + 7);
+    memcpy(p.w.a.P, p.s.P + i * J * 3, 3 * J * sizeof *p.w.a.P);
     fidelity_set_prior(f, &q, p.w.a.P, &p.w);
-    for (size_t x = 0; x < 3 * J; x++) P0[x] = p.w.a.P[x] + f->h * 0.1 * noise(x + 7);
     apsm_shape_look_up(&p.s.cohort.shape[i], J, p.w.a.P, p.w.a.S, NULL, p.w.a.N);
     fidelity_measure(f, i, 0, &p.w.a, &p.w);
     assert_true(fidelity_linearise(f, &p.w.a, &p.w) > 0);
-    fidelity_add_quadratic(f, &q, P0, &p.w.a, &p.w);
+    fidelity_add_quadratic(f, &q, &p.w.a, &p.w);
     for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
     double slope = 0, curve = 0, value[2];
     for (size_t x = 0; x < 2 * J; x++) {
@@ -189,7 +192,7 @@ static void test_gradient(void **state)
     for (int k = 0; k < 2; k++) {
         shift(f, &p.w.a, p.w.tangent, d, k ? t : -t, p.w.b.P);
         fidelity_measure(f, i, 0, &p.w.b, &p.w);
-        fidelity_value(f, &q, P0, &p.w.b, &p.w);
+        fidelity_value(f, &q, &p.w.b, &p.w);
         value[k] = p.w.b.value;
     }
     const double difference = (value[1] - value[0]) / (2 * t);
@@ -199,14 +202,25 @@ static void test_gradient(void **state)
     /* the order of the particles does take part in that */
     const double ordered = p.w.b.value;
     q.order = 0;
-    fidelity_value(f, &q, P0, &p.w.b, &p.w);
+    fidelity_value(f, &q, &p.w.b, &p.w);
     assert_true(p.w.b.value < 0.99 * ordered);
+
+    /* and so do the pull to where the stage began and what is not smooth */
+    double *const weight[] = { &q.stay, &q.smooth };
+    for (int k = 0; k < 2; k++) {
+        const double with = p.w.b.value, kept = *weight[k];
+        *weight[k] = 0;
+        fidelity_value(f, &q, &p.w.b, &p.w);
+        assert_true(p.w.b.value < 0.999 * with);
+        *weight[k] = kept;
+        fidelity_value(f, &q, &p.w.b, &p.w);
+    }
 
     /* quadratic terms alone: H by second differences, exactly */
     double quadratic[3];
     memset(p.w.H, 0, 4 * J * J * sizeof *p.w.H);
     memset(p.w.g, 0, 2 * J * sizeof *p.w.g);
-    fidelity_add_quadratic(f, &q, P0, &p.w.a, &p.w);
+    fidelity_add_quadratic(f, &q, &p.w.a, &p.w);
     curve = 0;
     for (size_t x = 0; x < 2 * J; x++) {
         for (size_t y = 0; y < x; y++) curve += 2 * p.w.H[x * 2 * J + y] * d[x] * d[y];
@@ -215,7 +229,7 @@ static void test_gradient(void **state)
     for (int k = 0; k < 3; k++) {
         shift(f, &p.w.a, p.w.tangent, d, 0.01 * (k - 1), p.w.b.P);
         p.w.b.n = 0;
-        fidelity_value(f, &q, P0, &p.w.b, &p.w);
+        fidelity_value(f, &q, &p.w.b, &p.w);
         quadratic[k] = p.w.b.value;
     }
     const double second = (quadratic[0] - 2 * quadratic[1] + quadratic[2]) / 1e-4;
@@ -352,7 +366,7 @@ static double prior_alone(const apsm_fidelity *f, const fidelity_weights *q, con
 {
     memcpy(w->b.P, P, 3 * J * sizeof *P);
     w->b.n = 0;
-    fidelity_value(f, q, P, &w->b, w);
+    fidelity_value(f, q, &w->b, w);
     return w->b.value;
 }
 
@@ -363,7 +377,7 @@ static void test_prior_counts_distances(void **state)
     make_prior_scene(&p);
     const apsm_fidelity *f = p.f;
     double P[3 * J], e[3 * J];
-    fidelity_weights q = some_weights(&p.prior, 2);
+    fidelity_weights q = some_weights(&p.prior, 2, p.s.P);
     q.stay = q.smooth = q.order = 0;
     q.prior = 2;
     /* the mean, scores on both modes, one particle far off, the others by what is usual */
@@ -397,6 +411,77 @@ static void test_prior_counts_distances(void **state)
     if (!(fabs(value - least) < 1e-6 * least))
         fail_msg("%.12g is not the least: %.12g", value, least);
     free_prior_scene(&p);
+}
+
+/* What displacements u of the template's particles cost: u' Q u over |u|^2. */
+static double cost(const double *Q, const double *u)
+{
+    double sum = 0, norm = 0;
+    for (size_t j = 0; j < J; j++) {
+        norm += u[j] * u[j];
+        for (size_t k = 0; k < J; k++) sum += u[j] * Q[j * J + k] * u[k];
+    }
+    return sum / norm;
+}
+
+/* Affine displacements are free, waves as long as the shape cost little, and what differs from
+ * particle to particle costs a hundred times that; in any unit. */
+static void test_smoothness(void **state)
+{
+    (void)state;
+    scene s;
+    double Q[J * J], again[J * J], T[3 * J], u[3][J], price[3];
+    make_scene(&s, SYNTHETIC_ELLIPSOID, 0, 1);
+    assert_int_equal(fidelity_smoothness(J, s.P, Q), APSM_OK);
+    for (size_t j = 0; j < J; j++) {
+        u[0][j] = s.P[3 * j] - 0.5 * s.P[3 * j + 2];
+        u[1][j] = sin(s.P[3 * j] / 25);
+        u[2][j] = noise(j);
+    }
+    for (int k = 0; k < 3; k++) price[k] = cost(Q, u[k]);
+    print_message("affine %.2g, long %.2g, rough %.2g\n", price[0], price[1], price[2]);
+    assert_true(price[0] > 0 && price[0] < 1e-3 && price[1] < 1e-2 && price[2] > 100 * price[1]);
+    for (size_t x = 0; x < 3 * J; x++) T[x] = 1000 * s.P[x] - 5;
+    assert_int_equal(fidelity_smoothness(J, T, again), APSM_OK);
+    for (size_t x = 0; x < J * J; x++) assert_true(fabs(again[x] - Q[x]) < 1e-7);
+    for (size_t x = 0; x < 3 * J; x++) T[x] = 3;
+    assert_int_equal(fidelity_smoothness(J, T, again), APSM_ERR_GEOMETRY);
+    free_scene(&s);
+}
+
+/* The prior waits until the surfaces have had their say, and then weighs the less the better they
+ * fit, compared with what the shapes differ by; at fidelity 1 it never does. */
+static void test_doubt(void **state)
+{
+    (void)state;
+    const synthetic_kind kinds[] = { SYNTHETIC_ELLIPSOID, SYNTHETIC_BUMP };
+    double doubt[2], P[I * J * 3];
+    for (int k = 0; k < 2; k++) {
+        scene s;
+        apsm_fidelity_options o = apsm_fidelity_defaults();
+        o.points = 400;
+        make_scene(&s, kinds[k], 2, 1);
+        apsm_fidelity *f = new_stage(&s, &o);
+        memcpy(P, s.P, sizeof P);
+        for (long round = 0; round <= o.rounds / 2; round++) {
+            apsm_fidelity_record r;
+            assert_true(apsm_fidelity_doubt(f) == 0);
+            assert_int_equal(apsm_fidelity_round(s.ctx, f, round, s.P, P, &r), APSM_OK);
+        }
+        doubt[k] = apsm_fidelity_doubt(f);
+        apsm_fidelity_free(f);
+        o.fidelity = 1;
+        f = new_stage(&s, &o);
+        for (long round = 0; round < o.rounds; round++) {
+            apsm_fidelity_record r;
+            assert_int_equal(apsm_fidelity_round(s.ctx, f, round, s.P, P, &r), APSM_OK);
+        }
+        assert_true(apsm_fidelity_doubt(f) == 0);
+        apsm_fidelity_free(f);
+        free_scene(&s);
+    }
+    print_message("doubt: ellipsoids %.2g, bumps %.2g\n", doubt[0], doubt[1]);
+    assert_true(doubt[0] > 0 && 20 * doubt[0] < doubt[1] && doubt[1] < 0.1);
 }
 
 /* ---- the stage ---- */
@@ -459,16 +544,20 @@ static void test_strong_prior_yields(void **state)
 static void test_truth_error(void **state)
 {
     (void)state;
-    const synthetic_kind kinds[] = { SYNTHETIC_ELLIPSOID, SYNTHETIC_BUMP, SYNTHETIC_PLATE };
+    /* Around the bump an ellipsoid slides over itself, by up to 25 mm: no surface shows that, and the
+     * pull to where the stage began, where most of it is right, has to be stronger. */
+    const synthetic_kind kinds[] = { SYNTHETIC_ELLIPSOID, SYNTHETIC_PLATE, SYNTHETIC_BUMP };
+    const double stay[] = { 0.02, 0.02, 1 }, most[] = { 0.3, 1, 1.1 };
     for (size_t k = 0; k < 3; k++) {
         scene s;
         double P[I * J * 3];
         make_scene(&s, kinds[k], 2, 1);
-        const apsm_fidelity_options o = apsm_fidelity_defaults();
+        apsm_fidelity_options o = apsm_fidelity_defaults();
+        o.stay = stay[k];
         run_all(&s, &o, P);
         const double before = truth_error(&s, s.P), after = truth_error(&s, P);
         print_message("cohort %zu: truth error %.4g -> %.4g\n", k, before, after);
-        if (!(after <= 1.1 * before)) fail_msg("cohort %zu: %g -> %g", k, before, after);
+        if (!(after <= most[k] * before)) fail_msg("cohort %zu: %g -> %g", k, before, after);
         free_scene(&s);
     }
 }
@@ -604,13 +693,14 @@ static void test_resumes(void **state)
     assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &whole, stop_after, &stop), APSM_OK);
     assert_int_equal(whole.stage, APSM_STAGE_DONE);
     assert_int_equal(whole.epochs_run, o.fidelity_rounds);
-    stop.wanted = 2;
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &part), APSM_OK);
     part.stage = APSM_STAGE_FIDELITY;
     memcpy(part.P, s.P, sizeof s.P);
-    assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, stop_after, &stop),
-                     APSM_ERR_INTERRUPTED);
-    assert_int_equal(part.epoch, 2);
+    for (stop.wanted = 2; stop.wanted < o.fidelity_rounds; stop.wanted += 6) {
+        assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, stop_after, &stop),
+                         APSM_ERR_INTERRUPTED);
+        assert_int_equal(part.epoch, stop.wanted);
+    }
     assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, NULL, NULL), APSM_OK);
     assert_memory_equal(whole.P, part.P, sizeof s.P);
     assert_memory_not_equal(whole.P, s.P, sizeof s.P);
@@ -645,6 +735,8 @@ int main(void)
         cmocka_unit_test(test_sides_of_sheets),
         cmocka_unit_test(test_prior_finds_modes),
         cmocka_unit_test(test_prior_counts_distances),
+        cmocka_unit_test(test_smoothness),
+        cmocka_unit_test(test_doubt),
         cmocka_unit_test(test_distance_never_grows),
         cmocka_unit_test(test_strong_prior_yields),
         cmocka_unit_test(test_truth_error),
