@@ -25,8 +25,9 @@ static apsm_options short_run(void)
     return o;
 }
 
-/* Bounds in h, the spacing, above what was measured (0.03, 0.24, 0.03).  How far the surface around the bump turns with it is ours to define and hard to see from its shape, hence
- * the larger figure there. */
+/* Bounds in h, the spacing, above what was measured (0.03, 0.24, 0.03).  How far the surface around
+ * the bump turns with it is ours to define and hard to see from its shape, hence the larger figure
+ * there. */
 static void ellipsoids_correspond(void **state)
 {
     (void)state;
