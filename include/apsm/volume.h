@@ -27,7 +27,8 @@ typedef struct apsm_volume {
     size_t segments;       /* 0: labels have no names */
     apsm_segment *segment; /* segments */
     float *value;          /* instead of labels: a function, such as a distance or a probability */
-    char *notes; /* what of the header had to be decided: lines that end in '\n', or NULL */
+    char *picked; /* names of the labels that a mask was made of: "1 talus, 2 tibia", or NULL */
+    char *notes;  /* what of the header had to be decided: lines that end in '\n', or NULL */
 } apsm_volume;
 
 APSM_API void apsm_volume_free(apsm_volume *volume);

@@ -11,6 +11,9 @@
 /* Fails with "PATH: WHAT: reason; remedy" for the given errno; ENOMEM gives APSM_ERR_MEMORY. */
 apsm_status apsm_fail_errno(apsm_context *ctx, const char *path, const char *what, int error);
 
+/* *fd <- path opened for reading; pipes, devices and folders are refused. */
+apsm_status apsm_open_regular(apsm_context *ctx, const char *path, int *fd) APSM_NODISCARD;
+
 /* Brings the entry of path in its folder to the disk; 0 or an errno. */
 int apsm_sync_folder_of(const char *path);
 

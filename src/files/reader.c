@@ -21,15 +21,26 @@ static bool grow(char **data, size_t *capacity, size_t used, size_t limit)
     return true;
 }
 
+/* Nobody waits for a pipe. */
+apsm_status apsm_open_regular(apsm_context *ctx, const char *path, int *fd)
+{
+    struct stat info = { 0 };
+    *fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
+    const int error = *fd < 0 || fstat(*fd, &info) != 0 ? errno : 0;
+    if (!error && S_ISREG(info.st_mode)) return APSM_OK;
+    if (*fd >= 0) close(*fd);
+    *fd = -1;
+    if (error || S_ISDIR(info.st_mode))
+        return apsm_fail_errno(ctx, path, "cannot be read", error ? error : EISDIR);
+    return apsm_fail(ctx, APSM_ERR_IO, "%s: is a pipe or device, not a file; save it as a file",
+                     path);
+}
+
 static apsm_status read_all(apsm_context *ctx, const char *path, int fd, size_t limit, char **data,
                             size_t *size)
 {
     struct stat info;
     if (fstat(fd, &info) != 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
-    if (S_ISDIR(info.st_mode)) return apsm_fail_errno(ctx, path, "cannot be read", EISDIR);
-    if (!S_ISREG(info.st_mode))
-        return apsm_fail(ctx, APSM_ERR_IO, "%s: is a pipe or device, not a file; save it as a file",
-                         path);
     size_t capacity = 0;
     if (info.st_size > 0 && (size_t)info.st_size < limit) {
         *data = malloc((size_t)info.st_size + 2);
@@ -58,8 +69,8 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
 {
     *data = NULL;
     *size = 0;
-    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK); /* a pipe would wait for ever */
-    if (fd < 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+    int fd;
+    APSM_TRY(apsm_open_regular(ctx, path, &fd));
     const apsm_status status = read_all(ctx, path, fd, limit, data, size);
     close(fd);
     if (status != APSM_OK) {

@@ -117,8 +117,8 @@ void apsm_sha256_hex(const unsigned char digest[32], char hex[65])
 static apsm_status add_file(apsm_context *ctx, const char *path, apsm_sha256 *sha)
 {
     unsigned char piece[1 << 16];
-    const int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0) return apsm_fail_errno(ctx, path, "cannot be read", errno);
+    int fd;
+    APSM_TRY(apsm_open_regular(ctx, path, &fd));
     int error = 0;
     for (ssize_t n = 1; n != 0 && !error;) {
         n = read(fd, piece, sizeof piece);

@@ -44,6 +44,14 @@ double unit_in_mm(word name)
     return 0.0;
 }
 
+/* With the header's name before the line of the last failure. */
+static void refuse_data(scan *s)
+{
+    char line[400];
+    snprintf(line, sizeof line, "%s", apsm_error_text(s->ctx));
+    scan_refuse(s, APSM_ERR_FORMAT, "its data file %s", line);
+}
+
 void image_load_data(scan *s, image *m, const char *name)
 {
     char *const folder = apsm_path_folder(s->path);
@@ -52,8 +60,8 @@ void image_load_data(scan *s, image *m, const char *name)
         scan_no_memory(s);
     else if (!apsm_file_exists(path))
         scan_refuse(s, APSM_ERR_FORMAT, "its data file '%s' is not there; copy both files", name);
-    else
-        s->status = input_file_read(s->ctx, path, &m->detached, &m->size);
+    else if (input_file_read(s->ctx, path, &m->detached, &m->size) != APSM_OK)
+        refuse_data(s);
     m->data = (const unsigned char *)m->detached;
     free(folder);
     free(path);

@@ -30,6 +30,7 @@ void apsm_volume_free(apsm_volume *volume)
     free(volume->segment);
     free(volume->value);
     free(volume->notes);
+    free(volume->picked);
     free(volume->label);
     *volume = (apsm_volume){ 0 };
 }

@@ -1,11 +1,13 @@
-/* Headers whose voxels are in another file: MetaImage's ElementDataFile, NRRD's data file. */
+/* Headers whose voxels are in another file: MetaImage's ElementDataFile, NRRD's data file, the
+ * image of a NIfTI pair. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
-#include "apsm/files.h"
 #include "apsm/input.h"
+#include "files/io.h"
 
 enum { LINE = 4096, MOST_LINES = 1000 };
 
@@ -43,21 +45,42 @@ static bool ends_in(const char *path, const char *extension)
     return n > end && strcasecmp(path + n - end, extension) == 0;
 }
 
+/* *data <- name in the folder of path; nothing if there is none. */
+static apsm_status beside(const char *path, const char *name, char **data)
+{
+    if (!name || !*name || strcmp(name, "LOCAL") == 0 || strncmp(name, "LIST", 4) == 0 ||
+        strchr(name, '%'))
+        return APSM_OK;
+    char *const folder = apsm_path_folder(path);
+    *data = folder ? apsm_path_join(folder, name) : NULL;
+    free(folder);
+    return *data ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* "x.hdr" has its voxels in "x.img" or "x.img.gz". */
+static apsm_status image_of(const char *path, char **data)
+{
+    const size_t stem = strlen(path) - 4;
+    *data = malloc(stem + sizeof ".img.gz");
+    if (!*data) return APSM_ERR_MEMORY;
+    memcpy(*data, path, stem);
+    strcpy(*data + stem, ".img");
+    if (!apsm_file_exists(*data)) strcpy(*data + stem, ".img.gz");
+    return APSM_OK;
+}
+
 apsm_status apsm_input_data_file(const char *path, char **data)
 {
     const bool meta = ends_in(path, ".mhd") || ends_in(path, ".mha");
     char line[LINE];
     *data = NULL;
+    if (ends_in(path, ".hdr")) return image_of(path, data);
     if (!meta && !ends_in(path, ".nhdr") && !ends_in(path, ".nrrd")) return APSM_OK;
-    FILE *file = fopen(path, "rb");
+    int fd;
+    FILE *file = NULL;
+    if (apsm_open_regular(NULL, path, &fd) == APSM_OK && !(file = fdopen(fd, "rb"))) close(fd);
     if (!file) return APSM_OK; /* whoever reads it will say so */
-    const char *name = find_name(file, meta, line);
+    const apsm_status status = beside(path, find_name(file, meta, line), data);
     fclose(file);
-    if (!name || !*name || strcmp(name, "LOCAL") == 0 || strncmp(name, "LIST", 4) == 0 ||
-        strchr(name, '%'))
-        return APSM_OK;
-    char *folder = apsm_path_folder(path);
-    *data = folder ? apsm_path_join(folder, name) : NULL;
-    free(folder);
-    return *data ? APSM_OK : APSM_ERR_MEMORY;
+    return status;
 }

@@ -37,12 +37,12 @@ bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
     static const struct {
         const char *extension;
         apsm_input_kind kind;
-    } known[] = { { ".ply", APSM_INPUT_MESH },      { ".stl", APSM_INPUT_MESH },
-                  { ".obj", APSM_INPUT_MESH },      { ".vtk", APSM_INPUT_MESH },
-                  { ".vtp", APSM_INPUT_MESH },      { ".nrrd", APSM_INPUT_VOLUME },
-                  { ".nhdr", APSM_INPUT_VOLUME },   { ".nii", APSM_INPUT_VOLUME },
-                  { ".nii.gz", APSM_INPUT_VOLUME }, { ".mha", APSM_INPUT_VOLUME },
-                  { ".mhd", APSM_INPUT_VOLUME } };
+    } known[] = { { ".ply", APSM_INPUT_MESH },    { ".stl", APSM_INPUT_MESH },
+                  { ".obj", APSM_INPUT_MESH },    { ".vtk", APSM_INPUT_MESH },
+                  { ".vtp", APSM_INPUT_MESH },    { ".nrrd", APSM_INPUT_VOLUME },
+                  { ".nhdr", APSM_INPUT_VOLUME }, { ".nii", APSM_INPUT_VOLUME },
+                  { ".hdr", APSM_INPUT_VOLUME },  { ".nii.gz", APSM_INPUT_VOLUME },
+                  { ".mha", APSM_INPUT_VOLUME },  { ".mhd", APSM_INPUT_VOLUME } };
     const size_t length = strlen(path);
     for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
         const size_t end = strlen(known[k].extension);

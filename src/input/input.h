@@ -62,24 +62,42 @@ typedef struct apsm_labels {
     bool all; /* every label but 0 */
     size_t n;
     int32_t *label; /* ascending; owned */
+    size_t names;
+    char **name; /* of segments, as the file has them; owned */
+    char side;   /* '<' or '>': the shape is where values are below or above the level; else 0 */
+    double level;
 } apsm_labels;
 
-/* From text: "" , "all", or non-zero integers with commas, "1,2".  APSM_ERR_ARG with a line. */
+/* From text: "" , "all", non-zero integers and names of segments with commas, "1,2" or "talus", or
+ * a bound on the values of an image that is a function, ">0.5".  APSM_ERR_ARG with a line. */
 apsm_status apsm_labels_parse(apsm_context *ctx, const char *text,
                               apsm_labels *labels) APSM_NODISCARD;
 void apsm_labels_free(apsm_labels *labels);
 
-/* In place: 1 where the voxel has one of the labels, else 0.  Refused (APSM_ERR_GEOMETRY): none
- * chosen and several there (the line lists them), nothing chosen is there.  A chosen label that is
+/* In place: 1 where the voxel has one of the labels in any layer, else 0; one layer is left.
+ * Refused (APSM_ERR_GEOMETRY): none chosen and several there (the line lists them), nothing chosen
+ * is there, a number that means different segments in different layers.  A chosen label that is
  * not there is logged.  path is for messages.  O(voxels). */
 apsm_status apsm_label_union(apsm_context *ctx, const char *path, const apsm_labels *labels,
                              apsm_volume *volume) APSM_NODISCARD;
 
-/* What a case holds: a mesh as it is in the file, or a mask of 0 and 1. */
+/* Warns if the same label has different names in different shapes: picked[i] is of shape i (see
+ * apsm_volume), NULL where there are no names. */
+void apsm_labels_compare(apsm_context *ctx, size_t n, const char *const *names,
+                         const char *const *picked);
+
+/* The surface of an image that is a function, in LPS.  Without a bound in labels it must be a
+ * distance transform: the side that most voxels of the image's border are on is outside, and the
+ * volume's notes say so.  The surface is closed at the image's border. */
+apsm_status apsm_field_surface(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                               apsm_volume *volume, apsm_mesh *mesh) APSM_NODISCARD;
+
+/* What a case holds: a mesh as it is in the file, a mask of 0 and 1, or the surface of a function
+ * (with volume.notes and nothing else in volume). */
 typedef struct apsm_input_shape {
     bool is_mesh;
     apsm_mesh mesh;     /* owned; {0} if not is_mesh */
-    apsm_volume volume; /* owned; {0} if is_mesh */
+    apsm_volume volume; /* owned */
 } apsm_input_shape;
 
 /* Reads a case.  labels is borrowed and does not matter to meshes.  shape is overwritten, and

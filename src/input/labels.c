@@ -1,16 +1,23 @@
 /* Which labels of a segmentation are the shape. */
+#include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
+#include "apsm/files.h"
 #include "apsm/input.h"
 
 void apsm_labels_free(apsm_labels *labels)
 {
+    for (size_t k = 0; k < labels->names; k++) free(labels->name[k]);
+    free(labels->name);
     free(labels->label);
     *labels = (apsm_labels){ 0 };
 }
+
+/* ---- from text ---- */
 
 static int by_value(const void *a, const void *b)
 {
@@ -27,67 +34,131 @@ static size_t sort_unique(size_t n, int32_t *label)
     return kept;
 }
 
-/* One integer that ends at a comma or the end of text. */
-static bool parse_label(const char **text, int32_t *label)
+/* One integer that fills text[0..length). */
+static bool parse_label(const char *text, size_t length, int32_t *label)
 {
     char *end;
     errno = 0;
-    const long value = strtol(*text, &end, 10);
-    if (end == *text || errno || value == 0 || value < INT32_MIN || value > INT32_MAX) return false;
-    if (*end == ',' && end[1] != '\0')
-        end++;
-    else if (*end != '\0')
+    const long value = strtol(text, &end, 10);
+    if (end != text + length || errno || value == 0 || value < INT32_MIN || value > INT32_MAX)
         return false;
-    *text = end;
     *label = (int32_t)value;
     return true;
+}
+
+/* Begins like a number, or like nothing. */
+static bool is_name(const char *text, size_t length)
+{
+    return length > 0 && !strchr("0123456789+-<> ", text[0]) && !iscntrl((unsigned char)text[0]);
+}
+
+static apsm_status take_part(apsm_context *ctx, const char *text, const char *part, size_t length,
+                             apsm_labels *labels)
+{
+    if (is_name(part, length)) {
+        char *const name = strndup(part, length);
+        if (!name) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for labels");
+        labels->name[labels->names++] = name;
+        return APSM_OK;
+    }
+    if (parse_label(part, length, &labels->label[labels->n++])) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "--label '%s': give non-zero integers or names of segments with commas, "
+                     "'all', or a bound such as '>0.5'",
+                     text);
+}
+
+static apsm_status parse_bound(apsm_context *ctx, const char *text, apsm_labels *labels)
+{
+    labels->side = text[0];
+    if (apsm_parse_number(text + 1, strlen(text + 1), &labels->level)) return APSM_OK;
+    labels->side = 0;
+    return apsm_fail(ctx, APSM_ERR_ARG, "--label '%s': give a number after the sign, '>0.5'", text);
 }
 
 apsm_status apsm_labels_parse(apsm_context *ctx, const char *text, apsm_labels *labels)
 {
     *labels = (apsm_labels){ .all = text && strcmp(text, "all") == 0 };
     if (!text || !*text || labels->all) return APSM_OK;
-    labels->label = malloc(strlen(text) * sizeof *labels->label);
-    if (!labels->label) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for labels");
-    for (const char *rest = text; *rest;)
-        if (!parse_label(&rest, &labels->label[labels->n++])) {
-            apsm_labels_free(labels);
-            return apsm_fail(ctx, APSM_ERR_ARG,
-                             "--label '%s': give non-zero integers with commas, or 'all'", text);
-        }
-    labels->n = sort_unique(labels->n, labels->label);
-    return APSM_OK;
+    if (*text == '<' || *text == '>') return parse_bound(ctx, text, labels);
+    const size_t most = strlen(text) + 1;
+    labels->label = malloc(most * sizeof *labels->label);
+    labels->name = malloc(most * sizeof *labels->name);
+    apsm_status status = labels->label && labels->name
+                             ? APSM_OK
+                             : apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for labels");
+    for (const char *part = text; status == APSM_OK && part;) {
+        const size_t length = strcspn(part, ",");
+        status = take_part(ctx, text, part, length, labels);
+        part = part[length] ? part + length + 1 : NULL;
+    }
+    if (status == APSM_OK)
+        labels->n = sort_unique(labels->n, labels->label);
+    else
+        apsm_labels_free(labels);
+    return status;
 }
 
-enum { LISTED = 16 };
+/* ---- what is there ---- */
+
+enum { LISTED = 16, NAME_SHOWN = 40 };
+
+/* A label in one layer. */
+typedef struct place {
+    int32_t label;
+    size_t layer;
+} place;
+
+static int compare(place a, place b)
+{
+    if (a.label != b.label) return a.label < b.label ? -1 : 1;
+    return (a.layer > b.layer) - (a.layer < b.layer);
+}
 
 /* The labels that occur, up to LISTED of them, ascending; 0 does not count. */
-static size_t find_labels(const apsm_volume *v, size_t voxels, int32_t found[LISTED])
+static size_t find_labels(const apsm_volume *v, size_t voxels, size_t layers, place found[LISTED])
 {
     size_t n = 0;
-    int32_t last = 0;
-    for (size_t i = 0; i < voxels && n < LISTED; i++) {
-        const int32_t value = v->label[i];
-        if (value == last || value == 0) continue;
-        last = value;
+    place last = { 0, 0 };
+    for (size_t i = 0; i < layers * voxels && n < LISTED; i++) {
+        const place p = { v->label[i], i / voxels };
+        if (p.label == 0 || (p.label == last.label && p.layer == last.layer)) continue;
+        last = p;
         size_t k = 0;
-        while (k < n && found[k] < value) k++;
-        if (k < n && found[k] == value) continue;
+        while (k < n && compare(found[k], p) < 0) k++;
+        if (k < n && compare(found[k], p) == 0) continue;
         memmove(found + k + 1, found + k, (n - k) * sizeof *found);
-        found[k] = value;
+        found[k] = p;
         n++;
     }
     return n;
 }
 
-static apsm_status refuse_choice(apsm_context *ctx, const char *path, const apsm_volume *v,
-                                 size_t voxels, bool chosen)
+static const char *name_of(const apsm_volume *v, place p)
 {
-    int32_t found[LISTED];
-    char list[LISTED * 13] = "";
-    const size_t n = find_labels(v, voxels, found);
-    for (size_t k = 0, at = 0; k < n; k++)
-        at += (size_t)snprintf(list + at, sizeof list - at, k ? ", %d" : "%d", found[k]);
+    for (size_t k = 0; k < v->segments; k++)
+        if (v->segment[k].label == p.label && v->segment[k].layer == p.layer)
+            return v->segment[k].name;
+    return NULL;
+}
+
+static void list_labels(const apsm_volume *v, size_t n, const place *found, size_t room, char *list)
+{
+    *list = '\0';
+    for (size_t k = 0, at = 0; k < n && at + NAME_SHOWN + 20 < room; k++) {
+        const char *const name = name_of(v, found[k]);
+        at += (size_t)snprintf(list + at, room - at, "%s%d", k ? ", " : "", found[k].label);
+        if (name) at += (size_t)snprintf(list + at, room - at, " (%.*s)", NAME_SHOWN, name);
+    }
+}
+
+static apsm_status refuse_choice(apsm_context *ctx, const char *path, const apsm_volume *v,
+                                 size_t voxels, size_t layers, bool chosen)
+{
+    place found[LISTED];
+    char list[512];
+    const size_t n = find_labels(v, voxels, layers, found);
+    list_labels(v, n, found, sizeof list, list);
     if (n == 0)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: every voxel is 0; segment the shape first",
                          path);
@@ -97,55 +168,174 @@ static apsm_status refuse_choice(apsm_context *ctx, const char *path, const apsm
         n == LISTED ? ", .." : "");
 }
 
-/* The chosen labels that occur, as a flag for each. */
-static bool is_chosen(const apsm_labels *labels, int32_t value, bool *seen)
+/* ---- what is chosen ---- */
+
+enum { ANY_LAYER = -1, NO_PICK = -1 };
+
+typedef struct pick {
+    int32_t label;
+    ptrdiff_t layer; /* or ANY_LAYER */
+    bool seen;
+} pick;
+
+typedef struct picks {
+    bool all;
+    ptrdiff_t n;
+    pick *pick;
+    place last; /* and what it was found to be */
+    ptrdiff_t last_pick;
+} picks;
+
+/* Neighbours mostly have the same label, so the last answer is remembered. */
+static bool is_picked(picks *p, int32_t label, size_t layer)
 {
-    if (labels->all) return value != 0;
-    size_t lo = 0, hi = labels->n;
-    while (lo < hi) {
-        const size_t mid = lo + (hi - lo) / 2;
-        if (labels->label[mid] < value)
-            lo = mid + 1;
-        else
-            hi = mid;
+    if (p->all) return label != 0;
+    if (label != p->last.label || layer != p->last.layer) {
+        p->last = (place){ label, layer };
+        p->last_pick = NO_PICK;
+        for (ptrdiff_t k = 0; k < p->n && p->last_pick == NO_PICK; k++)
+            if (p->pick[k].label == label &&
+                (p->pick[k].layer == ANY_LAYER || p->pick[k].layer == (ptrdiff_t)layer))
+                p->last_pick = k;
+        if (p->last_pick != NO_PICK) p->pick[p->last_pick].seen = true;
     }
-    if (lo == labels->n || labels->label[lo] != value) return false;
-    seen[lo] = true;
-    return true;
+    return p->last_pick != NO_PICK;
 }
 
-static bool holds_any(const apsm_labels *labels, const apsm_volume *v, size_t voxels, bool *seen)
+/* A number stands for segments of that label in all layers: they must be the same one. */
+static apsm_status check_number(apsm_context *ctx, const char *path, const apsm_volume *v,
+                                int32_t label)
 {
+    const apsm_segment *first = NULL;
+    for (size_t k = 0; k < v->segments; k++) {
+        const apsm_segment *const s = &v->segment[k];
+        if (s->label != label) continue;
+        if (first && first->layer != s->layer)
+            return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                             "%s: label %d is '%s' in one layer and '%s' in another; choose by "
+                             "name, --label '%s'",
+                             path, label, first->name ? first->name : "", s->name ? s->name : "",
+                             first->name ? first->name : "");
+        if (!first) first = s;
+    }
+    return APSM_OK;
+}
+
+static void add_named(apsm_context *ctx, const char *path, const apsm_volume *v, const char *name,
+                      picks *p)
+{
+    for (size_t k = 0; k < v->segments; k++)
+        if (v->segment[k].name && strcasecmp(v->segment[k].name, name) == 0) {
+            p->pick[p->n++] =
+                (pick){ .label = v->segment[k].label, .layer = (ptrdiff_t)v->segment[k].layer };
+            return;
+        }
+    apsm_log(ctx, APSM_LOG_WARNING, "%s: %s '%s'", path,
+             v->segments ? "has no segment" : "its labels have no names; there is no", name);
+}
+
+static apsm_status choose(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                          const apsm_volume *v, picks *p)
+{
+    *p = (picks){ .all = labels->all, .last_pick = NO_PICK };
+    p->pick = calloc(labels->n + labels->names + 1, sizeof *p->pick);
+    if (!p->pick) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    for (size_t k = 0; k < labels->n; k++) {
+        APSM_TRY(check_number(ctx, path, v, labels->label[k]));
+        p->pick[p->n++] = (pick){ .label = labels->label[k], .layer = ANY_LAYER };
+    }
+    for (size_t k = 0; k < labels->names; k++) add_named(ctx, path, v, labels->name[k], p);
+    return APSM_OK;
+}
+
+/* Names of what was taken by number. */
+static bool remember_names(const apsm_labels *labels, apsm_volume *v, size_t n, const place *found)
+{
+    char text[512] = "";
+    size_t at = 0;
+    for (size_t k = 0; k < n && at + NAME_SHOWN + 20 < sizeof text; k++) {
+        const char *const name = name_of(v, found[k]);
+        bool taken = labels->all || labels->n + labels->names == 0;
+        for (size_t l = 0; l < labels->n; l++) taken = taken || labels->label[l] == found[k].label;
+        if (name && taken)
+            at += (size_t)snprintf(text + at, sizeof text - at, "%s%d %.*s", at ? ", " : "",
+                                   found[k].label, NAME_SHOWN, name);
+    }
+    if (at) v->picked = strdup(text);
+    return !at || v->picked;
+}
+
+static void tell_missing(apsm_context *ctx, const char *path, const picks *p)
+{
+    for (ptrdiff_t k = 0; k < p->n; k++)
+        if (!p->pick[k].seen)
+            apsm_log(ctx, APSM_LOG_WARNING, "%s: label %d is not in it", path, p->pick[k].label);
+}
+
+static apsm_status unite(apsm_context *ctx, const char *path, const apsm_labels *labels, picks *p,
+                         apsm_volume *v)
+{
+    const size_t voxels = v->n[0] * v->n[1] * v->n[2], layers = v->layers ? v->layers : 1;
+    place found[LISTED];
+    const size_t n = find_labels(v, voxels, layers, found);
+    if (!labels->all && labels->n + labels->names == 0) {
+        if (n != 1) return refuse_choice(ctx, path, v, voxels, layers, false);
+        p->all = true;
+    }
     bool any = false;
-    for (size_t i = 0; i < voxels; i++) any |= is_chosen(labels, v->label[i], seen);
-    return any;
+    for (size_t i = 0; i < layers * voxels; i++) any |= is_picked(p, v->label[i], i / voxels);
+    if (!any) return refuse_choice(ctx, path, v, voxels, layers, true);
+    tell_missing(ctx, path, p);
+    if (!remember_names(labels, v, n, found))
+        return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    for (size_t i = 0; i < voxels; i++) {
+        bool in = false;
+        for (size_t l = 0; l < layers; l++) in |= is_picked(p, v->label[i + l * voxels], l);
+        v->label[i] = in;
+    }
+    v->layers = 1;
+    return APSM_OK;
+}
+
+/* Whole numbers above or below a bound. */
+static apsm_status bound(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                         apsm_volume *v)
+{
+    const size_t voxels = v->n[0] * v->n[1] * v->n[2];
+    bool any = false;
+    for (size_t i = 0; i < voxels; i++) {
+        const double x = (double)v->label[i];
+        v->label[i] = labels->side == '<' ? x < labels->level : x > labels->level;
+        any |= v->label[i] != 0;
+    }
+    v->layers = 1;
+    if (any) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: no voxel is %s %g; choose another bound", path,
+                     labels->side == '<' ? "below" : "above", labels->level);
 }
 
 apsm_status apsm_label_union(apsm_context *ctx, const char *path, const apsm_labels *labels,
                              apsm_volume *volume)
 {
-    const size_t voxels = volume->n[0] * volume->n[1] * volume->n[2];
-    const size_t layers = volume->layers ? volume->layers : 1;
-    apsm_labels only = { .all = labels->all, .n = labels->n, .label = labels->label };
-    int32_t found[LISTED];
-    if (!labels->all && labels->n == 0) {
-        const size_t n = find_labels(volume, layers * voxels, found);
-        if (n != 1) return refuse_choice(ctx, path, volume, layers * voxels, false);
-        only.all = true;
-    }
-    bool *const seen = calloc(only.n + 1, sizeof *seen);
-    if (!seen) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
-    const bool any = holds_any(&only, volume, layers * voxels, seen);
-    for (size_t k = 0; any && k < only.n; k++)
-        if (!seen[k])
-            apsm_log(ctx, APSM_LOG_WARNING, "%s: label %d is not in it", path, only.label[k]);
-    for (size_t i = 0; any && i < voxels; i++) {
-        bool in = false;
-        for (size_t l = 0; l < layers; l++)
-            in = in || is_chosen(&only, volume->label[i + l * voxels], seen);
-        volume->label[i] = in;
-    }
-    if (any) volume->layers = 1;
-    free(seen);
-    return any ? APSM_OK : refuse_choice(ctx, path, volume, layers * voxels, true);
+    picks p;
+    if (labels->side) return bound(ctx, path, labels, volume);
+    apsm_status status = choose(ctx, path, labels, volume, &p);
+    if (status == APSM_OK) status = unite(ctx, path, labels, &p, volume);
+    free(p.pick);
+    return status;
+}
+
+void apsm_labels_compare(apsm_context *ctx, size_t n, const char *const *names,
+                         const char *const *picked)
+{
+    size_t first = 0;
+    while (first < n && !picked[first]) first++;
+    for (size_t i = first + 1; i < n; i++)
+        if (picked[i] && strcmp(picked[i], picked[first]) != 0) {
+            apsm_log(ctx, APSM_LOG_WARNING,
+                     "the labels mean different things: %s has %s, %s has %s; choose by name "
+                     "(--label NAME)",
+                     names[first], picked[first], names[i], picked[i]);
+            return;
+        }
 }

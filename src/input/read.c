@@ -1,4 +1,6 @@
 /* A case to its shape, through its format. */
+#include <stdlib.h>
+
 #include "apsm/formats.h"
 #include "apsm/input.h"
 
@@ -16,12 +18,14 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
     if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
     APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_read_dicom(ctx, one->path, &shape->volume)
                                            : apsm_read_volume(ctx, one->path, &shape->volume));
+    shape->is_mesh = shape->volume.value != NULL;
     const apsm_status status =
-        shape->volume.value
-            ? apsm_fail(ctx, APSM_ERR_FORMAT,
-                        "%s: its values are not whole numbers; give a segmentation with labels",
-                        one->path)
-            : apsm_label_union(ctx, one->path, labels, &shape->volume);
+        shape->is_mesh ? apsm_field_surface(ctx, one->path, labels, &shape->volume, &shape->mesh)
+                       : apsm_label_union(ctx, one->path, labels, &shape->volume);
+    if (shape->is_mesh) {
+        free(shape->volume.value);
+        shape->volume.value = NULL;
+    }
     if (status != APSM_OK) apsm_input_shape_free(shape);
     return status;
 }

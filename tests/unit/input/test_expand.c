@@ -244,7 +244,8 @@ static void labels_are_parsed(void **state)
     assert_int_equal(apsm_labels_parse(f->ctx, "", &l), APSM_OK);
     assert_int_equal(apsm_labels_parse(f->ctx, NULL, &l), APSM_OK);
     assert_true(!l.all && l.n == 0);
-    const char *const bad[] = { "0", "1,", ",1", "1,,2", "one", "1 2", "1.5", "3000000000", "1,0" };
+    const char *const bad[] = { "0",  "1,",  ",1",  "1,,2",       ">",
+                                "<a", "1 2", "1.5", "3000000000", "1,0" };
     for (size_t k = 0; k < sizeof bad / sizeof *bad; k++)
         expect_failure(f->ctx, apsm_labels_parse(f->ctx, bad[k], &l), APSM_ERR_ARG, bad[k],
                        "--label");
