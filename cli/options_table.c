@@ -67,7 +67,9 @@ static const cli_option own[] = {
     { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "fit shapes that would be refused, too", NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
-      "labels of a segmentation that make up the shape, or 'all'; needed if there are several",
+      "labels of a segmentation that make up the shape, by number or name, or 'all'; needed if "
+      "there "
+      "are several; '>0.5' or '<0': where the values of an image are so",
       NULL },
     { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "reflect_match", NULL,
       "mirror the inputs whose file name matches (left sides among right ones)", NULL },

@@ -28,7 +28,7 @@ typedef struct apsm_volume {
     apsm_segment *segment; /* segments */
     float *value;          /* instead of labels: a function, such as a distance or a probability */
     char *picked; /* names of the labels that a mask was made of: "1 talus, 2 tibia", or NULL */
-    char *notes;  /* what of the header had to be decided: lines that end in '\n', or NULL */
+    char *notes;  /* what of the header had to be decided: lines, or NULL */
 } apsm_volume;
 
 APSM_API void apsm_volume_free(apsm_volume *volume);

@@ -20,7 +20,7 @@ apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *v
     char *const longer = realloc(volume->notes, before + strlen(text) + 2);
     if (!longer) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     volume->notes = longer;
-    sprintf(longer + before, "%s\n", text);
+    sprintf(longer + before, "%s%s", before ? "\n" : "", text);
     return APSM_OK;
 }
 

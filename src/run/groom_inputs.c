@@ -96,6 +96,16 @@ static apsm_groom_options groom_options(const apsm_options *o)
     return g;
 }
 
+/* The texts move over. */
+static void keep_texts(groom_inputs *in, size_t i, apsm_volume *v)
+{
+    free(in->notes[i]);
+    free(in->picked[i]);
+    in->notes[i] = v->notes;
+    in->picked[i] = v->picked;
+    v->notes = v->picked = NULL;
+}
+
 static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_inputs *in,
                                   size_t i)
 {
@@ -105,6 +115,7 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     apsm_input_shape shape = { 0 };
     apsm_status status = run_is_in_memory(run) ? memory_read(ctx, run, i, &in->labels, &shape)
                                                : apsm_input_read(ctx, c, &in->labels, &shape);
+    keep_texts(in, i, &shape.volume);
     if (status == APSM_OK)
         status = shape.is_mesh
                      ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
@@ -206,6 +217,17 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
     return apsm_text_set(&in->problem[i], *line ? line : apsm_status_text(in->status[i]));
 }
 
+/* Whether a label is the same thing in all shapes. */
+static apsm_status compare_picked(apsm_run *run, const groom_inputs *in)
+{
+    const char **names = malloc(in->list.n * sizeof *names);
+    if (!names) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < in->list.n; i++) names[i] = in->list.cases[i].name;
+    apsm_labels_compare(run->ctx, in->list.n, names, (const char *const *)in->picked);
+    free(names);
+    return APSM_OK;
+}
+
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
 {
     const size_t n = in->list.n;
@@ -216,15 +238,19 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
     in->sha256 = calloc(n, sizeof *in->sha256);
     in->status = calloc(n, sizeof *in->status);
     in->problem = calloc(n, sizeof *in->problem);
+    in->notes = calloc(n, sizeof *in->notes);
+    in->picked = calloc(n, sizeof *in->picked);
     in->recalled = calloc(n, sizeof *in->recalled);
     in->report = calloc(n, sizeof *in->report);
     in->is_mask = calloc(n, sizeof *in->is_mask);
     in->cropped = calloc(n, sizeof *in->cropped);
     if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
-        !in->problem || !in->recalled || !in->report || !in->is_mask || !in->cropped)
+        !in->problem || !in->notes || !in->picked || !in->recalled || !in->report || !in->is_mask ||
+        !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
-    return apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
+    const apsm_status status = apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
+    return status == APSM_OK ? compare_picked(run, in) : status;
 }
 
 void groom_inputs_free(groom_inputs *in)
@@ -232,6 +258,10 @@ void groom_inputs_free(groom_inputs *in)
     for (size_t i = 0; in->mesh && i < in->list.n; i++)
         run_free_mesh(&in->mesh[i], in->store != NULL);
     for (size_t i = 0; in->problem && i < in->list.n; i++) free(in->problem[i]);
+    for (size_t i = 0; in->notes && i < in->list.n; i++) free(in->notes[i]);
+    for (size_t i = 0; in->picked && i < in->list.n; i++) free(in->picked[i]);
+    free(in->notes);
+    free(in->picked);
     free(in->mesh);
     free(in->reflection);
     free(in->reflected);

@@ -22,6 +22,8 @@ typedef struct groom_inputs {
     char (*sha256)[65];
     apsm_status *status;
     char **problem; /* the line of a failure, else NULL */
+    char **notes;   /* what of a header had to be decided (apsm_volume), else NULL */
+    char **picked;  /* names of the labels taken (apsm_volume), else NULL */
     bool *recalled; /* groomed before an interruption */
 } groom_inputs;
 

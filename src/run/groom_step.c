@@ -185,6 +185,7 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     s->has_alignment = s->has_procrustes = true; /* ShapeWorks expects both columns */
     memcpy(s->alignment, w->alignment.M + 16 * i, sizeof s->alignment);
     APSM_TRY(apsm_text_set(&s->groomed, groomed));
+    if (w->in.notes[i]) APSM_TRY(apsm_subject_set_column(s, "input_notes", w->in.notes[i]));
     return describe_reflection(w, i, s);
 }
 
