@@ -83,6 +83,14 @@ static const cli_option own[] = {
       NULL },
     { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
       "leave out the inputs whose file name matches", NULL },
+    { "pattern", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "GLOB", "pattern", NULL,
+      "of folders and all folders below only the shapes whose path matches: '**/liver.nii.gz', "
+      "'sub-*/anat/*_dseg.nii.gz'; ** is any number of folders",
+      NULL },
+    { "ignore", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "LIST", "ignore", NULL,
+      "go on without what a project asks for and is not done here: constraints, landmarks, "
+      "normals, fixed, domains, reflect",
+      NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE, "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
@@ -187,8 +195,8 @@ cli_option *cli_options_list(size_t *n)
 
 /* ---- Names ---- */
 
-static const char *const texts[] = { "preset",  "labels",   "reflect_match",
-                                     "exclude", "template", "seed" };
+static const char *const texts[] = { "preset",  "labels", "reflect_match", "exclude",
+                                     "pattern", "ignore", "template",      "seed" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

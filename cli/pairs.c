@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/run.h"
 #include "config.h"
 #include "options_table.h"
 
@@ -69,6 +70,9 @@ static apsm_status check_value(apsm_context *ctx, const char *key, const char *v
     if (strcmp(key, "seed") == 0) return check_seed(ctx, value);
     if (strcmp(key, "exclude") == 0 || strcmp(key, "reflect_match") == 0)
         return check_expression(ctx, key, value);
+    if (strcmp(key, "ignore") == 0) return apsm_run_check_ignore(ctx, value);
+    if (strcmp(key, "pattern") == 0)
+        return *value ? APSM_OK : apsm_fail(ctx, APSM_ERR_ARG, "%s is empty", key);
     if (strcmp(key, "labels") == 0) return cli_check_labels(ctx, value);
     if (strcmp(key, "template") == 0)
         return *value ? APSM_OK : apsm_fail(ctx, APSM_ERR_ARG, "%s is empty", key);

@@ -120,6 +120,9 @@ static apsm_status add_project(apsm_context *ctx, cli_sets *sets, const char *pa
 {
     apsm_project project = { 0 };
     APSM_TRY(apsm_project_read(ctx, path, &project));
+    if (apsm_project_domains(&project) > 1)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: has %zu domains; only the particles of '%s' are taken",
+                 path, apsm_project_domains(&project), project.domain);
     apsm_status status = APSM_OK;
     sets->cohort = true;
     if (project.n == 0) status = apsm_fail(ctx, APSM_ERR_STATE, "%s: holds no shapes", path);

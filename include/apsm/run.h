@@ -26,7 +26,7 @@ typedef struct apsm_run_settings {
     size_t n_inputs;
     const char *const *inputs;
     /* Options in the order given: "preset", any name of apsm/options.h, or one of the texts
-     * "labels", "reflect_match", "exclude", "template" and "seed".  They go
+     * "labels", "reflect_match", "exclude", "pattern", "ignore", "template" and "seed".  They go
      * on top of those stored in the project. */
     size_t n_set;
     const char *const (*set)[2];
@@ -53,6 +53,10 @@ static inline APSM_NODISCARD apsm_status apsm_run_open(apsm_context *ctx,
 {
     return apsm_run_open_sized(ctx, settings, sizeof *settings, run);
 }
+
+/* Whether text is a value of "ignore": words with commas, of constraints, landmarks, normals,
+ * fixed, domains and reflect. */
+apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text) APSM_NODISCARD;
 
 /* The options in force, and any text setting ("" if not set). */
 APSM_API const apsm_options *apsm_run_options(const apsm_run *run);

@@ -79,7 +79,7 @@ static size_t options_of_part(const joint_job *job, size_t d, const char *(*set)
     const apsm_run_settings *s = &job->settings->run;
     size_t n = 0;
     for (size_t k = 0; k < s->n_set; k++) {
-        if (strcmp(s->set[k][0], "exclude") == 0) continue;
+        if (strcmp(s->set[k][0], "exclude") == 0 || strcmp(s->set[k][0], "pattern") == 0) continue;
         set[n][0] = s->set[k][0];
         set[n++][1] = s->set[k][1];
     }

@@ -224,8 +224,12 @@ static apsm_status check_counts(joint_job *job)
 apsm_status joint_group(joint_job *job)
 {
     const apsm_run_settings *s = &job->settings->run;
-    APSM_TRY(apsm_input_expand(job->ctx, s->n_inputs, s->inputs, joint_setting(job, "exclude"),
-                               joint_setting(job, "reflect_match"), &job->list));
+    const apsm_input_choice choice = { .n = s->n_inputs,
+                                       .inputs = s->inputs,
+                                       .exclude = joint_setting(job, "exclude"),
+                                       .reflect_match = joint_setting(job, "reflect_match"),
+                                       .pattern = joint_setting(job, "pattern") };
+    APSM_TRY(apsm_input_choose(job->ctx, &choice, &job->list));
     APSM_TRY(job->by_label ? group_by_label(job) : group_by_name(job));
     APSM_TRY(complete_first(job));
     APSM_TRY(check_counts(job));

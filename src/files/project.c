@@ -28,6 +28,12 @@ bool apsm_is_project_file(const char *path)
     return has_extension(path, ".swproj") || apsm_is_spreadsheet(path);
 }
 
+bool apsm_says_yes(const char *text)
+{
+    return text && (strcasecmp(text, "yes") == 0 || strcasecmp(text, "true") == 0 ||
+                    strcmp(text, "1") == 0);
+}
+
 static void set_identity(double M[16])
 {
     for (int i = 0; i < 16; i++) M[i] = i % 5 == 0;
@@ -89,6 +95,7 @@ void apsm_project_free(apsm_project *project)
     free(project->folder);
     free(project->domain);
     json_decref(project->root);
+    json_decref(project->aside);
     *project = (apsm_project){ 0 };
 }
 
@@ -335,6 +342,12 @@ apsm_status apsm_project_rebase(apsm_project *project, const char *folder)
         APSM_TRY(move_slot(project, folder, &s->local_particles));
         APSM_TRY(move_slot(project, folder, &s->world_particles));
         APSM_TRY(move_row(project, folder, s->row));
+    }
+    size_t k;
+    json_t *pair;
+    json_array_foreach(project->aside, k, pair)
+    {
+        APSM_TRY(move_row(project, folder, json_array_get(pair, 1)));
     }
     return apsm_text_set(&project->folder, folder);
 }

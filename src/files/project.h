@@ -33,8 +33,13 @@ typedef struct apsm_project {
     char *domain; /* of the columns we use ("1"); owned */
     size_t n, capacity;
     apsm_subject *subjects;
-    struct json_t *root; /* all groups as read; owned */
+    struct json_t *root;  /* all groups as read; owned */
+    struct json_t *aside; /* shapes with excluded = yes, which are no subjects: [[place in the data,
+                             row], ...]; owned, or NULL */
 } apsm_project;
+
+/* Whether a text says yes, as ShapeWorks understands it: yes, true or 1, in any case.  NULL: no. */
+bool apsm_says_yes(const char *text);
 
 /* Whether path ends in .swproj or .xlsx, in any case. */
 bool apsm_is_project_file(const char *path);
@@ -46,7 +51,9 @@ void apsm_project_free(apsm_project *project);
 
 /* Reads a .swproj or .xlsx of ours or ShapeWorks' (also with segmentation_, mesh_ columns,
  * 12-number transforms, numbers instead of strings).  The domain is the first of the first subject;
- * others are kept with a warning.  Empty names become the stem of the first file given, equal names
+ * others are kept.  Shapes with excluded = yes are set aside with a line in the log, and written in
+ * their place again.  A `mirrored` of another program's groomed mesh is forgotten with a warning.
+ * Empty names become the stem of the first file given, equal names
  * get _2, _3 ... in their order.  Errors name the file and line:column or data[i].key.  Any project
  * is first zeroed; on failure it stays so. */
 apsm_status apsm_project_read(apsm_context *ctx, const char *path,
@@ -64,6 +71,8 @@ apsm_status apsm_project_add(apsm_project *project, const char *name, const char
 void apsm_project_remove(apsm_project *project, size_t i);
 /* Makes names unique and fit for file names, as when reading; a changed one is logged. */
 apsm_status apsm_project_fix_names(apsm_context *ctx, apsm_project *project) APSM_NODISCARD;
+/* How many domains the first subject has an input of. */
+size_t apsm_project_domains(const apsm_project *project);
 /* Index of the subject of that name, or n. */
 size_t apsm_project_find(const apsm_project *project, const char *name);
 

@@ -93,11 +93,12 @@ static const char *column(const reading *r, const json_t *row, const char *prefi
     return text && *text ? text : NULL;
 }
 
-static apsm_status read_transform(const reading *r, size_t i, const char *prefix, double M[16],
-                                  bool *has)
+/* Of row i of the data. */
+static apsm_status read_transform(const reading *r, size_t i, const json_t *row, const char *prefix,
+                                  double M[16], bool *has)
 {
     bool plain;
-    const char *text = column(r, r->project->subjects[i].row, prefix);
+    const char *text = column(r, row, prefix);
     *has = text != NULL;
     if (!text) return APSM_OK;
     if (!apsm_transform_parse(text, M, &plain))
@@ -134,9 +135,27 @@ static apsm_status read_columns(const reading *r, apsm_subject *s)
     APSM_TRY(read_path(column(r, s->row, "groomed_"), &s->groomed));
     APSM_TRY(read_path(column(r, s->row, "local_particles_"), &s->local_particles));
     APSM_TRY(read_path(column(r, s->row, "world_particles_"), &s->world_particles));
-    s->mirrored = mirrored && (strcmp(mirrored, "yes") == 0 || strcmp(mirrored, "true") == 0 ||
-                               strcmp(mirrored, "1") == 0);
+    s->mirrored = apsm_says_yes(mirrored);
     return APSM_OK;
+}
+
+/* Another program that grooms the project anew keeps the columns that it does not know. */
+static void forget_stale_mirror(const reading *r, apsm_subject *s)
+{
+    char ours[1024];
+    double M[16];
+    bool plain;
+    const char *reflection = apsm_subject_column(s, "reflection");
+    if (!s->mirrored || !s->groomed || !reflection) return;
+    if (!apsm_transform_parse(reflection, M, &plain)) return;
+    snprintf(ours, sizeof ours, "groomed/%s.ply", s->name);
+    const size_t end = strlen(ours), length = strlen(s->groomed);
+    if (length >= end && strcmp(s->groomed + length - end, ours) == 0) return;
+    s->mirrored = false;
+    json_object_del(s->row, "reflection");
+    apsm_log(r->ctx, APSM_LOG_WARNING,
+             "%s: %s: `mirrored` is of a groomed mesh that apsm wrote, not of %s; taken as no",
+             r->path, s->name, s->groomed);
 }
 
 static apsm_status read_subject(const reading *r, size_t i, const json_t *value)
@@ -160,8 +179,8 @@ static apsm_status read_subject(const reading *r, size_t i, const json_t *value)
     json_decref(s->row);
     s->row = row;
     if (read_columns(r, s) != APSM_OK) return out_of_memory(r);
-    APSM_TRY(read_transform(r, i, "alignment_", s->alignment, &s->has_alignment));
-    return read_transform(r, i, "procrustes_", s->procrustes, &s->has_procrustes);
+    APSM_TRY(read_transform(r, i, row, "alignment_", s->alignment, &s->has_alignment));
+    return read_transform(r, i, row, "procrustes_", s->procrustes, &s->has_procrustes);
 }
 
 /* ---- The project ---- */
@@ -178,8 +197,10 @@ static const char *suffix_after(const json_t *row, const char *prefix)
     return NULL;
 }
 
-static size_t count_domains(const json_t *row)
+size_t apsm_project_domains(const apsm_project *project)
 {
+    const json_t *row = project->n > 0 ? project->subjects[0].row : NULL;
+
     size_t n = 0;
     for (void *at = json_object_iter((json_t *)row); at;
          at = json_object_iter_next((json_t *)row, at)) {
@@ -203,11 +224,49 @@ static apsm_status read_domain(const reading *r, const json_t *data)
                          r->path, strlen(domain));
     if (apsm_text_set(&r->project->domain, domain ? domain : "1") != APSM_OK)
         return out_of_memory(r);
-    if (count_domains(row) > 1)
-        apsm_log(r->ctx, APSM_LOG_WARNING,
-                 "%s: has %zu domains; only '%s' is used, the others are kept", r->path,
-                 count_domains(row), r->project->domain);
     return APSM_OK;
+}
+
+/* ---- Shapes that are excluded ---- */
+
+static bool is_excluded(const json_t *row)
+{
+    const json_t *value = json_object_get(row, "excluded");
+    return json_is_true(value) || json_integer_value(value) == 1 ||
+           apsm_says_yes(json_string_value(value));
+}
+
+static apsm_status set_aside(const reading *r, size_t i, const json_t *value)
+{
+    const char *bad;
+    json_t *row = apsm_json_as_texts(value, &bad);
+    if (!row && bad)
+        return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                         "%s: data[%zu].%s is an object or array; write it as a string", r->path, i,
+                         bad);
+    if (!r->project->aside) r->project->aside = json_array();
+    json_t *pair = json_pack("[I, o]", (json_int_t)i, row);
+    return pair && json_array_append_new(r->project->aside, pair) == 0 ? APSM_OK : out_of_memory(r);
+}
+
+static void tell_aside(const reading *r)
+{
+    enum { NAMED = 5 };
+    char names[NAMED * 64] = "";
+    size_t k;
+    json_t *pair;
+    const size_t n = json_array_size(r->project->aside);
+    if (n == 0) return;
+    json_array_foreach(r->project->aside, k, pair)
+    {
+        const char *name = json_string_value(json_object_get(json_array_get(pair, 1), "name"));
+        const size_t used = strlen(names);
+        if (k < NAMED)
+            snprintf(names + used, sizeof names - used, "%s%.60s", k ? ", " : "",
+                     name ? name : "?");
+    }
+    apsm_log(r->ctx, APSM_LOG_INFO, "%s: %zu shape%s excluded: %s%s", r->path, n,
+             n == 1 ? " is" : "s are", names, n > NAMED ? ", ..." : "");
 }
 
 static apsm_status read_data(const reading *r)
@@ -220,8 +279,17 @@ static apsm_status read_data(const reading *r)
                          "%s: has no array \"data\"; is it a project of apsm or ShapeWorks?",
                          r->path);
     APSM_TRY(read_domain(r, data));
-    json_array_foreach(data, i, value) APSM_TRY(read_subject(r, i, value));
-    return apsm_project_fix_names(r->ctx, r->project);
+    json_array_foreach(data, i, value)
+    {
+        if (is_excluded(value))
+            APSM_TRY(set_aside(r, i, value));
+        else
+            APSM_TRY(read_subject(r, i, value));
+    }
+    tell_aside(r);
+    APSM_TRY(apsm_project_fix_names(r->ctx, r->project));
+    for (i = 0; i < r->project->n; i++) forget_stale_mirror(r, &r->project->subjects[i]);
+    return APSM_OK;
 }
 
 /* Our own options as texts, whoever edited them. */

@@ -137,6 +137,38 @@ static apsm_status write_root(apsm_context *ctx, const char *path, const json_t 
     return status;
 }
 
+/* Rows of the shapes that are set aside, each in its place among the n that there are so far; all
+ * that are left if n is SIZE_MAX. */
+static bool add_aside(const apsm_project *project, json_t *data, size_t n, size_t *next)
+{
+    for (; *next < json_array_size(project->aside); ++*next) {
+        const json_t *pair = json_array_get(project->aside, *next);
+        if (n != SIZE_MAX && json_integer_value(json_array_get(pair, 0)) > (json_int_t)n) break;
+        if (json_array_append(data, json_array_get(pair, 1)) != 0) return false;
+        if (n != SIZE_MAX) n++;
+    }
+    return true;
+}
+
+static apsm_status add_rows(apsm_context *ctx, const char *path, const apsm_project *project,
+                            json_t *data)
+{
+    size_t next = 0;
+    for (size_t i = 0; i < project->n; i++) {
+        int error = add_aside(project, data, json_array_size(data), &next) ? 0 : ENOMEM;
+        if (!error &&
+            json_array_append_new(data, make_row(project, &project->subjects[i], &error)) == 0)
+            continue;
+        if (error) return apsm_fail_errno(ctx, path, "cannot be written", error);
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%s: not written, a text of shape %zu is not valid UTF-8; rename its "
+                         "files",
+                         path, i + 1);
+    }
+    if (add_aside(project, data, SIZE_MAX, &next)) return APSM_OK;
+    return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
+}
+
 apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_project *project)
 {
     json_t *root = json_copy(project->root), *data = json_array();
@@ -144,18 +176,8 @@ apsm_status apsm_project_write(apsm_context *ctx, const char *path, const apsm_p
         json_decref(root);
         return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
     }
-    for (size_t i = 0; i < project->n; i++) {
-        int error = 0;
-        if (json_array_append_new(data, make_row(project, &project->subjects[i], &error)) != 0) {
-            json_decref(root);
-            if (error) return apsm_fail_errno(ctx, path, "cannot be written", error);
-            return apsm_fail(ctx, APSM_ERR_ARG,
-                             "%s: not written, a text of shape %zu is not valid UTF-8; rename its "
-                             "files",
-                             path, i + 1);
-        }
-    }
-    const apsm_status status = write_root(ctx, path, root);
+    apsm_status status = add_rows(ctx, path, project, data);
+    if (status == APSM_OK) status = write_root(ctx, path, root);
     json_decref(root);
     return status;
 }

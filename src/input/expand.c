@@ -2,7 +2,6 @@
  * files one by one, and any order of these on the command line are the same study. */
 #include "apsm/input.h"
 
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>
@@ -15,6 +14,8 @@
 #include <unistd.h>
 
 #include "apsm/files.h"
+#include "input/names.h"
+#include "input/search.h"
 
 /* An expression and how often it matched. */
 typedef struct pattern {
@@ -27,9 +28,9 @@ typedef struct pattern {
 typedef struct expansion {
     apsm_context *ctx;
     apsm_input_list *list;
+    const apsm_input_choice *choice;
     pattern exclude, reflect;
-    size_t others; /* files in folders that hold no shape, as far as is known */
-    char **other;  /* their paths */
+    search found; /* in folders */
 } expansion;
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
@@ -95,142 +96,58 @@ static apsm_status out_of_memory(apsm_context *ctx)
     return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory while listing the inputs");
 }
 
-/* Appends a case unless it is excluded. */
-static apsm_status add_case(expansion *e, const char *path, apsm_input_kind kind)
+/* Appends a case unless it is excluded.  within: its path below the folder that was given, else its
+ * file's name; name: NULL, or what it is called. */
+static apsm_status add_case(expansion *e, const char *path, const char *within,
+                            apsm_input_kind kind, const char *name)
 {
-    const char *const file = last_component(path);
     apsm_input_list *const list = e->list;
-    if (matches(&e->exclude, file)) {
+    if (matches(&e->exclude, within)) {
         list->excluded++;
         return APSM_OK;
     }
     apsm_input_case *const cases = realloc(list->cases, (list->n + 1) * sizeof *cases);
     if (!cases) return out_of_memory(e->ctx);
     list->cases = cases;
-    apsm_input_case one = { .name = kind == APSM_INPUT_DICOM ? strdup(file) : apsm_path_stem(path),
+    apsm_input_case one = { .name = name ? strdup(name) : NULL,
                             .path = strdup(path),
                             .kind = kind,
-                            .reflect = matches(&e->reflect, file) };
+                            .reflect = matches(&e->reflect, within) };
     list->cases[list->n++] = one;
-    return one.name && one.path ? APSM_OK : out_of_memory(e->ctx);
+    return one.path && (one.name || !name) ? APSM_OK : out_of_memory(e->ctx);
 }
 
-/* DICOM files have no agreed extension, but "DICM" after 128 bytes. */
-static bool is_dicom_file(const char *path)
+/* ---- folders and files ---- */
+
+static apsm_status refuse_empty(const expansion *e, const char *folder, size_t unmatched)
 {
-    char head[132];
-    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (fd < 0) return false;
-    const ssize_t n = read(fd, head, sizeof head);
-    close(fd);
-    return n == (ssize_t)sizeof head && memcmp(head + 128, "DICM", 4) == 0;
+    if (unmatched > 0)
+        return apsm_fail(e->ctx, APSM_ERR_ARG,
+                         "%s: --pattern '%s' means none of the %zu shapes in this folder; try "
+                         "'**/*.nii.gz' or '*/NAME.ply'",
+                         folder, e->choice->pattern, unmatched);
+    return apsm_fail(e->ctx, APSM_ERR_IO,
+                     "%s: no shapes in this folder or below; it needs files ending in .ply, .stl, "
+                     ".obj, .vtk, .vtp, .nrrd, .nii, .nii.gz, .mha or .mhd, or a DICOM series",
+                     folder);
 }
 
-typedef enum entry_type { ENTRY_OTHER, ENTRY_SHAPE, ENTRY_FOLDER, ENTRY_DICOM } entry_type;
-
-static entry_type type_of(const char *path, apsm_input_kind *kind)
+static apsm_status add_folder(expansion *e, const char *folder, const char *name)
 {
-    if (apsm_is_folder(path)) return ENTRY_FOLDER;
-    if (apsm_input_kind_of(path, kind)) return ENTRY_SHAPE;
-    return is_dicom_file(path) ? ENTRY_DICOM : ENTRY_OTHER;
-}
-
-/* Calls visit(e, path, user) for each entry that is not hidden. */
-typedef apsm_status (*visit_fn)(expansion *e, const char *path, void *user);
-static apsm_status for_each_entry(expansion *e, const char *folder, visit_fn visit, void *user)
-{
-    DIR *const dir = opendir(folder);
-    if (!dir)
-        return apsm_fail(e->ctx, APSM_ERR_IO, "%s: %s; check your right to read the folder", folder,
-                         strerror(errno));
-    apsm_status status = APSM_OK;
-    for (const struct dirent *entry; status == APSM_OK && (entry = readdir(dir));) {
-        if (entry->d_name[0] == '.') continue;
-        char *const path = apsm_path_join(folder, entry->d_name);
-        status = path ? visit(e, path, user) : out_of_memory(e->ctx);
-        free(path);
+    search *const s = &e->found;
+    const size_t first = s->n, unmatched = s->unmatched;
+    APSM_TRY(name ? search_series(e->ctx, folder, s)
+                  : search_folder(e->ctx, folder, e->choice->pattern, s));
+    if (s->n == first) return refuse_empty(e, folder, s->unmatched - unmatched);
+    for (size_t k = first; k < s->n; k++) {
+        const search_hit *hit = &s->hit[k];
+        const char *within = hit->within ? hit->path + hit->within : last_component(hit->path);
+        APSM_TRY(add_case(e, hit->path, within, hit->kind, name));
     }
-    closedir(dir);
-    return status;
-}
-
-static apsm_status count_dicom(expansion *e, const char *path, void *user)
-{
-    (void)e;
-    apsm_input_kind kind;
-    size_t *const count = user;
-    *count += type_of(path, &kind) == ENTRY_DICOM;
     return APSM_OK;
 }
 
-/* What a folder holds, beside the cases of its shape files. */
-typedef struct folder_content {
-    size_t shapes, dicom;
-} folder_content;
-
-static apsm_status add_other(expansion *e, const char *path)
-{
-    char **const more = realloc(e->other, (e->others + 1) * sizeof *more);
-    if (!more) return out_of_memory(e->ctx);
-    e->other = more;
-    e->other[e->others] = strdup(path);
-    return e->other[e->others++] ? APSM_OK : out_of_memory(e->ctx);
-}
-
-static apsm_status visit_shape(expansion *e, const char *path, void *user)
-{
-    folder_content *const content = user;
-    apsm_input_kind kind;
-    switch (type_of(path, &kind)) {
-    case ENTRY_SHAPE:
-        content->shapes++;
-        return add_case(e, path, kind);
-    case ENTRY_DICOM:
-        content->dicom++;
-        return APSM_OK;
-    case ENTRY_OTHER:
-        return add_other(e, path);
-    default:
-        return APSM_OK;
-    }
-}
-
-static apsm_status visit_subfolder(expansion *e, const char *path, void *user)
-{
-    folder_content *const content = user;
-    size_t dicom = 0;
-    if (!apsm_is_folder(path)) return APSM_OK;
-    APSM_TRY(for_each_entry(e, path, count_dicom, &dicom));
-    if (dicom == 0) return APSM_OK;
-    content->shapes++;
-    return add_case(e, path, APSM_INPUT_DICOM);
-}
-
-static apsm_status add_folder(expansion *e, const char *folder)
-{
-    folder_content content = { 0 };
-    char *const path = strdup(folder);
-    if (!path) return out_of_memory(e->ctx);
-    for (size_t end = strlen(path); end > 1 && path[end - 1] == '/';) path[--end] = '\0';
-    apsm_status status = for_each_entry(e, path, visit_shape, &content);
-    if (status == APSM_OK && content.shapes == 0 && content.dicom > 0) {
-        content.shapes = 1;
-        content.dicom = 0;
-        status = add_case(e, path, APSM_INPUT_DICOM);
-    } else if (status == APSM_OK && content.shapes == 0) {
-        status = for_each_entry(e, path, visit_subfolder, &content);
-    }
-    free(path);
-    e->list->skipped += content.dicom;
-    if (status == APSM_OK && content.shapes == 0)
-        return apsm_fail(e->ctx, APSM_ERR_IO,
-                         "%s: no shapes in this folder; it needs files ending in .ply, .stl, .obj, "
-                         ".vtk, .vtp, .nrrd, .nii, .nii.gz, .mha or .mhd, or a DICOM series",
-                         folder);
-    return status;
-}
-
-static apsm_status add_file(expansion *e, const char *path)
+static apsm_status add_file(expansion *e, const char *path, const char *name)
 {
     apsm_input_kind kind;
     struct stat info;
@@ -248,7 +165,7 @@ static apsm_status add_file(expansion *e, const char *path)
                          "%s: not a shape format; use .ply, .stl, .obj, .vtk, .vtp, .nrrd, .nii, "
                          ".nii.gz, .mha or .mhd",
                          path);
-    return add_case(e, path, kind);
+    return add_case(e, path, last_component(path), kind, name);
 }
 
 static int by_name(const void *a, const void *b)
@@ -263,36 +180,56 @@ static int by_text(const void *a, const void *b)
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
-/* The voxels of headers of their own are files that do hold a shape. */
-static apsm_status forget_data_files(expansion *e)
+/* mark[k] <- 1 for the files that hold the voxels of a header. */
+static apsm_status mark_data_files(const expansion *e, char *mark)
 {
-    for (size_t i = 0; e->others > 0 && i < e->list->n; i++) {
+    const search *s = &e->found;
+    for (size_t i = 0; s->others > 0 && i < e->list->n; i++) {
         char *data;
         APSM_TRY(apsm_input_data_file(e->list->cases[i].path, &data));
-        for (size_t k = e->others; data && k-- > 0;)
-            if (strcmp(e->other[k], data) == 0) {
-                free(e->other[k]);
-                e->other[k] = e->other[--e->others];
-            }
+        char **known = data ? bsearch(&data, s->other, s->others, sizeof *s->other, by_text) : NULL;
+        if (known) mark[known - s->other] = 1;
         free(data);
     }
     return APSM_OK;
+}
+
+/* The voxels of headers of their own are files that do hold a shape. */
+static apsm_status forget_data_files(expansion *e)
+{
+    search *s = &e->found;
+    char *mark = calloc(s->others + 1, 1);
+    if (!mark) return out_of_memory(e->ctx);
+    if (s->others > 0) qsort(s->other, s->others, sizeof *s->other, by_text);
+    const apsm_status status = mark_data_files(e, mark);
+    size_t n = 0;
+    for (size_t k = 0; k < s->others; k++)
+        if (mark[k])
+            free(s->other[k]);
+        else
+            s->other[n++] = s->other[k];
+    s->others = n;
+    free(mark);
+    return status;
 }
 
 static apsm_status tell_others(expansion *e)
 {
     enum { NAMED = 3 };
     char names[NAMED * 80] = "";
+    const search *s = &e->found;
     APSM_TRY(forget_data_files(e));
-    e->list->skipped += e->others;
-    if (e->list->skipped == 0) return APSM_OK;
-    if (e->others > 0) qsort(e->other, e->others, sizeof *e->other, by_text);
-    for (size_t k = 0; k < e->others && k < NAMED; k++)
+    e->list->skipped += s->others + s->slices;
+    for (size_t k = 0; k < s->others && k < NAMED; k++)
         snprintf(names + strlen(names), sizeof names - strlen(names), "%s%.70s", k ? ", " : ": ",
-                 last_component(e->other[k]));
-    apsm_log(e->ctx, APSM_LOG_INFO, "%zu file%s skipped that hold%s no shape%s%s", e->list->skipped,
-             e->list->skipped == 1 ? "" : "s", e->list->skipped == 1 ? "s" : "", names,
-             e->list->skipped > NAMED ? ", ..." : "");
+                 last_component(s->other[k]));
+    if (e->list->skipped > 0)
+        apsm_log(e->ctx, APSM_LOG_INFO, "%zu file%s skipped that hold%s no shape%s%s",
+                 e->list->skipped, e->list->skipped == 1 ? "" : "s",
+                 e->list->skipped == 1 ? "s" : "", names, e->list->skipped > NAMED ? ", ..." : "");
+    if (s->unmatched > 0)
+        apsm_log(e->ctx, APSM_LOG_INFO, "%zu shape%s not meant by --pattern '%s'", s->unmatched,
+                 s->unmatched == 1 ? " is" : "s are", e->choice->pattern);
     return APSM_OK;
 }
 
@@ -327,6 +264,7 @@ static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
 static apsm_status check_names(expansion *e)
 {
     const apsm_input_list *const list = e->list;
+    APSM_TRY(input_names(e->ctx, e->list));
     qsort(list->cases, list->n, sizeof *list->cases, by_name);
     for (size_t i = 0; i < list->n; i++) APSM_TRY(check_name(e->ctx, &list->cases[i]));
     for (size_t i = 1; i < list->n; i++)
@@ -345,13 +283,17 @@ static void warn_unmatched(expansion *e, const pattern *p)
                  p->text);
 }
 
-static apsm_status expand(expansion *e, size_t n, const char *const *inputs)
+static apsm_status expand(expansion *e)
 {
     APSM_TRY(compile(e->ctx, &e->exclude));
     APSM_TRY(compile(e->ctx, &e->reflect));
-    if (n == 0) return apsm_fail(e->ctx, APSM_ERR_ARG, "no inputs; give files or folders");
-    for (size_t i = 0; i < n; i++)
-        APSM_TRY(apsm_is_folder(inputs[i]) ? add_folder(e, inputs[i]) : add_file(e, inputs[i]));
+    const apsm_input_choice *c = e->choice;
+    if (c->n == 0) return apsm_fail(e->ctx, APSM_ERR_ARG, "no inputs; give files or folders");
+    for (size_t i = 0; i < c->n; i++) {
+        const char *name = c->names ? c->names[i] : NULL;
+        APSM_TRY(apsm_is_folder(c->inputs[i]) ? add_folder(e, c->inputs[i], name)
+                                              : add_file(e, c->inputs[i], name));
+    }
     if (e->list->n == 0)
         return apsm_fail(e->ctx, APSM_ERR_ARG,
                          "--exclude '%s' leaves none of the %zu input files; make it narrower",
@@ -362,19 +304,28 @@ static apsm_status expand(expansion *e, size_t n, const char *const *inputs)
     return tell_others(e);
 }
 
-apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
-                              const char *exclude, const char *reflect_match, apsm_input_list *list)
+apsm_status apsm_input_choose(apsm_context *ctx, const apsm_input_choice *choice,
+                              apsm_input_list *list)
 {
     *list = (apsm_input_list){ 0 };
     expansion e = { .ctx = ctx,
                     .list = list,
-                    .exclude = { .option = "--exclude", .text = exclude },
-                    .reflect = { .option = "--reflect-match", .text = reflect_match } };
-    const apsm_status status = expand(&e, n, inputs);
-    for (size_t k = 0; k < e.others; k++) free(e.other[k]);
-    free(e.other);
+                    .choice = choice,
+                    .exclude = { .option = "--exclude", .text = choice->exclude },
+                    .reflect = { .option = "--reflect-match", .text = choice->reflect_match } };
+    const apsm_status status = expand(&e);
+    search_free(&e.found);
     if (e.exclude.used) regfree(&e.exclude.regex);
     if (e.reflect.used) regfree(&e.reflect.regex);
     if (status != APSM_OK) apsm_input_list_free(list);
     return status;
+}
+
+apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
+                              const char *exclude, const char *reflect_match, apsm_input_list *list)
+{
+    const apsm_input_choice choice = {
+        .n = n, .inputs = inputs, .exclude = exclude, .reflect_match = reflect_match
+    };
+    return apsm_input_choose(ctx, &choice, list);
 }

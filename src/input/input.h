@@ -18,7 +18,8 @@ typedef enum apsm_input_kind {
 } apsm_input_kind;
 
 typedef struct apsm_input_case {
-    char *name; /* of the file (or DICOM folder) without extension; unique in its list */
+    char *name; /* unique in its list: the file's without extension or, where these are not all
+                   different, what differs in the paths, joined by _ */
     char *path; /* as given, or folder/file */
     apsm_input_kind kind;
     bool reflect; /* its file name matches reflect_match */
@@ -32,19 +33,34 @@ typedef struct apsm_input_list {
     size_t skipped;         /* files in folders that are not shapes */
 } apsm_input_list;
 
-/* The cases of n inputs: files, and folders, which stand for all shape files in them (not in
- * folders below).  A folder without shape files but with DICOM files is one case, and so is each
- * folder of DICOM files directly below.  Hidden files do not count.
+/* Which cases.  All borrowed; texts may be NULL or "". */
+typedef struct apsm_input_choice {
+    size_t n;
+    const char *const *inputs;
+    const char *const *names;  /* n of them, and each input is one case of that name; or NULL */
+    const char *exclude;       /* expression: cases to be left out */
+    const char *reflect_match; /* expression: cases to be mirrored */
+    const char *pattern;       /* which shapes of folders and all folders below: a glob, in which
+                                  a component ** is any number of folders */
+} apsm_input_choice;
+
+/* The cases of n inputs: files, and folders, which stand for all shape files in them or, if there
+ * are none (or with pattern), in all folders below.  A folder without shape files but with DICOM
+ * files is one case.  Hidden files, what operating systems leave behind and model folders do not
+ * count; shapes in folders below that are left out are named in a warning.
  *
- * exclude and reflect_match are POSIX extended regular expressions, searched in file names (last
- * component, with extension); NULL or "" for none.  One that matches nothing is logged as a
- * warning.
+ * exclude and reflect_match are POSIX extended regular expressions, searched in the path below the
+ * folder that was given (of a file that was given, in its name).  One that matches nothing is
+ * logged as a warning.
  *
  * Refused, with a line: no case left; a folder without shapes; a path that is missing,
  * unreadable or (given by name) of an unknown extension; two cases of one name; a name that is
  * longer than 200 bytes, not UTF-8 or has a control character; an invalid expression.  Files in
  * folders that hold no shape are logged by name.  list is overwritten, and {0} on failure.  O(m log
  * m) for m files. */
+apsm_status apsm_input_choose(apsm_context *ctx, const apsm_input_choice *choice,
+                              apsm_input_list *list) APSM_NODISCARD;
+/* The same without names and pattern. */
 apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
                               const char *exclude, const char *reflect_match,
                               apsm_input_list *list) APSM_NODISCARD;

@@ -8,6 +8,7 @@
 #include "run/groom_inputs.h"
 #include "run/manifest.h"
 #include "run/session.h"
+#include "run/source.h"
 
 /* ---- check ---- */
 
@@ -47,10 +48,24 @@ static void check_checkpoint(apsm_run *run, const char *name, problem_fn report,
     free(path);
 }
 
+/* Of a project that is to be groomed. */
+static void check_requests(apsm_run *run, problem_fn report, void *user, size_t *problems)
+{
+    char *ignored = NULL;
+    if (source_check(run, &run->project, &ignored) != APSM_OK) {
+        report(user, apsm_error_text(run->ctx));
+        ++*problems;
+    }
+    free(ignored);
+}
+
 static apsm_status check_project(apsm_run *run, problem_fn report, void *user, size_t *problems)
 {
     *problems += apsm_project_check(run->ctx, &run->project, report, user);
-    if (!stage_is_done(run, "groom")) return APSM_OK;
+    if (!stage_is_done(run, "groom")) {
+        check_requests(run, report, user, problems);
+        return APSM_OK;
+    }
     if (run_load_meshes(run) != APSM_OK) {
         report(user, apsm_error_text(run->ctx));
         ++*problems;

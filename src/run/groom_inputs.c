@@ -9,38 +9,9 @@
 #include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"
+#include "run/source.h"
 
 /* ---- which inputs ---- */
-
-/* The shapes that a project names, as paths. */
-static apsm_status inputs_of_project(apsm_run *run, const apsm_project *project)
-{
-    char **paths = calloc(project->n + 1, sizeof *paths);
-    if (!paths) return APSM_ERR_MEMORY;
-    apsm_status status = APSM_OK;
-    for (size_t i = 0; i < project->n && status == APSM_OK; i++) {
-        paths[i] = apsm_project_path(project, project->subjects[i].shape);
-        if (!paths[i])
-            status = apsm_fail(run->ctx, APSM_ERR_STATE, "%s: %s names no input shape",
-                               project->folder, project->subjects[i].name);
-    }
-    for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
-    free(run->inputs);
-    run->inputs = paths;
-    run->n_inputs = project->n;
-    return status;
-}
-
-static apsm_status resolve_inputs(apsm_run *run)
-{
-    if (run->n_inputs == 0) return inputs_of_project(run, &run->project);
-    if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) return APSM_OK;
-    apsm_project project = { 0 };
-    APSM_TRY(apsm_project_read(run->ctx, run->inputs[0], &project));
-    const apsm_status status = inputs_of_project(run, &project);
-    apsm_project_free(&project);
-    return status;
-}
 
 static apsm_status refuse_labels_of_meshes(const apsm_run *run, const groom_inputs *in)
 {
@@ -52,16 +23,28 @@ static apsm_status refuse_labels_of_meshes(const apsm_run *run, const groom_inpu
                      apsm_run_text(run, "labels"), in->list.n);
 }
 
+static apsm_status list_files(apsm_run *run, apsm_input_list *list)
+{
+    const apsm_input_choice choice = { .n = run->n_inputs,
+                                       .inputs = (const char *const *)run->inputs,
+                                       .exclude = apsm_run_text(run, "exclude"),
+                                       .reflect_match = apsm_run_text(run, "reflect_match"),
+                                       .pattern = apsm_run_text(run, "pattern") };
+    return apsm_input_choose(run->ctx, &choice, list);
+}
+
 apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
 {
     if (run_is_in_memory(run)) return memory_list(run, in);
-    APSM_TRY(resolve_inputs(run));
-    if (run->n_inputs == 0)
-        return apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
     APSM_TRY(apsm_labels_parse(run->ctx, apsm_run_text(run, "labels"), &in->labels));
-    APSM_TRY(apsm_input_expand(run->ctx, run->n_inputs, (const char *const *)run->inputs,
-                               apsm_run_text(run, "exclude"), apsm_run_text(run, "reflect_match"),
-                               &in->list));
+    APSM_TRY(source_read(run, &in->source, &in->own_source));
+    const apsm_project *source = in->own_source ? &run->project : &in->source;
+    if (source->root) {
+        APSM_TRY(source_check(run, source, &in->ignored));
+        APSM_TRY(source_list(run, source, &in->list));
+    } else {
+        APSM_TRY(list_files(run, &in->list));
+    }
     return refuse_labels_of_meshes(run, in);
 }
 
@@ -274,5 +257,7 @@ void groom_inputs_free(groom_inputs *in)
     free(in->cropped);
     apsm_labels_free(&in->labels);
     apsm_input_list_free(&in->list);
+    apsm_project_free(&in->source);
+    free(in->ignored);
     *in = (groom_inputs){ 0 };
 }

@@ -16,10 +16,12 @@
 #include "run/manifest.h"
 #include "run/notes.h"
 #include "run/session.h"
+#include "run/source.h"
 
 typedef struct groom_work {
     apsm_run *run;
     groom_inputs in;
+    apsm_project own; /* what the run's project was, if its shapes are groomed anew */
     apsm_alignment alignment;
 } groom_work;
 
@@ -180,6 +182,8 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     snprintf(groomed, sizeof groomed, "groomed/%s.ply", c->name);
     apsm_status status = apsm_project_add(&run->project, c->name, shape, &s);
     free(shape);
+    const apsm_project *source = w->own.root ? &w->own : &w->in.source;
+    if (status == APSM_OK && source->root) status = source_take_row(source, s);
     if (status != APSM_OK) return status;
     s->mirrored = w->in.reflected[i];
     s->has_alignment = s->has_procrustes = true; /* ShapeWorks expects both columns */
@@ -213,11 +217,29 @@ static apsm_status remove_other_shapes(groom_work *w)
     return APSM_OK;
 }
 
-/* The project's shapes are replaced; other groups of the file stay. */
+/* The run's own subjects, which are groomed anew, become those of w->own. */
+static apsm_status move_own(groom_work *w)
+{
+    apsm_project *p = &w->run->project;
+    w->own = (apsm_project){ .n = p->n, .capacity = p->capacity, .subjects = p->subjects };
+    p->subjects = NULL;
+    p->n = p->capacity = 0;
+    w->own.root = json_incref(p->root);
+    return apsm_text_set(&w->own.domain, p->domain);
+}
+
+/* The project's shapes are replaced; other groups of the file stay, or are those of the project
+ * that the shapes come from. */
 static apsm_status describe_project(groom_work *w)
 {
     apsm_run *run = w->run;
+    if (w->in.own_source) APSM_TRY(move_own(w));
     while (run->project.n > 0) apsm_project_remove(&run->project, run->project.n - 1);
+    if (!w->in.own_source) {
+        json_decref(run->project.aside);
+        run->project.aside = NULL;
+    }
+    if (w->in.source.root) APSM_TRY(source_begin(run, &w->in.source));
     for (size_t i = 0; i < w->in.list.n; i++) APSM_TRY(describe_subject(w, i));
     return apsm_project_set(&run->project, "apsm", "template_used",
                             w->in.list.cases[w->alignment.template_index].name);
@@ -276,6 +298,7 @@ static apsm_status save(groom_work *w)
     APSM_TRY(remove_other_shapes(w));
     APSM_TRY(describe_project(w));
     APSM_TRY(list_inputs(w));
+    APSM_TRY(manifest_set_ignored(run, w->in.ignored));
     APSM_TRY(manifest_set_options(run));
     APSM_TRY(run_write_project(run));
     return hand_over(w);
@@ -341,5 +364,6 @@ apsm_status apsm_run_groom(apsm_run *run)
     if (status != APSM_OK) status = give_up(run, status);
     apsm_alignment_free(&w.alignment);
     groom_inputs_free(&w.in);
+    apsm_project_free(&w.own);
     return status;
 }

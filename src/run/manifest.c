@@ -145,6 +145,14 @@ apsm_status manifest_set_notes(apsm_run *run, json_t *notes)
     return json_object_set_new(run->manifest, "notes", notes) ? no_memory(run) : APSM_OK;
 }
 
+apsm_status manifest_set_ignored(apsm_run *run, const char *text)
+{
+    json_object_del(run->manifest, "ignored");
+    if (!text) return APSM_OK;
+    return json_object_set_new(run->manifest, "ignored", json_string(text)) ? no_memory(run)
+                                                                            : APSM_OK;
+}
+
 const char *manifest_input_sha256(const apsm_run *run, const char *name)
 {
     size_t i;

@@ -24,6 +24,8 @@ apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped);
 apsm_status manifest_set_groomed(apsm_run *run, json_t *groomed);
 /* What groom has to say of its shapes (takes the reference over; run/notes.h). */
 apsm_status manifest_set_notes(apsm_run *run, json_t *notes);
+/* What a project asked for and was not done, or NULL: nothing. */
+apsm_status manifest_set_ignored(apsm_run *run, const char *text);
 /* The stored SHA-256 of a named input, or NULL. */
 const char *manifest_input_sha256(const apsm_run *run, const char *name);
 

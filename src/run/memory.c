@@ -173,8 +173,8 @@ static int by_name(const void *a, const void *b)
 apsm_status memory_list(apsm_run *run, groom_inputs *in)
 {
     bool meshes_only = true;
-    for (size_t k = 0; k < 2; k++) {
-        static const char *const of_files[] = { "exclude", "reflect_match" };
+    for (size_t k = 0; k < 4; k++) {
+        static const char *const of_files[] = { "exclude", "reflect_match", "pattern", "ignore" };
         if (*apsm_run_text(run, of_files[k]))
             return apsm_fail(run->ctx, APSM_ERR_ARG,
                              "%s: is for files; a job in memory says it when a shape is added",

@@ -91,6 +91,14 @@ static apsm_status remember(apsm_run *run, size_t J, const double *P)
     return apsm_particles_round(run->ctx, n, run->results.P);
 }
 
+/* Who optimises the project further asks for as many. */
+static apsm_status tell_shapeworks(apsm_run *run, size_t J)
+{
+    char text[32];
+    snprintf(text, sizeof text, "%zu", J);
+    return apsm_project_set(&run->project, "optimize", "number_of_particles", text);
+}
+
 apsm_status run_write_particles(apsm_run *run, size_t J, const double *P)
 {
     APSM_TRY(remember(run, J, P));
@@ -100,6 +108,7 @@ apsm_status run_write_particles(apsm_run *run, size_t J, const double *P)
     apsm_status status = apsm_make_folder(run->ctx, folder);
     free(folder);
     particle_files f = { run, J, P };
+    if (status == APSM_OK) status = tell_shapeworks(run, J);
     if (status == APSM_OK)
         status = apsm_parallel_for(run->ctx, run->project.n, write_subject, &f, NULL);
     return status == APSM_OK ? run_write_project(run) : status;

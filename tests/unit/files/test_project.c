@@ -436,6 +436,68 @@ static void reading_between_two_steps_leaves_no_trace(void **state)
     apsm_project_free(&q);
 }
 
+/* The bytes of the file at path; static. */
+static const char *bytes_of(const char *path)
+{
+    static char text[8192];
+    char *data;
+    size_t size;
+    assert_int_equal(apsm_read_file(ctx, path, sizeof text - 1, &data, &size), APSM_OK);
+    memcpy(text, data, size);
+    text[size] = '\0';
+    free(data);
+    return text;
+}
+
+static void excluded_shapes_are_set_aside_and_written_in_their_place(void **state)
+{
+    char path[TEST_PATH], again[TEST_PATH];
+    apsm_project p;
+    put(state, "p.swproj",
+        "{\"data\": [{\"name\": \"a\", \"shape_1\": \"a.ply\", \"excluded\": \"Yes\", "
+        "\"note\": \"n\"}, {\"name\": \"b\", \"shape_1\": \"b.ply\", \"excluded\": \"no\"}, "
+        "{\"name\": \"c\", \"shape_1\": \"c.ply\", \"excluded\": true}, "
+        "{\"name\": \"d\", \"shape_1\": \"d.ply\", \"excluded\": \"1\"}]}",
+        path);
+    assert_int_equal(apsm_project_read(ctx, path, &p), APSM_OK);
+    assert_int_equal(p.n, 1);
+    assert_string_equal(p.subjects[0].name, "b");
+    assert_int_equal(apsm_project_write(ctx, folder_path(state, "q.swproj", again), &p), APSM_OK);
+    const char *text = bytes_of(again), *at[4];
+    static const char *const names[] = { "\"a\"", "\"b\"", "\"c\"", "\"d\"" };
+    for (int k = 0; k < 4; k++) {
+        at[k] = strstr(text, names[k]);
+        assert_non_null(at[k]);
+        assert_true(k == 0 || at[k] > at[k - 1]);
+    }
+    assert_non_null(strstr(text, "\"note\": \"n\""));
+    char sub[TEST_PATH];
+    assert_int_equal(apsm_project_rebase(&p, folder_path(state, "sub", sub)), APSM_OK);
+    assert_int_equal(apsm_project_write(ctx, again, &p), APSM_OK);
+    assert_non_null(strstr(bytes_of(again), "\"../c.ply\""));
+    apsm_project_free(&p);
+}
+
+/* ShapeWorks grooms anew and keeps our columns: its mesh is no mirror image. */
+static void a_mirrored_of_another_mesh_is_forgotten(void **state)
+{
+    char path[TEST_PATH], text[1024];
+    static const char *const groomed[] = { "groomed/a.ply", "x/groomed/a.ply",
+                                           "groomed/a_groomed.vtk", "groomed/ba.ply" };
+    for (int k = 0; k < 4; k++) {
+        apsm_project p;
+        snprintf(text, sizeof text,
+                 "{\"data\": [{\"name\": \"a\", \"shape_1\": \"a.ply\", \"groomed_1\": \"%s\", "
+                 "\"mirrored\": \"yes\", \"reflection\": \"-1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\"}]}",
+                 groomed[k]);
+        put(state, "p.swproj", text, path);
+        assert_int_equal(apsm_project_read(ctx, path, &p), APSM_OK);
+        assert_int_equal(p.subjects[0].mirrored, k < 2);
+        assert_int_equal(apsm_subject_column(&p.subjects[0], "reflection") != NULL, k < 2);
+        apsm_project_free(&p);
+    }
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
@@ -451,6 +513,8 @@ int main(void)
         TEST(a_moved_project_reaches_the_same_files),
         TEST(every_problem_of_a_project_is_one_line),
         TEST(reading_between_two_steps_leaves_no_trace),
+        TEST(excluded_shapes_are_set_aside_and_written_in_their_place),
+        TEST(a_mirrored_of_another_mesh_is_forgotten),
     };
     ctx = apsm_context_new();
     const int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -5,6 +5,7 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <unistd.h>
 
 #include "apsm/formats.h"
 #include "apsm/input.h"
@@ -194,8 +195,9 @@ static void bad_inputs_are_refused(void **state)
                    "/e");
     expect_failure(f->ctx, expand(f, NAMES("t"), NULL, NULL, &list), APSM_ERR_IO, "no shapes",
                    "/t");
-    expect_failure(f->ctx, expand(f, NAMES("d", "a.nii.gz"), NULL, NULL, &list), APSM_ERR_ARG,
-                   "case 'a'", "a.nii.gz");
+    make_files(f, NAMES("d/a.stl"));
+    expect_failure(f->ctx, expand(f, NAMES("d"), NULL, NULL, &list), APSM_ERR_ARG, "case 'a'",
+                   "a.stl");
     expect_failure(f->ctx, expand(f, NAMES("d", "d/a.ply"), NULL, NULL, &list), APSM_ERR_ARG,
                    "case 'a'", "a.ply");
     expect_failure(f->ctx, expand(f, NAMES("none.ply"), NULL, NULL, &list), APSM_ERR_IO,
@@ -227,6 +229,144 @@ static void dicom_folders_are_cases(void **state)
     apsm_input_list_free(&list);
     status = expand(f, NAMES("all"), NULL, "2", &list);
     expect_names(f, status, &list, "p1 p2* ");
+    apsm_input_list_free(&list);
+}
+
+static apsm_status choose(fixture *f, const char *folder, const char *pattern, const char *exclude,
+                          apsm_input_list *list)
+{
+    const char *const path = scratch_path(f->folder, folder);
+    const apsm_input_choice c = {
+        .n = 1, .inputs = &path, .pattern = pattern, .exclude = exclude, .reflect_match = "left"
+    };
+    f->log[0] = '\0';
+    return apsm_input_choose(f->ctx, &c, list);
+}
+
+static void names_are_what_differs_in_the_paths(void **state)
+{
+    fixture *const f = *state;
+    static const struct {
+        const char *const files[12];
+        const char *names;
+    } trees[] = {
+        { { "t0/", "t0/s1/", "t0/s2/", "t0/s1/seg.nii.gz", "t0/s2/seg.nii.gz" }, "s1 s2 " },
+        { { "t1/", "t1/left/", "t1/right/", "t1/left/p1.ply", "t1/left/p2.ply", "t1/right/p1.ply" },
+          "left_p1* left_p2* right_p1 " },
+        { { "t2/", "t2/sub-01/", "t2/sub-01/anat/", "t2/sub-02/", "t2/sub-02/anat/",
+            "t2/sub-01/anat/sub-01_dseg.nii", "t2/sub-02/anat/sub-02_dseg.nii" },
+          "sub-01_dseg sub-02_dseg " },
+        { { "t3/", "t3/a/", "t3/a/x/", "t3/a/x/m.ply", "t3/b/", "t3/b/m.ply" }, "a_x b " },
+        { { "t4/", "t4/a/", "t4/a/in/", "t4/a/in/1/", "t4/a/in/1/m.ply", "t4/b/", "t4/b/in/",
+            "t4/b/in/1/", "t4/b/in/1/m.ply", "t4/b/in/1/n.ply" },
+          "a_m b_m b_n " },
+        { { "t5/", "t5/Thumbs.db", "t5/.DS_Store", "t5/._a.ply", "t5/desktop.ini", "t5/__MACOSX/",
+            "t5/__MACOSX/b.ply", "t5/a.ply" },
+          "a " },
+    };
+    for (size_t k = 0; k < sizeof trees / sizeof *trees; k++) {
+        char folder[8];
+        apsm_input_list list;
+        snprintf(folder, sizeof folder, "t%zu", k);
+        make_files(f, trees[k].files);
+        const apsm_status status = choose(f, folder, NULL, NULL, &list);
+        expect_names(f, status, &list, trees[k].names);
+        assert_int_equal(list.skipped, 0);
+        apsm_input_list_free(&list);
+    }
+}
+
+static void shapes_in_folders_below_are_found_or_named(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/a.ply", "d/more/", "d/more/b.ply", "d/more/c.ply", "d/m/",
+                        "d/m/manifest.json", "d/m/project.swproj", "d/m/g/", "d/m/g/x.ply"));
+    apsm_status status = choose(f, "d", NULL, NULL, &list);
+    expect_names(f, status, &list, "a ");
+    assert_non_null(strstr(f->log, "2 shapes in folders below (more/b.ply, more/c.ply) left out"));
+    apsm_input_list_free(&list);
+    status = choose(f, "d", "**/*", NULL, &list);
+    expect_names(f, status, &list, "a b c ");
+    assert_non_null(strstr(f->log, "a model folder"));
+    apsm_input_list_free(&list);
+    status = choose(f, "d", "**/*", "more/b", &list);
+    expect_names(f, status, &list, "a c ");
+    apsm_input_list_free(&list);
+    status = choose(f, "d", "c.*", NULL, &list);
+    expect_names(f, status, &list, "c ");
+    assert_non_null(strstr(f->log, "2 shapes are not meant by --pattern 'c.*'"));
+    apsm_input_list_free(&list);
+    expect_failure(f->ctx, choose(f, "d", "*/*/liver.ply", NULL, &list), APSM_ERR_ARG,
+                   "none of the 3 shapes", "--pattern");
+}
+
+static void trees_of_many_organs_are_chosen_from(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/s1/", "d/s1/seg/", "d/s2/", "d/s2/seg/", "d/s1/ct.nii.gz",
+                        "d/s2/ct.nii.gz", "d/s1/seg/liver.nii.gz", "d/s2/seg/liver.nii.gz",
+                        "d/s1/seg/spleen.nii.gz", "d/s2/seg/spleen.nii.gz"));
+    static const char *const patterns[] = { "**/liver.nii.gz", "liver.nii.gz", "*/seg/l*.nii.gz",
+                                            "s?/**/liver*" };
+    for (size_t k = 0; k < 4; k++) {
+        const apsm_status status = choose(f, "d", patterns[k], NULL, &list);
+        expect_names(f, status, &list, "s1 s2 ");
+        apsm_input_list_free(&list);
+    }
+    const apsm_status status = choose(f, "d", "*/seg/*", NULL, &list);
+    expect_names(f, status, &list, "s1_liver s1_spleen s2_liver s2_spleen ");
+    apsm_input_list_free(&list);
+}
+
+/* Links are followed, each folder once, whatever circles they make. */
+static void links_are_followed_once(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    char target[SCRATCH_LENGTH];
+    make_files(f, NAMES("d/", "d/a/", "d/a/m.ply", "d/b/", "away/", "away/n.ply"));
+    snprintf(target, sizeof target, "%s", scratch_path(f->folder, "away"));
+    assert_int_equal(symlink(target, scratch_path(f->folder, "d/b/l")), 0);
+    assert_int_equal(symlink("..", scratch_path(f->folder, "d/a/up")), 0);
+    assert_int_equal(symlink("../a", scratch_path(f->folder, "d/b/again")), 0);
+    assert_int_equal(symlink("nowhere", scratch_path(f->folder, "d/b/z")), 0);
+    const apsm_status status = choose(f, "d", NULL, NULL, &list);
+    expect_names(f, status, &list, "m n ");
+    assert_non_null(strstr(f->log, "a/up: leads to a folder that was searched already"));
+    apsm_input_list_free(&list);
+}
+
+static void series_beside_series_in_folders_are_all_found(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    char slice[200] = { 0 };
+    memcpy(slice + 128, "DICM", 4);
+    make_files(f,
+               NAMES("all/", "all/p1/", "all/p2/", "all/p2/series/", "all/p3/", "all/p3/series/"));
+    const char *const slices[] = { "all/p1/1", "all/p2/series/1", "all/p3/series/1" };
+    for (int k = 0; k < 3; k++)
+        scratch_write(scratch_path(f->folder, slices[k]), slice, sizeof slice);
+    const apsm_status status = choose(f, "all", NULL, NULL, &list);
+    expect_names(f, status, &list, "p1 p2_series p3_series ");
+    apsm_input_list_free(&list);
+}
+
+static void names_may_be_given(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("a/", "a/seg.ply", "b/", "b/seg.ply"));
+    char first[SCRATCH_LENGTH];
+    snprintf(first, sizeof first, "%s", scratch_path(f->folder, "a/seg.ply"));
+    const char *const paths[] = { first, scratch_path(f->folder, "b/seg.ply") }, *const names[] = {
+        "two", "one"
+    };
+    const apsm_input_choice c = { .n = 2, .inputs = paths, .names = names };
+    const apsm_status status = apsm_input_choose(f->ctx, &c, &list);
+    expect_names(f, status, &list, "one two ");
     apsm_input_list_free(&list);
 }
 
@@ -323,6 +463,12 @@ int main(void)
         TEST(names_that_no_file_can_have_are_refused),
         TEST(bad_inputs_are_refused),
         TEST(dicom_folders_are_cases),
+        TEST(names_are_what_differs_in_the_paths),
+        TEST(shapes_in_folders_below_are_found_or_named),
+        TEST(trees_of_many_organs_are_chosen_from),
+        TEST(links_are_followed_once),
+        TEST(series_beside_series_in_folders_are_all_found),
+        TEST(names_may_be_given),
         TEST(labels_are_parsed),
         TEST(labels_are_united),
         TEST(cases_are_read),

@@ -1,0 +1,255 @@
+#include "run/source.h"
+
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "files/project_columns.h"
+
+/* ---- what cannot be done yet ---- */
+
+enum { CONSTRAINTS, LANDMARKS, NORMALS, FIXED, DOMAINS, REFLECT, REQUESTS };
+static const struct {
+    const char *word, *what;
+} requests[REQUESTS] = {
+    { "constraints", "constraints, by which only a part of the surface counts" },
+    { "landmarks", "landmarks that guide the particles (optimize.use_landmarks)" },
+    { "normals", "normals in the correspondence (optimize.use_normals)" },
+    { "fixed", "fixed shapes, whose particles stay" },
+    { "domains", "several domains, modelled together" },
+    { "reflect",
+      "shapes reflected by a column (groom.reflect; --reflect-match does it by name)" }
+};
+
+static size_t find_word(const char *text, size_t length)
+{
+    size_t k = 0;
+    while (k < REQUESTS &&
+           (strlen(requests[k].word) != length || strncmp(requests[k].word, text, length) != 0))
+        k++;
+    return k;
+}
+
+apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text)
+{
+    for (const char *at = text; *at;) {
+        const size_t length = strcspn(at, ",");
+        if (find_word(at, length) == REQUESTS)
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "ignore = %s: '%.*s' is none of constraints, landmarks, normals, "
+                             "fixed, domains and reflect",
+                             text, (int)length, at);
+        at += length + (at[length] == ',');
+    }
+    return APSM_OK;
+}
+
+static bool is_ignored(const char *text, size_t request)
+{
+    for (const char *at = text; *at;) {
+        const size_t length = strcspn(at, ",");
+        if (find_word(at, length) == request) return true;
+        at += length + (at[length] == ',');
+    }
+    return false;
+}
+
+static bool begins(const char *key, const char *prefix)
+{
+    return strncmp(key, prefix, strlen(prefix)) == 0;
+}
+
+static bool is_other_input(const apsm_project *p, const char *key)
+{
+    static const char *const prefixes[] = { "shape_", "segmentation_", "mesh_", "contour_" };
+    for (size_t k = 0; k < sizeof prefixes / sizeof *prefixes; k++)
+        if (begins(key, prefixes[k])) return strcmp(key + strlen(prefixes[k]), p->domain) != 0;
+    return false;
+}
+
+/* Adds what one row asks for to the counts. */
+static void count_row(const apsm_project *p, const apsm_subject *s, size_t count[REQUESTS])
+{
+    bool constrained = false, other = false;
+    const char *key;
+    json_t *value;
+    json_object_foreach(s->row, key, value)
+    {
+        const char *text = json_string_value(value);
+        if (!text || !*text) continue;
+        constrained = constrained || begins(key, "constraints_");
+        other = other || is_other_input(p, key);
+    }
+    count[CONSTRAINTS] += constrained;
+    count[DOMAINS] += other;
+    count[FIXED] += apsm_says_yes(apsm_subject_column(s, "fixed"));
+}
+
+/* The value of a key of a group, or of the group's part for the domain. */
+static bool group_says(const apsm_project *p, const char *group, const char *key)
+{
+    const json_t *pairs = json_object_get(p->root, group);
+    const json_t *value = json_object_get(pairs, key);
+    if (!value) value = json_object_get(json_object_get(pairs, p->domain), key);
+    return json_is_true(value) || json_integer_value(value) != 0 ||
+           apsm_says_yes(json_string_value(value));
+}
+
+static void count_requests(const apsm_project *p, size_t count[REQUESTS])
+{
+    for (size_t i = 0; i < p->n; i++) count_row(p, &p->subjects[i], count);
+    count[LANDMARKS] += group_says(p, "optimize", "use_landmarks");
+    count[NORMALS] += group_says(p, "optimize", "use_normals");
+    count[REFLECT] += group_says(p, "groom", "reflect");
+}
+
+/* text grows by "; words", or by the words alone. */
+static void add(char *text, size_t room, const char *between, const char *words)
+{
+    const size_t used = strlen(text);
+    snprintf(text + used, room - used, "%s%s", used ? between : "", words);
+}
+
+/* A wish that is not taken over, but said. */
+static void tell_particles(const apsm_run *run, const apsm_project *source)
+{
+    const char *wish = apsm_project_get(source, "optimize", "number_of_particles");
+    const bool own = apsm_project_count(source, "apsm") > 0;
+    const long J = wish ? strtol(wish, NULL, 10) : 0;
+    if (J > 0 && !own && !run->options.particles_auto && J != run->options.particles)
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "the project's number_of_particles is %ld, here it is %ld: -J %ld takes as many",
+                 J, run->options.particles, J);
+}
+
+apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignored)
+{
+    size_t count[REQUESTS] = { 0 };
+    char asked[640] = "", words[96] = "", left[640] = "";
+    const char *ignore = apsm_run_text(run, "ignore");
+    APSM_TRY(apsm_run_check_ignore(run->ctx, ignore));
+    count_requests(source, count);
+    for (size_t k = 0; k < REQUESTS; k++) {
+        if (count[k] == 0) continue;
+        const bool is = is_ignored(ignore, k);
+        add(is ? left : asked, sizeof left, "; ", requests[k].what);
+        if (!is) add(words, sizeof words, ",", requests[k].word);
+    }
+    *ignored = NULL;
+    if (*words)
+        return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED,
+                         "the project asks for what is not done here: %s; go on without by "
+                         "--ignore %s%s%s",
+                         asked, ignore, *ignore ? "," : "", words);
+    tell_particles(run, source);
+    if (!*left) return APSM_OK;
+    apsm_log(run->ctx, APSM_LOG_WARNING, "ignored, as asked for by --ignore: %s", left);
+    *ignored = strdup(left);
+    return *ignored ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* ---- reading ---- */
+
+apsm_status source_read(apsm_run *run, apsm_project *source, bool *own)
+{
+    *source = (apsm_project){ 0 };
+    *own = run->n_inputs == 0;
+    if (*own) return APSM_OK;
+    if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) return APSM_OK;
+    return apsm_project_read(run->ctx, run->inputs[0], source);
+}
+
+static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)
+{
+    char key[APSM_KEY_LENGTH];
+    const apsm_subject *s = &p->subjects[i];
+    const char *contour = apsm_subject_column(s, apsm_project_key(p, "contour_", key));
+    if (contour)
+        return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: %s is a contour (%s); shapes are surfaces or segmentations here",
+                         p->folder, s->name, contour);
+    return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: %s names no input shape", p->folder, s->name);
+}
+
+static apsm_status list_paths(apsm_run *run, const apsm_project *p, const char **names,
+                              char **paths)
+{
+    for (size_t i = 0; i < p->n; i++) {
+        if (!p->subjects[i].shape) return no_shape(run, p, i);
+        names[i] = p->subjects[i].name;
+        paths[i] = apsm_project_path(p, p->subjects[i].shape);
+        if (!paths[i]) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *list)
+{
+    const char **names = calloc(p->n + 1, sizeof *names);
+    char **paths = calloc(p->n + 1, sizeof *paths);
+    apsm_status status = names && paths ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK && p->n == 0)
+        status = apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
+    if (status == APSM_OK) status = list_paths(run, p, names, paths);
+    const apsm_input_choice choice = { .n = p->n,
+                                       .inputs = (const char *const *)paths,
+                                       .names = names,
+                                       .exclude = apsm_run_text(run, "exclude"),
+                                       .reflect_match = apsm_run_text(run, "reflect_match") };
+    if (status == APSM_OK) status = apsm_input_choose(run->ctx, &choice, list);
+    for (size_t i = 0; paths && i < p->n; i++) free(paths[i]);
+    free(paths);
+    free(names);
+    return status;
+}
+
+/* ---- keeping ---- */
+
+/* All groups of the source but ours, in its order, and the run's options. */
+static json_t *merged_root(const apsm_project *source, const json_t *options)
+{
+    json_t *root = json_deep_copy(source->root);
+    if (root) json_object_del(root, "apsm");
+    if (root && options && json_object_set(root, "apsm", (json_t *)options) == 0) return root;
+    json_decref(root);
+    return NULL;
+}
+
+apsm_status source_begin(apsm_run *run, apsm_project *source)
+{
+    apsm_project *p = &run->project;
+    APSM_TRY(apsm_project_rebase(source, run->folder));
+    json_t *root = merged_root(source, json_object_get(p->root, "apsm"));
+    if (!root) return APSM_ERR_MEMORY;
+    json_decref(p->root);
+    p->root = root;
+    json_decref(p->aside);
+    p->aside = json_incref(source->aside);
+    return apsm_text_set(&p->domain, source->domain);
+}
+
+static bool is_made_by_a_run(const apsm_project *p, const char *key)
+{
+    char own[APSM_KEY_LENGTH];
+    for (size_t k = 0; k < APSM_COLUMNS; k++)
+        if (strcmp(key, apsm_project_key(p, apsm_project_columns[k], own)) == 0) return true;
+    return strcmp(key, "mirrored") == 0 || strcmp(key, "reflection") == 0;
+}
+
+apsm_status source_take_row(const apsm_project *source, apsm_subject *subject)
+{
+    const size_t i = apsm_project_find(source, subject->name);
+    if (i == source->n) return APSM_OK;
+    json_t *row = json_deep_copy(source->subjects[i].row), *value;
+    const char *key;
+    void *next;
+    if (!row) return APSM_ERR_MEMORY;
+    json_object_foreach_safe(row, next, key, value)
+    {
+        if (is_made_by_a_run(source, key)) json_object_del(row, key);
+    }
+    json_decref(subject->row);
+    subject->row = row;
+    return APSM_OK;
+}

@@ -1,0 +1,28 @@
+/* source.h -- the project that is groomed (ShapeWorks', a user's, or the folder's own): nothing
+ * that it says is lost.  Every key and column is used, kept in the project that is written, or
+ * refused by name unless option ignore names it (docs/formats.md has the list). */
+#ifndef APSM_RUN_SOURCE_H
+#define APSM_RUN_SOURCE_H
+
+#include "run/groom_inputs.h"
+
+/* *source <- the project that the run's inputs are, or {0} if they are files or folders.  Without
+ * inputs it is the folder's own, which is left to the run. */
+apsm_status source_read(apsm_run *run, apsm_project *source, bool *own);
+
+/* Refuses what is asked for and cannot be done, all of it in one line; *ignored (malloc'ed, or
+ * NULL)
+ * <- what is not done because option ignore says so. */
+apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignored);
+
+/* Lists the cases of the project under the names that it gives them. */
+apsm_status source_list(apsm_run *run, const apsm_project *source, apsm_input_list *list);
+
+/* The run's project <- groups, shapes that are set aside, and domain of the source, whose paths are
+ * rewritten; no shapes yet. */
+apsm_status source_begin(apsm_run *run, apsm_project *source);
+/* subject, which has just been added to the run's project, <- whatever the source's row of that
+ * name has beside what a run makes. */
+apsm_status source_take_row(const apsm_project *source, apsm_subject *subject);
+
+#endif

@@ -1,0 +1,116 @@
+#!/bin/bash
+# Nothing that a project says is lost: every key and column is used, kept, or refused by name.
+# $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+here=$(cd "$(dirname "$0")" && pwd)
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+quick=(-J 16 --faces 200 --stage1-epochs 2 --stage2-epochs 2 --fidelity-rounds 2
+    --specificity-samples 10 --threads 2)
+
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+
+# expect CODE WORDS ARGUMENT...: exit code, and words in what the program says (both streams).
+expect() {
+    local code=$1 words=$2
+    shift 2
+    timeout 60 "$apsm" "$@" >said 2>&1 </dev/null
+    local got=$?
+    if [ $got -ne "$code" ]; then
+        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
+    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
+        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
+    fi
+}
+
+# has FILE WORDS...: each is in it.
+has() {
+    local file=$1 words
+    shift
+    for words in "$@"; do
+        grep -qF -- "$words" "$file" || fail "$file has no $words"
+    done
+}
+
+for i in 0 1 2 3; do
+    mkdir -p in/p$i
+    "$synthetic" bump in/p$i/bone.ply index $i level 2 || exit 1
+done
+row() { # row NAME INDEX MORE
+    printf '{"name": "%s", "shape_1": "in/p%d/bone.ply"%s}' "$1" "$2" "$3"
+}
+
+# ---- equal file names, distinct names; groups, notes and what is nobody's business are kept ----
+cat >a.swproj <<END
+{"data": [$(row zeta 0 ', "group_sex": "f", "age": 41, "notes": "thin", "image_ct": "ct/z.nrrd"'),
+ $(row alpha 1 ', "excluded": "yes", "group_sex": "m"'),
+ $(row beta 2 ', "group_sex": "m", "landmarks_file_1": "lm/b.csv", "excluded": "no"'),
+ $(row "gamma delta" 3 '')],
+ "groom": {"1": {"fill": "true"}}, "optimize": {"number_of_particles": "64", "use_normals": "0"},
+ "studio": {"zoom_state": "2"}, "analysis": {"a": "1"}, "deepssm": {"train_epochs": "100"},
+ "landmarks": [], "project": {"version": "2"}}
+END
+expect 0 "1 shape is excluded: alpha" run a.swproj -o sub/m "${quick[@]}"
+grep -q "number_of_particles is 64" said || fail "the project's particles are not told: $(cat said)"
+ls sub/m/groomed | tr '\n' , | grep -qx "beta.ply,gamma delta.ply,zeta.ply," || fail "$(ls sub/m/groomed)"
+has sub/m/project.swproj '"group_sex": "f"' '"age": "41"' '"notes": "thin"' \
+    '"image_ct": "../../ct/z.nrrd"' '"landmarks_file_1": "../../lm/b.csv"' '"excluded": "yes"' \
+    '"shape_1": "../../in/p1/bone.ply"' '"fill": "true"' '"number_of_particles": "16"' \
+    '"zoom_state": "2"' '"train_epochs": "100"' '"analysis"' '"use_normals": "0"'
+expect 0 "agree" verify sub/m
+cp sub/m/project.swproj first.swproj
+expect 0 "" groom -o sub/m --overwrite # again, from the folder's own project
+has sub/m/project.swproj '"group_sex": "f"' '"notes": "thin"' '"excluded": "yes"' '"zoom_state": "2"'
+expect 0 "" run --resume -o sub/m
+cmp first.swproj sub/m/project.swproj >&2 || fail "groomed anew, the project is another"
+expect 0 "" run a.swproj --resume -o sub/m
+expect 0 "" convert a.swproj -o a.xlsx
+expect 0 "" run a.xlsx -o x "${quick[@]}"
+has x/project.swproj '"group_sex": "f"' '"notes": "thin"' '"zoom_state": "2"'
+has x/project.swproj '"excluded": "yes"'
+expect 0 "" groom in -o files --overwrite
+grep -q group_sex files/project.swproj && fail "a model of files has another's groups"
+
+# ---- what is asked for and not done ----
+refused() { # refused WORD MORE-COLUMNS MORE-GROUPS
+    printf '{"data": [%s, %s, %s]%s}' "$(row a 0 "$2")" "$(row b 1 '')" "$(row c 2 '')" "$3" >r.swproj
+    rm -rf r
+    for verb in "run r.swproj -o r" "groom r.swproj -o r" "check r.swproj" "run r.swproj -o r --dry-run"; do
+        expect 1 "--ignore $1" $verb
+    done
+    [ -e r ] && fail "$1: a refused run left a folder"
+    expect 0 "ignored, as asked for" run r.swproj -o r --ignore "$1" "${quick[@]}"
+    has r/manifest.json '"ignored": ' "\"ignore\": \"$1\""
+    expect 0 "" run --resume -o r
+}
+refused constraints ', "constraints_1": "c.json"' ''
+has r/project.swproj '"constraints_1": "../c.json"'
+refused fixed ', "fixed": "yes"' ''
+refused domains ', "shape_2": "in/p1/bone.ply"' ''
+refused normals '' ', "optimize": {"use_normals": "true"}'
+refused landmarks '' ', "optimize": {"use_landmarks": true}'
+refused reflect '' ', "groom": {"1": {"reflect": "true"}}'
+refused constraints,normals ', "constraints_1": "c.json"' ', "optimize": {"use_normals": 1}'
+expect 1 "go on without by --ignore normals,constraints" groom r.swproj -o q --ignore normals
+expect 2 "'nonsense' is none of" groom r.swproj -o q --ignore nonsense
+[ -e q ] && fail "a wrong --ignore left a folder"
+printf '{"data": [{"name": "a", "contour_1": "c.vtp"}]}' >c.swproj
+expect 1 "is a contour" groom c.swproj -o q
+# In the folder of the user's project nothing is replaced (test_harm.sh), and check tells.
+mkdir theirs && cp r.swproj theirs/project.swproj
+expect 1 "--ignore constraints,normals" check theirs
+
+# ---- any project ----
+if command -v python3 >/dev/null; then
+    python3 "$here/any_project.py" "$apsm" "$PWD" 10 || failed=1
+else
+    echo "SKIPPED: no python3, so no generated projects were tried"
+fi
+exit $failed
