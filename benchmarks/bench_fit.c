@@ -253,6 +253,69 @@ static void parts(left_out *b)
                s[q].refused, s[q].shapes);
 }
 
+/* ---- landmarks ---- */
+
+/* n particles of the mean, each the farthest from those before. */
+static void choose(const apsm_fit_model *m, size_t n, size_t *index)
+{
+    const size_t J = m->model.J;
+    double *far = bench_doubles(J);
+    for (size_t j = 0; j < J; j++) far[j] = INFINITY;
+    index[0] = 0;
+    for (size_t k = 1; k < n; k++) {
+        index[k] = 0;
+        for (size_t j = 0; j < J; j++) {
+            far[j] = fmin(far[j],
+                          vec3_distance2(m->model.mean + 3 * j, m->model.mean + 3 * index[k - 1]));
+            if (far[j] > far[index[k]]) index[k] = j;
+        }
+    }
+    free(far);
+}
+
+static void landmarks(left_out *b)
+{
+    static const size_t counts[3] = { 4, 6, 10 };
+    for (size_t q = 0; q < 3; q++) {
+        part_sums s = { 0 };
+        for (size_t fold = 0; fold < b->folds; fold++) {
+            apsm_fit_model *m = without_fold(b, fold);
+            size_t index[10];
+            choose(m, counts[q], index);
+            for (size_t i = fold; i < b->folder.I; i += b->folds) {
+                double at[30], x[30], M[16], back[16];
+                apsm_fit fit;
+                apsm_mesh whole;
+                const apsm_fit_options o = apsm_fit_defaults();
+                if (i == b->folder.template_index) continue;
+                model_folder_to_world(&b->folder, i, M);
+                must(b, apsm_affine_invert(M, back));
+                for (size_t k = 0; k < counts[q]; k++) {
+                    memcpy(at + 3 * k, m->model.mean + 3 * index[k], 3 * sizeof *at);
+                    memcpy(x + 3 * k, b->folder.P + 3 * (i * m->model.J + index[k]), 3 * sizeof *x);
+                }
+                apsm_affine_apply(back, counts[q], x, x);
+                must(b,
+                     apsm_fit_landmarks(b->ctx, m, b->folder.names[i], counts[q], at, x, &o, &fit));
+                for (size_t k = 0; k < counts[q] && fit.J > 0; k++) fit.observed[index[k]] = true;
+                must(b, model_folder_mesh(b->ctx, &b->folder, i, &whole));
+                s.shapes++;
+                s.refused += fit.verdict == APSM_FIT_REFUSED;
+                if (fit.J > 0) judge_part(b, i, m, &whole, &fit, &s);
+                apsm_mesh_free(&whole);
+                apsm_fit_free(&fit);
+            }
+            apsm_fit_model_free(m);
+        }
+        const double h = b->joint->h, n = (double)s.n;
+        printf("{\"landmarks\": %zu, \"surface_h\": %.4f, \"mean_surface_h\": %.4f, "
+               "\"particle_h\": %.4f, \"mean_particle_h\": %.4f, \"inside\": %.3f, "
+               "\"inside_surface\": %.3f, \"refused\": %zu, \"shapes\": %zu}\n",
+               counts[q], s.surface / n / h, s.mean_surface / n / h, s.particle / n / h,
+               s.mean_particle / n / h, s.inside / n, s.inside_surface / n, s.refused, s.shapes);
+    }
+}
+
 /* ---- where the time goes ---- */
 
 static void step(const char *what, double *start)
@@ -311,6 +374,7 @@ int main(int argc, char **argv)
     open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
     if (strcmp(argv[1], "whole") == 0) whole(&b);
     if (strcmp(argv[1], "parts") == 0) parts(&b);
+    if (strcmp(argv[1], "landmarks") == 0) landmarks(&b);
     if (strcmp(argv[1], "steps") == 0) steps(&b);
     apsm_fit_model_free(b.joint);
     model_folder_free(&b.folder);

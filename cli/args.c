@@ -129,6 +129,8 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return take_path(p, o->name, text, &a->hand);
     case CLI_EXTENT:
         return take_path(p, o->name, text, &a->extent);
+    case CLI_LANDMARK_FILE:
+        return take_path(p, o->name, text, &a->landmarks);
     case CLI_MODEL:
         return take_path(p, o->name, text, &a->model);
     case CLI_CONFIG:

@@ -62,6 +62,11 @@ static const cli_option own[] = {
       NULL },
     { "bootstraps", 0, CLI_BOOTSTRAPS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
       "draws for the 95 % bands of effects; 0: no bands (default 1000)", NULL },
+    { "landmarks", 0, CLI_LANDMARK_FILE, CLI_GROUP_INPUT, CLI_FIT, "FILE", NULL, NULL,
+      "named points on the mean shape (meshes/mean.ply): inputs that are files of points "
+      "(.mrk.json, "
+      ".fcsv, .csv) are landmarks of these names; without it they are clouds",
+      NULL },
     { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "shapes are in the world frame of the model: search for no pose", NULL },
     { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,

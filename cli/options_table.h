@@ -27,6 +27,7 @@ typedef enum cli_action {
     CLI_PERMUTATIONS,
     CLI_BOOTSTRAPS,
     CLI_EXTENT,
+    CLI_LANDMARK_FILE,
     CLI_MODEL,
     CLI_CONFIG,
     CLI_THREADS,

@@ -33,6 +33,7 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     apsm_fit_settings settings = { .model = args->inputs[0],
                                    .n_inputs = args->n_inputs - 1,
                                    .inputs = args->inputs + 1,
+                                   .landmarks = args->landmarks,
                                    .labels = cli_args_get(args, "labels"),
                                    .reflect_match = cli_args_get(args, "reflect_match"),
                                    .exclude = cli_args_get(args, "exclude"),

@@ -107,13 +107,21 @@ APSM_API apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *mo
                                      const char *name, size_t n, const double *x,
                                      const apsm_fit_options *options, apsm_fit *fit) APSM_NODISCARD;
 
+/* From n landmarks alone: x (n x 3) on the shape, on_mean (n x 3) the same points on the model's
+ * mean shape (in the world frame).  Three at least; four to tell a hand. */
+apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                               size_t n, const double *on_mean, const double *x,
+                               const apsm_fit_options *options, apsm_fit *fit) APSM_NODISCARD;
+
 /* ---- files ---- */
 
 /* What `apsm fit` is asked for; borrowed. */
 typedef struct apsm_fit_settings {
     const char *model; /* model folder or file */
     size_t n_inputs;
-    const char *const *inputs;                    /* as of apsm_input_expand */
+    const char *const *inputs; /* as of apsm_input_expand */
+    const char *landmarks;     /* file of named points on the mean shape (meshes/mean.ply), or NULL:
+                                  then inputs that are point files are clouds, else landmarks */
     const char *labels, *reflect_match, *exclude; /* "" or NULL: none */
     const char *folder;                           /* where results go */
     bool overwrite;                               /* results of an earlier fit in folder */

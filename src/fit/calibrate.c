@@ -203,6 +203,14 @@ static apsm_status choose_smooth(apsm_context *ctx, judging *g)
 
 /* ---- bands ---- */
 
+/* All but eight particles are hidden, other ones for every k; those are measured like landmarks. */
+static void hide_most(size_t J, size_t k, double *error)
+{
+    const size_t stride = J > 8 ? J / 8 : 1;
+    for (size_t j = 0; j < J; j++)
+        error[j] = j % stride == k * stride / DIRECTIONS ? fit_placing * fit_placing : INFINITY;
+}
+
 /* Particles beyond the plane across axis k (of a tetrahedron's four) that hides the share; error
  * INFINITY there.  order (J) is scratch. */
 static void hide(const judging *g, const double *mean, size_t k, double share, double *order,
@@ -261,8 +269,15 @@ static apsm_status bands_of(apsm_context *ctx, size_t k, int worker, void *user)
         posterior_scores s = { .b = w.b, .B = w.B };
         for (size_t d = 0; d < D; d++) w.y[d] = g->P[i * D + d] / g->m->h;
         for (size_t q = 0; q < FIT_BANDS * DIRECTIONS && status == APSM_OK; q++) {
-            hide(g, shape.mean, q % DIRECTIONS, fit_band_missing[q / DIRECTIONS], z, w.error);
-            status = posterior_along_normals(&m, g->m->TN, w.y, w.error, &s, w.x, w.block, work);
+            const double missing = fit_band_missing[q / DIRECTIONS];
+            const bool landmarks = missing >= 1;
+            if (landmarks)
+                hide_most(J, q % DIRECTIONS, w.error);
+            else
+                hide(g, shape.mean, q % DIRECTIONS, missing, z, w.error);
+            status = landmarks ? posterior_of_particles(&m, w.y, w.error, &s, w.x, w.block, work)
+                               : posterior_along_normals(&m, g->m->TN, w.y, w.error, &s, w.x,
+                                                         w.block, work);
             g->result[k * FIT_BANDS * DIRECTIONS + q] = band_of(g, &w, z);
         }
     }

@@ -8,6 +8,7 @@
 #include "apsm/affine.h"
 #include "apsm/topology.h"
 #include "evaluate/surface_distance.h"
+#include "fit/landmarks.h"
 #include "fit/part.h"
 #include "fit/tail.h"
 #include "groom/groom.h"
@@ -243,6 +244,8 @@ static void withhold(apsm_fit *fit)
 static apsm_status close_job(apsm_context *ctx, fit_job *job, apsm_status status)
 {
     if (status == APSM_OK && is_refused(job)) withhold(job->out);
+    if (status == APSM_OK && job->options->force && job->out->verdict == APSM_FIT_REFUSED)
+        job->out->verdict = APSM_FIT_REVIEW;
     if (status == APSM_OK) return status;
     apsm_fit_free(job->out);
     const char *line = apsm_error_text(ctx);
@@ -278,5 +281,31 @@ apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, cons
     if (status == APSM_OK) status = part_points_of_cloud(n, x, &p);
     if (status == APSM_OK) status = fit_points(ctx, &job, &p);
     part_points_free(&p);
+    return close_job(ctx, &job, status);
+}
+
+apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                               size_t n, const double *on_mean, const double *x,
+                               const apsm_fit_options *options, apsm_fit *fit)
+{
+    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    if (n < 3)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu landmarks are too few; 3 at least", name,
+                         n);
+    for (size_t k = 0; k < 3 * n; k++)
+        if (!isfinite(x[k]) || !isfinite(on_mean[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: landmark %zu is not finite", name,
+                             k / 3);
+    fit_job job = { .m = model, .name = name, .options = options, .out = fit };
+    fit->partial = true;
+    apsm_status status = fit_alloc(model, fit);
+    if (status == APSM_OK) status = fit_landmark_particles(ctx, &job, n, on_mean, x);
+    if (status == APSM_OK) status = fit_frames(&job);
+    if (status == APSM_OK) status = fit_scores(&job);
+    if (status == APSM_OK) {
+        fit->pose_residual = job.pose.residual;
+        fit->mirror_ratio = job.pose.mirror_ratio;
+        fit_judge_landmarks(&job);
+    }
     return close_job(ctx, &job, status);
 }

@@ -12,7 +12,9 @@
 #include "initialize/cohort.h"
 #include "optimize/fidelity.h"
 
-enum { FIT_BANDS = 3 }; /* shares of the particles that are missing: */
+enum {
+    FIT_BANDS = 4
+}; /* shares of the particles that are missing (1: all, but there are landmarks): */
 extern const double fit_band_missing[FIT_BANDS];
 
 /* What left-out shapes say about the model; plain numbers, stored with it.  Lengths in h. */
@@ -70,6 +72,8 @@ apsm_status fit_model_without(apsm_context *ctx, const apsm_fit_model *m, const 
 /* Particles of all shapes of a model: mean + scores; P (I x J x 3, out). */
 void fit_model_particles(const apsm_shape_model *model, double *P);
 
+/* Standard deviation, in h, with which landmarks are placed. */
+extern const double fit_placing;
 /* Variance, in h^2, with which a surface tells where a particle is along its normal. */
 extern const double fit_part_error;
 

@@ -203,7 +203,7 @@ apsm_status fit_model_read_file(apsm_context *ctx, apsm_fit_model *m)
     APSM_TRY(check_beginning(ctx, m));
     apsm_status status = apsm_checkpoint_read(ctx, m->path, &c);
     if (status == APSM_ERR_FORMAT)
-        return refuse(ctx, m, "is no model file of `apsm export`, or damaged");
+        return refuse(ctx, m, "is no model folder and no file of `apsm export`, or damaged");
     if (status == APSM_OK) status = get_sizes(ctx, m, c, &n);
     if (status == APSM_OK) status = get_options(ctx, m, c);
     if (status == APSM_OK) status = get_shape_model(ctx, m, c, &n);

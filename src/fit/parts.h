@@ -42,6 +42,7 @@ void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...
 void fit_judge_pose(fit_job *job);
 /* What can be said of a part. */
 void fit_judge_part(fit_job *job);
+void fit_judge_landmarks(fit_job *job);
 /* What all figures say. */
 void fit_judge(fit_job *job);
 

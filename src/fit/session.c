@@ -5,7 +5,9 @@
 
 #include "apsm/files.h"
 #include "apsm/input.h"
+#include "apsm/points_file.h"
 #include "apsm/topology.h"
+#include "fit/landmark_file.h"
 #include "fit/outputs.h"
 #include "groom/groom.h"
 
@@ -16,7 +18,8 @@ typedef struct session {
     apsm_input_list list;
     apsm_labels labels;
     apsm_groom_options groom;
-    fit_row *rows; /* list.n */
+    fit_landmarks landmarks; /* on the mean; none: point files are clouds */
+    fit_row *rows;           /* list.n */
 } session;
 
 /* ---- one input to a surface ---- */
@@ -69,6 +72,68 @@ static apsm_status read_surface(apsm_context *ctx, const session *s, const apsm_
     return status;
 }
 
+/* ---- points ---- */
+
+/* A file of points, not of a surface. */
+static bool is_point_file(const char *path)
+{
+    apsm_input_kind kind;
+    if (apsm_is_folder(path) || apsm_input_kind_of(path, &kind)) return false;
+    return apsm_points_extension(path) || fit_is_landmark_file(path);
+}
+
+static apsm_status fit_cloud(apsm_context *ctx, const session *s, const char *path,
+                             const apsm_fit_options *options, apsm_fit *fit)
+{
+    size_t n;
+    double *x = NULL;
+    APSM_TRY(apsm_points_read(ctx, path, &n, &x));
+    const apsm_status status = apsm_fit_points(ctx, s->model, path, n, x, options, fit);
+    free(x);
+    return status;
+}
+
+/* Of the file's points those whose names the model's have; that some have none is said. */
+static apsm_status pair_landmarks(apsm_context *ctx, const session *s, const char *path,
+                                  const fit_landmarks *l, double *at, double *x, size_t *n)
+{
+    size_t unknown = 0;
+    *n = 0;
+    for (size_t k = 0; k < l->n; k++) {
+        const size_t i = fit_landmarks_find(&s->landmarks, l->name[k]);
+        if (i == s->landmarks.n) {
+            unknown++;
+            continue;
+        }
+        memcpy(at + 3 * *n, s->landmarks.x + 3 * i, 3 * sizeof *at);
+        memcpy(x + 3 * (*n)++, l->x + 3 * k, 3 * sizeof *x);
+    }
+    if (unknown > 0)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: %zu of %zu points have names that %s has not; left out", path, unknown, l->n,
+                 s->settings->landmarks);
+    return APSM_OK;
+}
+
+static apsm_status fit_named(apsm_context *ctx, const session *s, const char *path,
+                             const apsm_fit_options *options, apsm_fit *fit)
+{
+    fit_landmarks l;
+    size_t n = 0;
+    APSM_TRY(fit_landmarks_read(ctx, path, &l));
+    double *at = malloc(6 * l.n * sizeof *at);
+    apsm_status status = APSM_ERR_MEMORY;
+    if (at) {
+        double *x = at + 3 * l.n;
+        status = pair_landmarks(ctx, s, path, &l, at, x, &n);
+        if (status == APSM_OK)
+            status = apsm_fit_landmarks(ctx, s->model, path, n, at, x, options, fit);
+    }
+    free(at);
+    fit_landmarks_free(&l);
+    return status;
+}
+
 /* ---- one shape ---- */
 
 static apsm_status hash_input(apsm_context *ctx, const char *path, char hex[65])
@@ -88,6 +153,9 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
     apsm_mesh mesh = { 0 };
     apsm_fit_options options = s->settings->options;
     APSM_TRY(hash_input(ctx, c->path, row->sha256));
+    if (is_point_file(c->path))
+        return s->landmarks.n > 0 ? fit_named(ctx, s, c->path, &options, fit)
+                                  : fit_cloud(ctx, s, c->path, &options, fit);
     APSM_TRY(read_surface(ctx, s, c, &mesh, &options.extent));
     if (c->reflect) options.hand = APSM_HAND_OTHER;
     const apsm_status status = apsm_fit_surface(ctx, s->model, c->path, &mesh, &options, fit);
@@ -171,14 +239,64 @@ static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
     return APSM_OK;
 }
 
+/* ---- which inputs ---- */
+
+/* The file name without its extension; ".mrk.json" counts as one. */
+static char *stem_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    char *name = strdup(slash ? slash + 1 : path);
+    char *dot = name ? strrchr(name, '.') : NULL;
+    if (dot && dot != name) *dot = 0;
+    dot = name ? strrchr(name, '.') : NULL;
+    if (dot && strcmp(dot, ".mrk") == 0) *dot = 0;
+    return name;
+}
+
+static apsm_status add_point_file(apsm_context *ctx, const char *path, apsm_input_list *list)
+{
+    apsm_input_case one = { .name = stem_of(path), .path = strdup(path) };
+    apsm_input_case *cases = realloc(list->cases, (list->n + 1) * sizeof *cases);
+    if (cases) list->cases = cases;
+    apsm_status status = cases && one.name && one.path ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; status == APSM_OK && i < list->n; i++)
+        if (strcmp(list->cases[i].name, one.name) == 0)
+            status = apsm_fail(ctx, APSM_ERR_ARG, "%s: another input is called '%s'; rename one",
+                               path, one.name);
+    if (status == APSM_OK) {
+        list->cases[list->n++] = one;
+        return APSM_OK;
+    }
+    free(one.name);
+    free(one.path);
+    return status;
+}
+
+/* Surfaces as always, and files of points. */
+static apsm_status list_inputs(apsm_context *ctx, session *s)
+{
+    const apsm_fit_settings *o = s->settings;
+    size_t n = 0;
+    const char **surfaces = malloc((o->n_inputs + 1) * sizeof *surfaces);
+    if (!surfaces) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < o->n_inputs; k++)
+        if (!is_point_file(o->inputs[k])) surfaces[n++] = o->inputs[k];
+    apsm_status status = APSM_OK;
+    if (n > 0) status = apsm_input_expand(ctx, n, surfaces, o->exclude, o->reflect_match, &s->list);
+    for (size_t k = 0; k < o->n_inputs && status == APSM_OK; k++)
+        if (is_point_file(o->inputs[k])) status = add_point_file(ctx, o->inputs[k], &s->list);
+    free(surfaces);
+    return status;
+}
+
 /* ---- all ---- */
 
 static apsm_status open_session(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
     APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->labels));
-    APSM_TRY(
-        apsm_input_expand(ctx, o->n_inputs, o->inputs, o->exclude, o->reflect_match, &s->list));
+    APSM_TRY(list_inputs(ctx, s));
+    if (o->landmarks) APSM_TRY(fit_landmarks_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
@@ -199,6 +317,7 @@ static void close_session(session *s)
         free(s->rows[i].figures.score);
     }
     free(s->rows);
+    fit_landmarks_free(&s->landmarks);
     apsm_labels_free(&s->labels);
     apsm_input_list_free(&s->list);
     apsm_fit_model_free(s->model);

@@ -90,6 +90,19 @@ void fit_judge_part(fit_job *job)
     judge_scores(job);
 }
 
+/* A point a spacing off is in the wrong place, or of another shape. */
+void fit_judge_landmarks(fit_job *job)
+{
+    apsm_fit *out = job->out;
+    if (out->counted_share < part_refused)
+        fit_object(out, APSM_FIT_REFUSED, "another shape: only %.0f %% of the landmarks fit",
+                   100 * out->counted_share);
+    else if (out->counted_share < 1)
+        fit_object(out, APSM_FIT_REVIEW, "landmarks do not fit: one is %.3g h off",
+                   out->distance.two_way.max / job->m->h);
+    judge_scores(job);
+}
+
 void fit_judge(fit_job *job)
 {
     const fit_calibration *c = &job->m->calibration;

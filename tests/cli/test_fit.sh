@@ -1,0 +1,101 @@
+#!/bin/bash
+# apsm fit and export from outside.  $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+
+# fit CODE WORDS ARGUMENT...
+fit() {
+    local code=$1 words=$2
+    shift 2
+    "$apsm" fit "$@" >said 2>&1
+    local got=$?
+    [ $got -eq "$code" ] || fail "fit $*: exit code $got, not $code: $(cat said)"
+    grep -qF -- "$words" said || fail "fit $* does not say '$words': $(cat said)"
+}
+
+# column NAME SHAPE FILE: of fit.csv.
+column() {
+    awk -F, -v name="$1" -v shape="$2" 'NR == 1 { for (i = 1; i <= NF; i++) if ($i == name) c = i }
+        $1 == shape { print $c }' "$3"
+}
+
+mkdir cohort new
+for i in 0 1 2 3 4 5 6; do "$synthetic" bump cohort/s$i.ply index $i count 8 level 3; done
+"$synthetic" bump new/whole.ply index 7 count 8 level 3
+"$apsm" run cohort -o model -J 32 --faces 800 --stage1-epochs 3 --stage2-epochs 3 --quiet || fail run
+find model -type f -exec cksum {} + | sort >before
+
+# A new shape, in other poses.
+"$synthetic" new/whole.ply new/turned.ply turn 140 shift 300
+fit 0 "refused: 0; failed: 0" model new -o one --threads 1
+fit 0 "refused: 0; failed: 0" model new -o two --threads 2
+diff -r one two >/dev/null || fail "threads change the files"
+find model -type f -exec cksum {} + | sort | cmp -s - before || fail "fit changed the model"
+for f in particles/whole_local.particles particles/whole_world.particles \
+    particles/whole_original.particles meshes/whole_fit.ply shapes/whole.json; do
+    [ -s "one/$f" ] || fail "no $f"
+done
+[ "$(wc -l <one/particles/whole_world.particles)" -eq 32 ] || fail "not 32 particles"
+awk -v d="$(column surface_mean whole one/fit.csv)" -v e="$(column surface_mean turned one/fit.csv)" \
+    'BEGIN { exit !(d < 0.5 && e < 1.1 * d + 0.01) }' || fail "far: $(cat one/fit.csv)"
+grep -q '"verdict": "certified"' one/shapes/whole.json || fail "not certified"
+
+# Alone, and by a model file: the same bytes.
+fit 0 "refused: 0; failed: 0" model new/whole.ply -o alone
+cmp -s one/particles/whole_world.particles alone/particles/whole_world.particles ||
+    fail "other shapes change a shape"
+cmp -s one/meshes/whole_fit.ply alone/meshes/whole_fit.ply || fail "other shapes change a mesh"
+"$apsm" export model --model m.apsm >/dev/null || fail export
+"$apsm" export model --model m.apsm >said 2>&1 && fail "export overwrote"
+"$apsm" export model --model m2.apsm >/dev/null && cmp -s m.apsm m2.apsm || fail "export differs"
+fit 0 "refused: 0; failed: 0" m.apsm new/whole.ply -o file
+cmp -s file/particles/whole_world.particles alone/particles/whole_world.particles ||
+    fail "the model file fits otherwise than its folder"
+
+# Strangers, and what is not a model.
+"$synthetic" new/whole.ply half.ply scale 0.5
+"$synthetic" torus torus.ply level 3
+fit 1 "half: refused: is 0.5" model half.ply -o half
+[ -e half/particles/half_world.particles ] && fail "a refused shape has particles"
+fit 0 "fitted" model half.ply -o half --force --overwrite
+fit 1 "refused" model torus.ply -o torus
+fit 1 "holds fits already" model half.ply -o half
+fit 1 "is a model folder" model half.ply -o model
+fit 1 "no model folder" new/whole.ply half.ply -o x
+head -c 3000 m.apsm >cut.apsm
+fit 1 "or damaged" cut.apsm half.ply -o x
+fit 2 "--hand left" model half.ply -o x --hand left
+fit 2 "shapes behind the model" model -o x
+[ -e x ] && fail "a mistake made a folder"
+
+# An opening: a part of the surface.
+"$synthetic" bump new/open.ply index 7 count 8 level 3 hole 500
+fit 0 "fitted" model new/open.ply -o open
+grep -q '"partial": true' open/fit.json || fail "an open surface is taken for whole"
+awk -v s="$(column observed_share open open/fit.csv)" 'BEGIN { exit !(s > 0.3 && s < 0.95) }' ||
+    fail "share of the open surface: $(cat open/fit.csv)"
+
+# A cloud, and landmarks.
+awk '{ print $1 "," $2 "," $3 }' OFS=, one/particles/whole_original.particles |
+    sed '1i x,y,z' >cloud.csv
+fit 0 "fitted" model cloud.csv -o cloud
+[ "$(wc -l <cloud/particles/cloud_world.particles)" -eq 32 ] || fail "no particles of a cloud"
+awk 'BEGIN { print "name,x,y,z" } NR % 5 == 1 { print "p" NR "," $1 "," $2 "," $3 }' \
+    model/particles/s0_world.particles >on_mean.csv
+awk 'BEGIN { print "name,x,y,z" } NR % 5 == 1 { print "p" NR "," $1 "," $2 "," $3 }' \
+    one/particles/turned_original.particles >points.csv
+fit 0 "fitted" model points.csv --landmarks on_mean.csv -o landmarks
+grep -q '"observed_share": 0' landmarks/fit.json || fail "landmarks: $(cat landmarks/fit.json)"
+echo 'p1,1,2' >>points.csv
+fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks2
+exit $failed
