@@ -50,6 +50,8 @@ check: ## format, lint, rules between rooms, goldens, options.md, the viewer
 	@scripts/check-format
 	@scripts/check-lint
 	@scripts/check-rooms
+	@scripts/check-functions
+	@scripts/check-references
 	@scripts/check-golden
 	@scripts/make-options-doc --check
 	@scripts/check-viewer

@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <getopt.h>
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -87,7 +88,46 @@ static apsm_status take_path(const parsing *p, const char *name, const char *tex
     return APSM_OK;
 }
 
-static apsm_status take_option(parsing *p, const cli_option *o, const char *text)
+/* Options that are a text of cli_args, and those that switch something on. */
+typedef struct cli_slot {
+    cli_action action;
+    size_t at; /* in cli_args */
+} cli_slot;
+static const cli_slot texts[] = {
+    { CLI_OUT, offsetof(cli_args, out_dir) },
+    { CLI_PARTS, offsetof(cli_args, parts) },
+    { CLI_ALIGN_PARTS, offsetof(cli_args, align_parts) },
+    { CLI_TO, offsetof(cli_args, to) },
+    { CLI_WHAT, offsetof(cli_args, what) },
+    { CLI_SHAPE, offsetof(cli_args, shape) },
+    { CLI_VIEW, offsetof(cli_args, view) },
+    { CLI_WIDTH, offsetof(cli_args, width) },
+    { CLI_SUBJECTS, offsetof(cli_args, subjects) },
+    { CLI_FORMULA, offsetof(cli_args, formula) },
+    { CLI_OF, offsetof(cli_args, of) },
+    { CLI_ON, offsetof(cli_args, on) },
+    { CLI_WITHIN, offsetof(cli_args, within) },
+    { CLI_PERMUTATIONS, offsetof(cli_args, permutations) },
+    { CLI_BOOTSTRAPS, offsetof(cli_args, bootstraps) },
+    { CLI_HAND, offsetof(cli_args, hand) },
+    { CLI_EXTENT, offsetof(cli_args, extent) },
+    { CLI_LANDMARK_FILE, offsetof(cli_args, landmarks) },
+    { CLI_MODEL, offsetof(cli_args, model) },
+    { CLI_CONFIG, offsetof(cli_args, config) },
+};
+static const cli_slot flags[] = {
+    { CLI_FLAG_RESUME, offsetof(cli_args, resume) },
+    { CLI_FLAG_OVERWRITE, offsetof(cli_args, overwrite) },
+    { CLI_FLAG_DRY_RUN, offsetof(cli_args, dry_run) },
+    { CLI_FLAG_QUIET, offsetof(cli_args, quiet) },
+    { CLI_FLAG_ALIGNED, offsetof(cli_args, aligned) },
+    { CLI_FLAG_FORCE, offsetof(cli_args, force) },
+    { CLI_FLAG_HELP, offsetof(cli_args, help) },
+    { CLI_FLAG_VERSION, offsetof(cli_args, version) },
+};
+
+/* The options that need a word more; APSM_ERR_ARG: no such option. */
+static apsm_status take_other(parsing *p, const cli_option *o, const char *text)
 {
     cli_args *a = p->args;
     switch (o->action) {
@@ -95,72 +135,28 @@ static apsm_status take_option(parsing *p, const cli_option *o, const char *text
         return cli_pairs_add(p->ctx, a, o->key, o->argument ? text : o->value);
     case CLI_SET_PAIR:
         return cli_pairs_assign(p->ctx, a, text);
-    case CLI_OUT:
-        return take_path(p, o->name, text, &a->out_dir);
-    case CLI_PARTS:
-        return take_path(p, o->name, text, &a->parts);
-    case CLI_ALIGN_PARTS:
-        return take_path(p, o->name, text, &a->align_parts);
-    case CLI_TO:
-        return take_path(p, o->name, text, &a->to);
-    case CLI_WHAT:
-        return take_path(p, o->name, text, &a->what);
-    case CLI_SHAPE:
-        return take_path(p, o->name, text, &a->shape);
-    case CLI_VIEW:
-        return take_path(p, o->name, text, &a->view);
-    case CLI_WIDTH:
-        return take_path(p, o->name, text, &a->width);
-    case CLI_SUBJECTS:
-        return take_path(p, o->name, text, &a->subjects);
-    case CLI_FORMULA:
-        return take_path(p, o->name, text, &a->formula);
-    case CLI_OF:
-        return take_path(p, o->name, text, &a->of);
-    case CLI_ON:
-        return take_path(p, o->name, text, &a->on);
-    case CLI_WITHIN:
-        return take_path(p, o->name, text, &a->within);
-    case CLI_PERMUTATIONS:
-        return take_path(p, o->name, text, &a->permutations);
-    case CLI_BOOTSTRAPS:
-        return take_path(p, o->name, text, &a->bootstraps);
-    case CLI_HAND:
-        return take_path(p, o->name, text, &a->hand);
-    case CLI_EXTENT:
-        return take_path(p, o->name, text, &a->extent);
-    case CLI_LANDMARK_FILE:
-        return take_path(p, o->name, text, &a->landmarks);
-    case CLI_MODEL:
-        return take_path(p, o->name, text, &a->model);
-    case CLI_CONFIG:
-        return take_path(p, o->name, text, &a->config);
     case CLI_THREADS:
         return take_threads(p, text);
     case CLI_MEMORY:
         return take_memory(p, text);
     case CLI_PROGRESS:
         return take_progress(p, text);
-    case CLI_FLAG_RESUME:
-        return a->resume = true, APSM_OK;
-    case CLI_FLAG_OVERWRITE:
-        return a->overwrite = true, APSM_OK;
-    case CLI_FLAG_DRY_RUN:
-        return a->dry_run = true, APSM_OK;
-    case CLI_FLAG_QUIET:
-        return a->quiet = true, APSM_OK;
-    case CLI_FLAG_ALIGNED:
-        return a->aligned = true, APSM_OK;
-    case CLI_FLAG_FORCE:
-        return a->force = true, APSM_OK;
-    case CLI_FLAG_HELP:
-        return a->help = true, APSM_OK;
     case CLI_FLAG_HELP_ALL:
         return a->help = a->help_all = true, APSM_OK;
-    case CLI_FLAG_VERSION:
-        return a->version = true, APSM_OK;
+    default:
+        return APSM_ERR_ARG;
     }
-    return APSM_ERR_ARG;
+}
+
+static apsm_status take_option(parsing *p, const cli_option *o, const char *text)
+{
+    char *const base = (char *)p->args;
+    for (size_t k = 0; k < sizeof texts / sizeof *texts; k++)
+        if (texts[k].action == o->action)
+            return take_path(p, o->name, text, (const char **)(void *)(base + texts[k].at));
+    for (size_t k = 0; k < sizeof flags / sizeof *flags; k++)
+        if (flags[k].action == o->action) return *(bool *)(base + flags[k].at) = true, APSM_OK;
+    return take_other(p, o, text);
 }
 
 /* ---- getopt ---- */

@@ -17,8 +17,8 @@ extern "C" {
  * BOOL(name, default, doc)                   bool
  * ENUM(name, "first|second|...", doc)        int, index of the word; the first is the default
  *
- * h is the template's mean neighbour distance (METHOD section 0): lengths given in h make the
- * result independent of the unit.  Numbers in brackets are equations of docs/method.md. */
+ * h is the template's mean neighbour distance (docs/method.md, "Notation"): lengths given in h make
+ * the result independent of the unit.  Numbers in brackets are equations of docs/method.md. */
 #define APSM_OPTIONS(INT, REAL, BOOL, ENUM)                                                        \
     ENUM(method, "adaptive|xu2023|psm",                                                            \
          "the engine's own method, or one to compare it with: xu2023 is a set of options of it "   \
@@ -219,10 +219,10 @@ APSM_API const apsm_option_info *apsm_options_table(size_t *n);
 
 /* Sets one option from text, as `--set key=value` does.  Unknown key (the nearest one is
  * named), a value that does not parse or is out of range: APSM_ERR_ARG with a line.
- * method = xu2023 also sets what makes the method of the earlier paper (METHOD 8): correspondence =
- * frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in every epoch), snap = none,
- * geodesic_correspondence = false, fidelity = 0, and the schedule of 50 + 50 epochs with its
- * weights; another method then takes these back to their defaults. */
+ * method = xu2023 also sets what makes the method of the earlier paper (docs/method.md, "Comparison
+ * methods"): correspondence = frobenius-squared, gamma = 0.1 (a tenth of the way to the mean in
+ * every epoch), snap = none, geodesic_correspondence = false, fidelity = 0, and the schedule of 50
+ * + 50 epochs with its weights; another method then takes these back to their defaults. */
 APSM_API apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const char *key,
                                       const char *value) APSM_NODISCARD;
 /* Value of an option as text that apsm_options_set reads back exactly; buffer of 64 bytes. */

@@ -153,7 +153,7 @@ apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format,
 
 const char *apsm_error_text(const apsm_context *ctx)
 {
-    return ctx->error;
+    return ctx ? ctx->error : "";
 }
 
 /* What the tasks of one loop share.  The arrays have one entry a task. */

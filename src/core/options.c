@@ -154,8 +154,9 @@ static apsm_status set_one(apsm_context *ctx, apsm_options *options, const char 
     }
 }
 
-/* The earlier paper's method; METHOD 8.  Its gamma/2 |P_i - mean|^2 has the gradient
- * gamma (P_i - mean): a length, so gamma is the share of the way to the mean made in an epoch. */
+/* The earlier paper's method; docs/method.md, "Comparison methods".  Its gamma/2 |P_i - mean|^2 has
+ * the gradient gamma (P_i - mean): a length, so gamma is the share of the way to the mean made in
+ * an epoch. */
 static const char *const xu2023[][2] = {
     { "correspondence", "frobenius-squared" },
     { "gamma", "0.1" },

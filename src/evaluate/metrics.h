@@ -1,5 +1,5 @@
 /* metrics.h -- how good a shape model is: compactness, generalization, specificity, and the
- * surface distances of its particles, under named definitions (METHOD section 9).
+ * surface distances of its particles, under named definitions (docs/method.md, "Metrics").
  *
  * The distance between two particle sets is the mean over particles of the Euclidean distance,
  * in the unit of the particles.  Arrays over modes have fixed lengths, compactness and specificity

@@ -1,4 +1,5 @@
-/* Specificity: distance of samples of the model to the nearest training shape (METHOD section 9).
+/* Specificity: distance of samples of the model to the nearest training shape (docs/method.md,
+ * "Metrics").
  *
  * The samples of one draw are nested: x_m = x_{m-1} + b_m mode_m, so that one walk through the
  * modes serves all m.  A shape's distance D_n(x) = mean_j |x_j - p_nj| is a norm of x - p_n, hence

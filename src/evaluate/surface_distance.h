@@ -1,6 +1,7 @@
 /* surface_distance.h -- how far a reconstruction (the warped template) is from a shape's own
- * surface, by the paper's definition and by ShapeWorks' (METHOD section 9).  All distances are from
- * a vertex to the nearest point of the other surface's triangles, unsigned, in input units. */
+ * surface, by the paper's definition and by ShapeWorks' (docs/method.md, "Metrics").  All distances
+ * are from a vertex to the nearest point of the other surface's triangles, unsigned, in input
+ * units. */
 #ifndef APSM_EVALUATE_SURFACE_DISTANCE_H
 #define APSM_EVALUATE_SURFACE_DISTANCE_H
 

@@ -4,7 +4,7 @@
  * bricks of 8 x 8 x 8 nodes that meet the band |D| <= band (and 1.75 voxels more, for the
  * cells at its rim): memory O(surface area / voxel^2 * band / voxel), not O(volume).
  * Between nodes D is trilinear; N = grad D is by central differences at the nodes, each component
- * interpolated trilinearly, then normalised (METHOD.md 5).
+ * interpolated trilinearly, then normalised (docs/method.md, "Step, snapping, schedule").
  *
  * Accuracy: values are rounded to float32 in units of the voxel, so D differs from the same
  * interpolation in float64 by at most 2^-24 (band + 1.75 voxel), N by about

@@ -11,8 +11,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "geometry/face.h"
 #include "geometry/stored.h"
-#include "geometry/vec3.h"
 
 apsm_status apsm_mesh_alloc(apsm_mesh *mesh, size_t nv, size_t nf)
 {
@@ -69,15 +69,6 @@ static const double *corner(const apsm_mesh *mesh, size_t f, size_t k)
     return mesh->V + 3 * (size_t)mesh->F[3 * f + k];
 }
 
-/* n = (b-a) x (c-a): twice the area long. */
-static void face_cross(const apsm_mesh *mesh, size_t f, double n[3])
-{
-    double ab[3], ac[3];
-    vec3_sub(corner(mesh, f, 1), corner(mesh, f, 0), ab);
-    vec3_sub(corner(mesh, f, 2), corner(mesh, f, 0), ac);
-    vec3_cross(ab, ac, n);
-}
-
 void apsm_surface_position(const apsm_mesh *mesh, const apsm_surface_point *p, double x[3])
 {
     const double *a = corner(mesh, p->face, 0), *b = corner(mesh, p->face, 1),
@@ -93,7 +84,7 @@ void apsm_surface_normal(const apsm_mesh *mesh, const double *VN, const apsm_sur
     for (size_t k = 0; k < 3; k++)
         vec3_add_scaled(n, p->weight[k], VN + 3 * (size_t)mesh->F[3 * (size_t)p->face + k]);
     if (vec3_normalise(n) > 0.0) return;
-    face_cross(mesh, p->face, n); /* vertex normals that cancel: the face's own */
+    face_vector(mesh, p->face, n); /* vertex normals that cancel: the face's own */
     if (!(vec3_normalise(n) > 0.0)) n[2] = 1.0;
 }
 
@@ -101,7 +92,7 @@ double apsm_mesh_area(const apsm_mesh *mesh)
 {
     double twice = 0.0, n[3];
     for (size_t f = 0; f < mesh->nf; f++) {
-        face_cross(mesh, f, n);
+        face_vector(mesh, f, n);
         twice += vec3_norm(n);
     }
     return 0.5 * twice;
@@ -112,7 +103,7 @@ double apsm_mesh_volume(const apsm_mesh *mesh)
     double six = 0.0;
     for (size_t f = 0; f < mesh->nf; f++) {
         double n[3], a[3];
-        face_cross(mesh, f, n);
+        face_vector(mesh, f, n);
         vec3_sub(corner(mesh, f, 0), mesh->V, a);
         six += vec3_dot(a, n);
     }
@@ -139,7 +130,7 @@ void apsm_mesh_centroid(const apsm_mesh *mesh, double c[3])
     if (!mesh->nv) return;
     for (size_t f = 0; f < mesh->nf; f++) {
         double n[3];
-        face_cross(mesh, f, n);
+        face_vector(mesh, f, n);
         const double w = vec3_norm(n);
         total += w;
         for (size_t k = 0; k < 3; k++) {
@@ -173,7 +164,7 @@ void apsm_mesh_vertex_normals(const apsm_mesh *mesh, double *VN)
     memset(VN, 0, 3 * mesh->nv * sizeof *VN);
     for (size_t f = 0; f < mesh->nf; f++) {
         double n[3];
-        face_cross(mesh, f, n);
+        face_vector(mesh, f, n);
         if (!(vec3_normalise(n) > 0.0)) continue;
         for (size_t k = 0; k < 3; k++) {
             const double angle = corner_angle(corner(mesh, f, k), corner(mesh, f, (k + 1) % 3),

@@ -49,6 +49,16 @@ static inline double vec3_normalise(double a[3])
     return r;
 }
 
+/* n = (b - a) x (c - a): twice the triangle's area long, along its normal. */
+static inline void vec3_triangle(const double a[3], const double b[3], const double c[3],
+                                 double n[3])
+{
+    double u[3], v[3];
+    vec3_sub(b, a, u);
+    vec3_sub(c, a, v);
+    vec3_cross(u, v, n);
+}
+
 /* Mean distance of n points (n x 3) from their nearest ones.  O(n^2). */
 static inline double vec3_mean_spacing(size_t n, const double *x)
 {

@@ -1,4 +1,4 @@
-/* Alignment of a cohort (METHOD section 7a).
+/* Alignment of a cohort (docs/method.md, "Pose").
  *
  *   1. every shape is sampled;
  *   2. pose search of every shape, as it is and mirrored, against a provisional template:

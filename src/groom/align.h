@@ -1,6 +1,6 @@
 /* align.h -- brings shapes into one frame: registration of two surfaces (ICP), a search that
  * works from any initial pose and tells a shape from its mirror image, and the alignment of a
- * cohort to its medoid (METHOD section 7a).
+ * cohort to its medoid (docs/method.md, "Pose").
  *
  * Maps are row-major 4 x 4.  Lengths have the unit of the meshes; scaling all of them scales the
  * result.  The "residual" of a map M of a moving to a fixed surface is

@@ -8,7 +8,7 @@
 
 #include "apsm/affine.h"
 #include "core/random.h"
-#include "geometry/vec3.h"
+#include "geometry/face.h"
 #include "groom/align.h"
 #include "groom/icp.h"
 
@@ -16,23 +16,6 @@ enum {
     DRAWN = 8, /* points drawn per point kept */
     MOST_VERTICES = 16384
 };
-
-/* Twice the area, along the normal. */
-static void face_vector(const apsm_mesh *mesh, size_t f, double n[3])
-{
-    const double *a = mesh->V + 3 * mesh->F[3 * f];
-    double u[3], v[3];
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 1], a, u);
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 2], a, v);
-    vec3_cross(u, v, n);
-}
-
-static double face_area(const apsm_mesh *mesh, size_t f)
-{
-    double n[3];
-    face_vector(mesh, f, n);
-    return 0.5 * vec3_norm(n);
-}
 
 static void draw_on_face(const apsm_mesh *mesh, size_t f, apsm_random *rng, double x[3])
 {

@@ -90,9 +90,9 @@ apsm_status apsm_repair(apsm_context *ctx, const char *name, const apsm_mesh *me
                         const apsm_groom_options *opt, apsm_mesh *mesh_out,
                         apsm_groom_report *report) APSM_NODISCARD;
 
-/* Mirrors mesh in place at the plane x = its centroid's x (METHOD 7a) and turns its triangles;
- * M (16, out, row-major) is the map used, its own inverse.  The plane is rounded to float32 so
- * that M x is the same number wherever it is computed. */
+/* Mirrors mesh in place at the plane x = its centroid's x (docs/method.md, "Pose") and turns its
+ * triangles; M (16, out, row-major) is the map used, its own inverse.  The plane is rounded to
+ * float32 so that M x is the same number wherever it is computed. */
 void apsm_reflect(apsm_mesh *mesh, double M[16]);
 
 #ifdef __cplusplus

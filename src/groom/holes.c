@@ -44,10 +44,8 @@ static apsm_status add_face(const apsm_mesh *m, cap *c, uint32_t p, uint32_t q, 
 
 static double area_of(const apsm_mesh *m, uint32_t p, uint32_t q, uint32_t s)
 {
-    double u[3], v[3], n[3];
-    vec3_sub(m->V + 3 * q, m->V + 3 * p, u);
-    vec3_sub(m->V + 3 * s, m->V + 3 * p, v);
-    vec3_cross(u, v, n);
+    double n[3];
+    vec3_triangle(m->V + 3 * p, m->V + 3 * q, m->V + 3 * s, n);
     return 0.5 * vec3_norm(n);
 }
 

@@ -1,5 +1,5 @@
-/* The medoid: the shape of least mean residual to the others (METHOD section 7a).  Exact up to 32
- * shapes; beyond, the best of 32 drawn candidates judged on 64 drawn shapes, so that the number
+/* The medoid: the shape of least mean residual to the others (docs/method.md, "Pose").  Exact up to
+ * 32 shapes; beyond, the best of 32 drawn candidates judged on 64 drawn shapes, so that the number
  * of comparisons does not grow with the cohort, in a race: part by part of the shapes, whoever is
  * clearly worse than the best so far drops out. */
 #include "groom/medoid.h"

@@ -79,7 +79,7 @@ static apsm_status walk(const repair *r, const uint32_t *twin, uint32_t seed, un
 static void turn_minority(repair *r, const unsigned char *turn, const uint32_t *queue, size_t n)
 {
     double area[3] = { 0.0, 0.0, 0.0 };
-    for (size_t i = 0; i < n; i++) area[turn[queue[i]]] += repair_face_area(&r->mesh, queue[i]);
+    for (size_t i = 0; i < n; i++) area[turn[queue[i]]] += face_area(&r->mesh, queue[i]);
     const unsigned char minority = area[2] <= area[1] ? 2 : 1;
     for (size_t i = 0; i < n; i++) {
         if (turn[queue[i]] != minority) continue;
@@ -119,7 +119,7 @@ typedef struct part {
 static void add_face(const apsm_mesh *m, uint32_t f, part *p)
 {
     double n[3], x[3];
-    repair_area_vector(m, f, n);
+    face_vector(m, f, n);
     vec3_sub(m->V + 3 * m->F[3 * f], m->V, x);
     p->area += 0.5 * vec3_norm(n);
     p->volume += vec3_dot(n, x);

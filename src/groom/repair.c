@@ -20,22 +20,6 @@
 /* A closed surface with less volume than this, over area^(3/2), is a sheet (a ball has 0.094). */
 static const double least_volume = 1e-6;
 
-void repair_area_vector(const apsm_mesh *mesh, size_t f, double n[3])
-{
-    const uint32_t *c = mesh->F + 3 * f;
-    double u[3], v[3];
-    vec3_sub(mesh->V + 3 * c[1], mesh->V + 3 * c[0], u);
-    vec3_sub(mesh->V + 3 * c[2], mesh->V + 3 * c[0], v);
-    vec3_cross(u, v, n);
-}
-
-double repair_face_area(const apsm_mesh *mesh, size_t f)
-{
-    double n[3];
-    repair_area_vector(mesh, f, n);
-    return 0.5 * vec3_norm(n);
-}
-
 void sets_init(uint32_t *parent, size_t n)
 {
     for (size_t i = 0; i < n; i++) parent[i] = (uint32_t)i;

@@ -4,6 +4,7 @@
 #define APSM_GROOM_REPAIR_H
 
 #include "apsm/topology.h"
+#include "geometry/face.h"
 #include "groom/groom.h"
 
 typedef struct repair {
@@ -41,10 +42,6 @@ apsm_status groom_surface(apsm_context *ctx, const char *name, const apsm_mesh *
 /* Remeshes a closed surface in place. */
 apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
                          const apsm_remesh_options *opt, apsm_remesh_report *report) APSM_NODISCARD;
-
-/* Area vector (twice the area times the normal) of face f. */
-void repair_area_vector(const apsm_mesh *mesh, size_t f, double n[3]);
-double repair_face_area(const apsm_mesh *mesh, size_t f);
 
 /* Disjoint sets over 0..n-1; the root of a set is its smallest member. */
 void sets_init(uint32_t *parent, size_t n);

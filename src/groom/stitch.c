@@ -115,7 +115,7 @@ static size_t find_patches(work *w)
         }
     }
     memset(w->area, 0, m->nf * sizeof *w->area);
-    for (uint32_t f = 0; f < m->nf; f++) w->area[sets_root(w->patch, f)] += repair_face_area(m, f);
+    for (uint32_t f = 0; f < m->nf; f++) w->area[sets_root(w->patch, f)] += face_area(m, f);
     return knots;
 }
 

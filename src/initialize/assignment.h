@@ -1,5 +1,6 @@
 /* assignment.h -- who becomes whom: the cheapest one-to-one assignment, and the paper's use of it
- * to give farthest-point samples the names of the reference's particles (METHOD 7b). */
+ * to give farthest-point samples the names of the reference's particles (docs/method.md,
+ * "Initialisation"). */
 #ifndef APSM_ASSIGNMENT_H
 #define APSM_ASSIGNMENT_H
 

@@ -1,5 +1,5 @@
 /* farthest_point.h -- well-spread samples of a surface: the next one is always the point farthest
- * from all before it.  The paper's initialisation (METHOD 7b). */
+ * from all before it.  The paper's initialisation (docs/method.md, "Initialisation"). */
 #ifndef APSM_FARTHEST_POINT_H
 #define APSM_FARTHEST_POINT_H
 

@@ -1,6 +1,6 @@
 /* Projection of the aligned reference's particles, and separation of those that coincide.
- * METHOD 7c: 2.2-2.4 mm from the true correspondence where farthest points and assignment are at
- * 3.8-4.4 mm. */
+ * docs/method.md, "Initialisation": 2.2-2.4 mm from the true correspondence where farthest points
+ * and assignment are at 3.8-4.4 mm. */
 #include "initialize/projection.h"
 
 #include <math.h>

@@ -1,4 +1,5 @@
-/* projection.h -- first particles by projecting the aligned reference's particles (METHOD 7c). */
+/* projection.h -- first particles by projecting the aligned reference's particles (docs/method.md,
+ * "Initialisation"). */
 #ifndef APSM_PROJECTION_H
 #define APSM_PROJECTION_H
 

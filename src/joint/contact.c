@@ -2,18 +2,7 @@
 
 #include <math.h>
 
-#include "geometry/vec3.h"
-
-static double face_area(const apsm_mesh *mesh, size_t f)
-{
-    const double *p = mesh->V + 3 * mesh->F[3 * f], *q = mesh->V + 3 * mesh->F[3 * f + 1],
-                 *r = mesh->V + 3 * mesh->F[3 * f + 2];
-    double u[3], v[3], n[3];
-    vec3_sub(q, p, u);
-    vec3_sub(r, p, v);
-    vec3_cross(u, v, n);
-    return 0.5 * vec3_norm(n);
-}
+#include "geometry/face.h"
 
 /* What is asked of one surface: its tree, and the box outside of which nothing lies inside it. */
 typedef struct solid {

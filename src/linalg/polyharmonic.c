@@ -1,4 +1,4 @@
-/* Polyharmonic interpolation; METHOD (1), (2).
+/* Polyharmonic interpolation; (1), (2) of docs/method.md.
  *
  *   X    n x 3 centres, here scaled to the unit box   A_kl = phi(|x_k - x_l|)
  *   Q    n x 4, rows [1 x y z]                        Q = H [R; 0], H = I - V T V^T orthogonal

@@ -1,5 +1,5 @@
 /* polyharmonic.h -- smooth interpolation of scattered values in space:
- *   f(x) = sum_k w_k phi(|x - q_k|) + c0 + c.x      phi(r) = r or r^3                  METHOD (1)
+ *   f(x) = sum_k w_k phi(|x - q_k|) + c0 + c.x      phi(r) = r or r^3                  (1)
  *   [A Q; Q^T 0] [w; c] = [values; 0]               A_kl = phi(|q_k - q_l|), Q = [1 x y z]  (2)
  * for n >= 5 centres q_k that do not lie in a plane, and any number of right-hand sides.
  * The system is factored once, by Cholesky on the null space of Q^T, in coordinates centred and

@@ -1,7 +1,8 @@
-/* Warp by the polyharmonic interpolant with affine part (METHOD (1), (2) and section 9; Bookstein,
- * IEEE TPAMI 11, 1989, in space).  The interpolant is linear in its values, so the positions of the
- * warped vertices are W times the target's particles; an affine part makes W reproduce the
- * identity.  Particles that coincide are one centre, whose column is shared equally among them. */
+/* Warp by the polyharmonic interpolant with affine part ((1), (2) and "Metrics" of docs/method.md;
+ * Bookstein, IEEE TPAMI 11, 1989, in space).  The interpolant is linear in its values, so the
+ * positions of the warped vertices are W times the target's particles; an affine part makes W
+ * reproduce the identity.  Particles that coincide are one centre, whose column is shared equally
+ * among them. */
 #include "apsm/warp.h"
 
 #include <math.h>

@@ -1,6 +1,6 @@
-/* warp.h -- takes the template's mesh to any shape of the model: the interpolant of METHOD
- * section 9 through the particles is linear in the target's particles, y = W P, with W (nv x J)
- * from the template alone. */
+/* warp.h -- takes the template's mesh to any shape of the model: the interpolant (1)
+ * of docs/method.md through the particles is linear in the target's particles, y = W P, with W (nv
+ * x J) from the template alone. */
 #ifndef APSM_MODEL_WARP_H
 #define APSM_MODEL_WARP_H
 
@@ -19,10 +19,10 @@ typedef struct apsm_warp {
 } apsm_warp;
 
 /* The warp of n points X (n x 3; a mesh's vertices) that follows the template's particles
- * P (J x 3).  phi: APSM_PHI_R is METHOD's.  Particles within 1e-9 of the set's diagonal count as
- * one that goes to the mean of their targets; a warning is logged.  J^3/3 + n J^2 flops, 8 n J
- * bytes. APSM_ERR_GEOMETRY: fewer than 5 distinct particles, or all in a plane; APSM_ERR_NONFINITE:
- * a particle is not finite. */
+ * P (J x 3).  phi: APSM_PHI_R is that of docs/method.md.  Particles within 1e-9 of the set's
+ * diagonal count as one that goes to the mean of their targets; a warning is logged.  J^3/3 + n J^2
+ * flops, 8 n J bytes. APSM_ERR_GEOMETRY: fewer than 5 distinct particles, or all in a plane;
+ * APSM_ERR_NONFINITE: a particle is not finite. */
 apsm_status apsm_warp_build(apsm_context *ctx, apsm_phi phi, size_t n, const double *X, size_t J,
                             const double *P, apsm_warp *warp) APSM_NODISCARD;
 void apsm_warp_free(apsm_warp *warp);

@@ -1,4 +1,4 @@
-/* The certificate of correspondence.  METHOD 6.
+/* The certificate of correspondence.  docs/method.md, "Certificate".
  *
  * Swapped pair: j and k such that exchanging them reduces the mismatches of both.  Standing at k's
  * place, j has k's distances, with k where j was.  Asked at F = 1.5, where neighbours that change

@@ -1,5 +1,6 @@
-/* certificate.h -- is the correspondence of a shape sound?  METHOD 6: mismatched particles, swapped
- * pairs, folds, distance from the surface, coincidence; and a verdict with its reasons. */
+/* certificate.h -- is the correspondence of a shape sound?  docs/method.md, "Certificate":
+ * mismatched particles, swapped pairs, folds, distance from the surface, coincidence; and a verdict
+ * with its reasons. */
 #ifndef APSM_CERTIFICATE_H
 #define APSM_CERTIFICATE_H
 

@@ -1,4 +1,4 @@
-/* Neighbourhood correspondence loss of one shape; METHOD (8).
+/* Neighbourhood correspondence loss of one shape; docs/method.md, (8).
  *   N6(j)  6 nearest template particles of p_tj
  *   x_jn = p_n - p_j for n in N6(j)     m_j = mean_n |x_jn|     a_jn = x_jn / m_j
  *   b_jn = S_j a_tjn, the template's                            d_jn = R_j a_jn - b_jn
@@ -11,6 +11,8 @@
 #include <float.h>
 #include <math.h>
 #include <string.h>
+
+#include "geometry/vec3.h"
 
 #include "apsm/affine.h"
 
@@ -48,15 +50,10 @@ apsm_status apsm_neighbours6(size_t J, const double *P, uint32_t *N6)
 
 /* ---- one neighbourhood ---- */
 
-static double dot3(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* y = R x, or R^T x. */
 static void turn(const double R[9], const double x[3], double y[3])
 {
-    for (size_t i = 0; i < 3; i++) y[i] = dot3(R + 3 * i, x);
+    for (size_t i = 0; i < 3; i++) y[i] = vec3_dot(R + 3 * i, x);
 }
 
 static void turn_back(const double R[9], const double x[3], double y[3])
@@ -74,7 +71,7 @@ static void look_around(const double *P, const uint32_t *N6, size_t j, neighbour
     for (size_t n = 0; n < Q; n++) {
         const double *p = P + 3 * (size_t)N6[Q * j + n];
         for (size_t c = 0; c < 3; c++) h->x[n][c] = p[c] - P[3 * j + c];
-        h->r[n] = sqrt(dot3(h->x[n], h->x[n]));
+        h->r[n] = sqrt(vec3_dot(h->x[n], h->x[n]));
         h->m += h->r[n];
     }
     h->m /= Q;
@@ -121,12 +118,12 @@ static void smallest_rotation(const double n[3], const double m[3], double R[9])
 {
     const double v[3] = { n[1] * m[2] - n[2] * m[1], n[2] * m[0] - n[0] * m[2],
                           n[0] * m[1] - n[1] * m[0] };
-    const double c = dot3(n, m);
+    const double c = vec3_dot(n, m);
     if (1.0 + c < 1e-6) {
         half_turn(n, R);
         return;
     }
-    const double f = 1.0 / (1.0 + c), v2 = dot3(v, v);
+    const double f = 1.0 / (1.0 + c), v2 = vec3_dot(v, v);
     const double cross[9] = { 0.0, -v[2], v[1], v[2], 0.0, -v[0], -v[1], v[0], 0.0 };
     for (size_t i = 0; i < 9; i++) {
         const double unit = i % 4 == 0 ? 1.0 : 0.0;
@@ -184,7 +181,7 @@ apsm_correspondence_options apsm_correspondence_defaults(void)
  * gradient is a unit vector however small d is. */
 static double residual(const apsm_correspondence_options *opt, double d[3])
 {
-    const double d2 = dot3(d, d), size = sqrt(d2);
+    const double d2 = vec3_dot(d, d), size = sqrt(d2);
     double rho, slope; /* slope = rho' / |d| */
     if (opt->distance == APSM_DISTANCE_SQUARED) {
         rho = 0.5 * d2;
@@ -208,7 +205,7 @@ static void hand_down(const neighbourhood *h, const double R[9], double weight, 
     double v[Q][3], along = 0.0;
     for (size_t n = 0; n < Q; n++) {
         turn_back(R, u[n], v[n]);
-        along += dot3(v[n], h->a[n]);
+        along += vec3_dot(v[n], h->a[n]);
     }
     for (size_t n = 0; n < Q; n++) {
         const double f = h->r[n] > 0.0 ? along / (Q * h->r[n]) : 0.0;

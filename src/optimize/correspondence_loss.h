@@ -1,5 +1,5 @@
 /* correspondence_loss.h -- asks that the neighbourhood of every particle looks as it does on the
- * template.  METHOD (8). */
+ * template.  docs/method.md, (8). */
 #ifndef APSM_CORRESPONDENCE_LOSS_H
 #define APSM_CORRESPONDENCE_LOSS_H
 

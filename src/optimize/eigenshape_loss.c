@@ -1,5 +1,5 @@
-/* Eigenshape loss, dual form; METHOD (9), (10).  Sums over shapes run in their order, sums over
- * coordinates are BLAS's (one thread). */
+/* Eigenshape loss, dual form; docs/method.md, (9), (10).  Sums over shapes run in their order, sums
+ * over coordinates are BLAS's (one thread). */
 #include "optimize/eigenshape_loss.h"
 
 #include <math.h>

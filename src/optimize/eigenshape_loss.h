@@ -1,5 +1,5 @@
-/* eigenshape_loss.h -- asks that the cohort varies in few ways.  METHOD (9), (10), in the dual
- * (K x K) form:
+/* eigenshape_loss.h -- asks that the cohort varies in few ways.  docs/method.md, (9), (10), in the
+ * dual (K x K) form:
  *   Y rows p_i - mean (K x 3J),  G = Y Y^T / (3JK),  L = 1/2 log det(G + reg I)
  *   dL/dp_i = row i of (G + reg I)^-1 Y / (3JK)
  * One call a cohort makes and factors G; then every shape's gradient is a call of its own, so

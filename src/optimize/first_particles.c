@@ -1,5 +1,6 @@
-/* First particles of a cohort.  METHOD 7: farthest points on the template, spread evenly, then
- * projected onto the aligned shapes (7c), or matched to samples of every shape (7b, the paper). */
+/* First particles of a cohort.  docs/method.md, "Initialisation": farthest points on the template,
+ * spread evenly, then projected onto the aligned shapes (7c), or matched to samples of every shape
+ * (7b, the paper). */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-/* Distance from the mean shape; METHOD 8 (`xu2023`). */
+/* Distance from the mean shape; docs/method.md, "Comparison methods" (`xu2023`). */
 #include "optimize/frobenius_loss.h"
 
 #include <math.h>

@@ -1,5 +1,6 @@
 /* frobenius_loss.h -- the correspondence loss of the comparison method `xu2023`: distance of a
- * shape's particles from the mean shape, the mean a constant.  METHOD 8. */
+ * shape's particles from the mean shape, the mean a constant.  docs/method.md, "Comparison
+ * methods". */
 #ifndef APSM_FROBENIUS_LOSS_H
 #define APSM_FROBENIUS_LOSS_H
 

@@ -1,4 +1,5 @@
-/* One pass of Algorithm 1 on one shape.  METHOD 6; order and walks: alg1.json.
+/* One pass of Algorithm 1 on one shape.  docs/method.md, "Geodesic correspondence (Algorithm 1)";
+ * order and walks: alg1.json.
  *
  * The literal walk (all the way to the farthest missing neighbour, F = 1.5) is destructive from a
  * poor start: particles land on each other and mismatches triple.  Walking to the mean of the

@@ -1,5 +1,6 @@
 /* geodesic_correspondence.h -- Algorithm 1 of the paper: particles that miss neighbours which they
- * have on the reference walk towards them along the surface.  METHOD 6.
+ * have on the reference walk towards them along the surface.  docs/method.md, "Geodesic
+ * correspondence (Algorithm 1)".
  *
  * Neighbours of particle j on the reference are those within ref_factor (1.5) times the distance
  * of the closest.  On a shape such a neighbour is *mismatched* if farther than F times j's closest

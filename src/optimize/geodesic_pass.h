@@ -1,4 +1,5 @@
-/* geodesic_pass.h -- Algorithm 1 over a whole cohort.  METHOD 6. */
+/* geodesic_pass.h -- Algorithm 1 over a whole cohort.  docs/method.md, "Geodesic correspondence
+ * (Algorithm 1)". */
 #ifndef APSM_OPTIMIZE_GEODESIC_PASS_H
 #define APSM_OPTIMIZE_GEODESIC_PASS_H
 

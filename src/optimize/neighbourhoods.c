@@ -1,10 +1,10 @@
 /* Geodesic neighbourhoods of particles, and what is missing in them compared with the reference.
  *
- *   N_j = { k : D_jk <= f min_l D_jl }                                                    (METHOD
- * 6) reference neighbour k of j is mismatched on a shape if D_jk > F min_l D_jl there. Only
- * distances up to f times the closest matter, so a search from j starts with a radius from the
- * closest particle in space, which is never farther than the closest along the surface, and
- * widens as needed. */
+ *   N_j = { k : D_jk <= f min_l D_jl }
+ * (docs/method.md, "Geodesic correspondence (Algorithm 1)"): reference neighbour k of j is
+ * mismatched on a shape if D_jk > F min_l D_jl there. Only distances up to f times the closest
+ * matter, so a search from j starts with a radius from the closest particle in space, which is
+ * never farther than the closest along the surface, and widens as needed. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,5 @@
-/* The optimisation loop.  METHOD 5; numbers in brackets are equations of docs/method.md.
+/* The optimisation loop.  docs/method.md, "Step, snapping, schedule"; numbers in brackets are
+ * equations of docs/method.md.
  *
  *   I, J, K, R   shapes, particles, shapes in a batch, near-surface points of a shape
  *   P_i, N_i     particles and unit normals of shape i (J x 3)

@@ -1,5 +1,6 @@
-/* optimizer.h -- moves the particles of a cohort: METHOD 5, the two stages of the paper, then the
- * fidelity stage of apsm/fidelity.h (METHOD 11), an epoch of which is a round.
+/* optimizer.h -- moves the particles of a cohort: docs/method.md, "Step, snapping, schedule", the
+ * two stages of the paper, then the fidelity stage of apsm/fidelity.h (12), an epoch of which is a
+ * round.
  *
  * One epoch, per shape: near-surface points are drawn, the RBF-shape tells where the particles
  * describe the surface badly (c > 0), the gradients of the sampling, correspondence and
@@ -94,8 +95,8 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
                         double *P) APSM_NODISCARD;
 
 /* First particles P (I x J x 3, out, world frame): a farthest-point sample of the template, spread,
- * then carried to every shape as options->initialize says.  METHOD 7.  APSM_ERR_GEOMETRY names a
- * shape with fewer vertices than particles. */
+ * then carried to every shape as options->initialize says.  docs/method.md, "Initialisation".
+ * APSM_ERR_GEOMETRY names a shape with fewer vertices than particles. */
 apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
                                  const apsm_options *options, size_t J, double *P) APSM_NODISCARD;
 

@@ -1,5 +1,6 @@
-/* The comparison method `psm`; METHOD 8.  As ShapeWorks runs it (code read: Optimize.cpp,
- * GradientDescentOptimizer.cpp, SamplingFunction.cpp, CorrespondenceFunction.cpp), written anew:
+/* The comparison method `psm`; docs/method.md, "Comparison methods".  As ShapeWorks runs it (code
+ * read: Optimize.cpp, GradientDescentOptimizer.cpp, SamplingFunction.cpp,
+ * CorrespondenceFunction.cpp), written anew:
  *
  *   splitting     J = 1, 2, 4, ..: every particle gets a twin beside it, then
  *                 psm_iterations_per_split iterations with psm_initial_relative_weighting.  The

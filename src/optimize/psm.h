@@ -1,6 +1,6 @@
 /* psm.h -- the comparison method `psm`: particle-based shape modeling by entropy (Cates, Fletcher,
  * Styner, Shenton, Whitaker 2007; Meyer, Whitaker, Kirby et al. 2007), as ShapeWorks runs it.
- * METHOD 8.  It minimises
+ * docs/method.md, "Comparison methods".  It minimises
  *     rel H(Z) - sum_i H(P_i)
  * : shapes that vary in few ways, on each of which the particles lie spread out. src/optimize/psm.c
  * says how, and where it differs from ShapeWorks. */

@@ -1,4 +1,5 @@
-/* psm_entropy.h -- the correspondence term of `psm`.  METHOD 8, in the dual (I x I) form:
+/* psm_entropy.h -- the correspondence term of `psm` (docs/method.md, "Comparison methods"), in the
+ * dual (I x I) form:
  *   Y rows q_i - mean (I x 3J),  M = (Y Y^T / (I - 1) + reg I)^-1
  *   H(Z) = (I - 1) / 2 log det M^-1,   dH / dY = M Y
  * The mean energy |Y|^2 / 2 is the same with M = I. */

@@ -1,4 +1,4 @@
-/* The sampling term of `psm`; METHOD 8.
+/* The sampling term of `psm`; docs/method.md, "Comparison methods".
  *   p(x) = sum_j w_j exp(-|x - x_j|^2 / 2 sigma^2)   over the neighbours j of the particle
  *   d log p / dx = -(1 / p sigma^2) sum_j w_j exp(..) (x - x_j)
  * sigma is the particle's own, of greatest likelihood; weights w_j fall off for neighbours whose

@@ -1,4 +1,4 @@
-/* The RBF-shape of the particles; METHOD 1, and the gradient through the fit of METHOD 2.
+/* The RBF-shape of the particles; docs/method.md, "RBF-shape" and "Sampling loss".
  *   q     3J centres P, P + s N, P - s N               M = [A Q; Q^T 0], M [w; c] = [v; 0]   (2)
  *   f(x)  = sum_k w_k phi(|x - q_k|) + c0 + c.x                                             (1)
  *

@@ -1,5 +1,5 @@
 /* rbf_shape.h -- the surface that the particles of one shape describe: the zero level of an
- * interpolant through dipoles.  METHOD 1.
+ * interpolant through dipoles.  docs/method.md, "RBF-shape".
  *   centres q = [P, P + s N, P - s N], values [0, +s, -s]: f is about the signed distance.
  * Lengths in the unit of P. */
 #ifndef APSM_RBF_SHAPE_H

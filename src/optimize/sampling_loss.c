@@ -1,4 +1,4 @@
-/* Sampling loss of one shape; METHOD 2.
+/* Sampling loss of one shape; docs/method.md, "Sampling loss".
  *   b_r   R points near the surface, with weights g_r          p_j   J particles
  *   k_rj  = |b_r - p_j|
  *   w_rj  = exp(-k_rj / tau) / sum_j' exp(-k_rj' / tau)                                    (3)

@@ -1,6 +1,6 @@
 /* sampling_loss.h -- spreads the particles of one shape: each near-surface point pulls the
  * particles that are softly nearest to it, the harder the worse the RBF-shape fits there.
- * METHOD (3)-(7).  Lengths in any one unit. */
+ * docs/method.md, (3)-(7).  Lengths in any one unit. */
 #ifndef APSM_SAMPLING_LOSS_H
 #define APSM_SAMPLING_LOSS_H
 

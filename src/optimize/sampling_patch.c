@@ -1,4 +1,4 @@
-/* The inner loops of the sampling loss in single precision; METHOD (3), (7).
+/* The inner loops of the sampling loss in single precision; docs/method.md, (3), (7).
  *
  * Weights are wrong by about 2e-6 of the largest, rounding and cut alike; the mean over a
  * particle's points is known to some per cent only (R/J = 16 points, drawn anew every epoch).

@@ -1,4 +1,5 @@
-/* schedule.h -- how the weights fall during a stage.  METHOD 5. */
+/* schedule.h -- how the weights fall during a stage.  docs/method.md, "Step, snapping, schedule".
+ */
 #ifndef APSM_OPTIMIZE_SCHEDULE_H
 #define APSM_OPTIMIZE_SCHEDULE_H
 

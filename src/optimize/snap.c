@@ -1,4 +1,4 @@
-/* Step and snap; METHOD (11). */
+/* Step and snap; docs/method.md, (11). */
 #include "optimize/snap.h"
 
 #include <math.h>

@@ -1,4 +1,4 @@
-/* snap.h -- the step of an epoch and the way back to the surface.  METHOD (11). */
+/* snap.h -- the step of an epoch and the way back to the surface.  docs/method.md, (11). */
 #ifndef APSM_SNAP_H
 #define APSM_SNAP_H
 

@@ -6,12 +6,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "geometry/vec3.h"
 #include "report/colours.h"
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
 
 void raster_clear(raster *r)
 {
@@ -23,9 +19,9 @@ void raster_clear(raster *r)
 static void project(const raster *r, const raster_view *view, const double p[3], float x[3])
 {
     const double d[3] = { p[0] - view->middle[0], p[1] - view->middle[1], p[2] - view->middle[2] };
-    x[0] = (float)(dot(view->right, d) * view->scale + 0.5 * (double)r->width);
-    x[1] = (float)(0.5 * (double)r->height - dot(view->up, d) * view->scale);
-    x[2] = (float)(dot(view->to, d) * view->scale);
+    x[0] = (float)(vec3_dot(view->right, d) * view->scale + 0.5 * (double)r->width);
+    x[1] = (float)(0.5 * (double)r->height - vec3_dot(view->up, d) * view->scale);
+    x[2] = (float)(vec3_dot(view->to, d) * view->scale);
 }
 
 /* ---- Light ---- */
@@ -67,9 +63,9 @@ static void take_corners(const raster_view *view, const raster_surface *s, const
     for (int k = 0; k < 3; k++) {
         const double *n = s->N + 3 * (size_t)f[k];
         memcpy(t->x[k], projected + 3 * (size_t)f[k], sizeof t->x[k]);
-        t->n[k][0] = (float)dot(view->right, n);
-        t->n[k][1] = (float)dot(view->up, n);
-        t->n[k][2] = (float)dot(view->to, n);
+        t->n[k][0] = (float)vec3_dot(view->right, n);
+        t->n[k][1] = (float)vec3_dot(view->up, n);
+        t->n[k][2] = (float)vec3_dot(view->to, n);
         t->value[k] = s->value ? (float)s->value[f[k]] : 0;
     }
 }

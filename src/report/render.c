@@ -11,6 +11,7 @@
 
 #include "core/sized.h"
 #include "folder/model_folder.h"
+#include "geometry/vec3.h"
 #include "report/colours.h"
 #include "report/picture.h"
 #include "report/raster.h"
@@ -102,18 +103,6 @@ static apsm_status make_mean(apsm_context *ctx, sheet *s)
 
 /* ---- Where it is looked from ---- */
 
-static void normalise(double x[3])
-{
-    const double length = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
-    for (int k = 0; k < 3; k++) x[k] /= length;
-}
-
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    for (int k = 0; k < 3; k++)
-        c[k] = a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3];
-}
-
 /* As the report at first: a little from above, across the longest direction in the plane x, y (half
  * the angle of the second moments). */
 static void choose_direction(const model_folder *m, double to[3])
@@ -137,11 +126,11 @@ static void choose_view(sheet *s)
     double *to = s->view.to, up[3] = { 0, 0, 1 };
     memcpy(to, s->options->view, 3 * sizeof *to);
     if (to[0] == 0 && to[1] == 0 && to[2] == 0) choose_direction(s->m, to);
-    normalise(to);
+    vec3_normalise(to);
     if (fabs(to[2]) > 0.999) up[1] = to[2] > 0 ? 1 : -1, up[2] = 0; /* from above: y is up */
-    cross(up, to, s->view.right);
-    normalise(s->view.right);
-    cross(to, s->view.right, s->view.up);
+    vec3_cross(up, to, s->view.right);
+    vec3_normalise(s->view.right);
+    vec3_cross(to, s->view.right, s->view.up);
 }
 
 static void widen(const raster_view *view, box *b, const double p[3])

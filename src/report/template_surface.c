@@ -1,5 +1,6 @@
-/* Reconstructions are warps of the template's mesh as in evaluate (METHOD section 9), and warps are
- * linear in the particles, so that mean and modes go the same way: y = W p, part by part. */
+/* Reconstructions are warps of the template's mesh as in evaluate (docs/method.md, "Metrics"), and
+ * warps are linear in the particles, so that mean and modes go the same way: y = W p, part by part.
+ */
 #include "report/template_surface.h"
 
 #include <stdlib.h>

@@ -101,16 +101,11 @@ static apsm_status check_state(const apsm_run *run, const char *name)
 static apsm_status append(apsm_run *run, const char *name, bool reflect, apsm_input_shape *shape)
 {
     given_shape *grown = realloc(run->given, (run->n_given + 1) * sizeof *grown);
-    char *copy = strdup(name);
-    if (grown) run->given = grown;
-    if (grown && copy) {
-        given_shape *given = &run->given[run->n_given++];
-        given->name = copy;
-        given->reflect = reflect;
-        given->shape = *shape;
-        return APSM_OK;
+    if (grown) {
+        run->given = grown;
+        grown[run->n_given] = (given_shape){ strdup(name), reflect, *shape };
+        if (grown[run->n_given].name) return run->n_given++, APSM_OK;
     }
-    free(copy);
     apsm_input_shape_free(shape);
     return apsm_fail(run->ctx, APSM_ERR_MEMORY, "%s: out of memory", name);
 }

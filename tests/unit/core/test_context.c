@@ -1,0 +1,152 @@
+/* Messages, failures and loops are the same for any number of threads; nothing needs a context. */
+#include "cmocka_all.h"
+
+#include <stdio.h>
+#include <string.h>
+
+#include "apsm/context.h"
+#include "apsm/version.h"
+#include "core/sized.h"
+
+enum { N = 40 };
+
+typedef struct heard {
+    size_t lines;
+    char text[N + 1][64];
+    size_t told, last_done;
+} heard;
+
+static void hear(void *user, apsm_log_level level, const char *text)
+{
+    heard *h = user;
+    (void)level;
+    if (h->lines <= N) snprintf(h->text[h->lines], sizeof h->text[0], "%s", text);
+    h->lines++;
+}
+
+static void watch(void *user, const apsm_progress *progress)
+{
+    heard *h = user;
+    h->told++;
+    assert_true(progress->done >= h->last_done && progress->total == N);
+    h->last_done = progress->done;
+}
+
+/* Tasks 7 and 23 fail. */
+static apsm_status task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    int *done = user;
+    assert_true(worker >= 0 && worker < 3);
+    apsm_log(ctx, APSM_LOG_INFO, "task %zu", i);
+    done[i]++;
+    if (i == 7) return apsm_fail(ctx, APSM_ERR_GEOMETRY, "seven");
+    return i == 23 ? apsm_fail(ctx, APSM_ERR_IO, "twenty-three") : APSM_OK;
+}
+
+static void loops_tell_the_same_for_any_number_of_threads(void **state)
+{
+    (void)state;
+    for (int threads = 1; threads <= 3; threads++) {
+        heard h = { 0 };
+        int done[N] = { 0 };
+        apsm_context *ctx = apsm_context_new();
+        apsm_context_set_threads(ctx, threads);
+        apsm_context_set_log(ctx, hear, &h);
+        apsm_context_set_progress(ctx, watch, &h);
+        assert_int_equal(apsm_parallel_for(ctx, N, task, done, "tasks"), APSM_ERR_GEOMETRY);
+        assert_string_equal(apsm_error_text(ctx), "seven");
+        assert_int_equal(h.lines, N);
+        assert_int_equal(h.last_done, N);
+        for (int i = 0; i < N; i++) {
+            char line[64];
+            snprintf(line, sizeof line, "task %d", i);
+            assert_string_equal(h.text[i], line);
+            assert_int_equal(done[i], 1);
+        }
+        apsm_context_free(ctx);
+    }
+}
+
+static void a_raised_flag_skips_what_has_not_begun(void **state)
+{
+    (void)state;
+    const volatile int flag = 1;
+    int done[N] = { 0 };
+    apsm_context *ctx = apsm_context_new();
+    apsm_context_set_interrupt(ctx, &flag);
+    assert_true(apsm_interrupted(ctx));
+    assert_int_equal(apsm_parallel_for(ctx, N, task, done, NULL), APSM_ERR_INTERRUPTED);
+    for (int i = 0; i < N; i++) assert_int_equal(done[i], 0);
+    apsm_context_free(ctx);
+}
+
+static void a_failure_may_quote_the_one_before(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    assert_string_equal(apsm_error_text(ctx), "");
+    assert_int_equal(apsm_fail(ctx, APSM_ERR_IO, "a.ply: %s", "missing"), APSM_ERR_IO);
+    assert_int_equal(apsm_fail(ctx, APSM_ERR_ARG, "b: %s", apsm_error_text(ctx)), APSM_ERR_ARG);
+    assert_string_equal(apsm_error_text(ctx), "b: a.ply: missing");
+    apsm_context_free(ctx);
+}
+
+static void nothing_needs_a_context_to_fail(void **state)
+{
+    (void)state;
+    assert_int_equal(apsm_fail(NULL, APSM_ERR_MEMORY, "%s", "x"), APSM_ERR_MEMORY);
+    assert_string_equal(apsm_error_text(NULL), "");
+    apsm_log(NULL, APSM_LOG_WARNING, "nobody hears");
+    apsm_context_free(NULL);
+}
+
+static void odd_numbers_of_threads_are_one(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    assert_int_equal(apsm_context_threads(ctx), 1);
+    apsm_context_set_threads(ctx, -3);
+    assert_int_equal(apsm_context_threads(ctx), 1);
+    apsm_context_set_threads(ctx, 0);
+    assert_int_equal(apsm_context_threads(ctx), 1);
+    apsm_context_free(ctx);
+}
+
+static void every_status_has_a_text(void **state)
+{
+    (void)state;
+    for (int s = 0; s < APSM_STATUS_COUNT; s++)
+        assert_true(strlen(apsm_status_text((apsm_status)s)) > 0);
+    assert_non_null(apsm_status_text((apsm_status)APSM_STATUS_COUNT));
+    assert_non_null(apsm_status_text((apsm_status)-1));
+    assert_string_equal(apsm_version(), APSM_VERSION);
+}
+
+/* A struct of an earlier program is filled up with zeroes; what a later one asks for and we do not
+ * know is refused, unless it is zero. */
+static void structs_of_other_versions_are_taken_as_far_as_they_are_known(void **state)
+{
+    (void)state;
+    const unsigned char given[6] = { 1, 2, 3, 4, 0, 0 }, later[6] = { 1, 2, 3, 4, 0, 9 };
+    unsigned char known[4] = { 0 };
+    assert_true(apsm_take_sized(given, 2, known, 4));
+    assert_memory_equal(known, ((unsigned char[]){ 1, 2, 0, 0 }), 4);
+    assert_true(apsm_take_sized(given, 6, known, 4));
+    assert_memory_equal(known, given, 4);
+    assert_false(apsm_take_sized(later, 6, known, 4));
+    assert_false(apsm_take_sized(NULL, 6, known, 4));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(loops_tell_the_same_for_any_number_of_threads),
+        cmocka_unit_test(a_raised_flag_skips_what_has_not_begun),
+        cmocka_unit_test(a_failure_may_quote_the_one_before),
+        cmocka_unit_test(nothing_needs_a_context_to_fail),
+        cmocka_unit_test(odd_numbers_of_threads_are_one),
+        cmocka_unit_test(every_status_has_a_text),
+        cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known)
+    };
+    return cmocka_run_group_tests_name("context", tests, NULL, NULL);
+}
