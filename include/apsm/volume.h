@@ -35,6 +35,8 @@ APSM_API void apsm_volume_free(apsm_volume *volume);
 /* Logs "PATH: text" as a warning and adds it to the notes. */
 APSM_API apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *volume,
                                       const char *format, ...) APSM_PRINTF(4, 5) APSM_NODISCARD;
+/* to is overwritten, not freed; {0} on failure. */
+APSM_API apsm_status apsm_volume_copy(const apsm_volume *from, apsm_volume *to) APSM_NODISCARD;
 /* Row-major 4 x 4 map from (i,j,k) to LPS. */
 APSM_API void apsm_volume_index_to_lps(const apsm_volume *volume, double M[16]);
 

@@ -35,6 +35,55 @@ void apsm_volume_free(apsm_volume *volume)
     *volume = (apsm_volume){ 0 };
 }
 
+static bool copy_bytes(const void *from, size_t bytes, void **to)
+{
+    *to = NULL;
+    if (!from) return true;
+    *to = malloc(bytes ? bytes : 1);
+    if (*to) memcpy(*to, from, bytes);
+    return *to != NULL;
+}
+
+static bool copy_text(const char *from, char **to)
+{
+    void *copy;
+    const bool copied = copy_bytes(from, from ? strlen(from) + 1 : 0, &copy);
+    *to = copy;
+    return copied;
+}
+
+static bool copy_segments(const apsm_volume *from, apsm_volume *to)
+{
+    if (from->segments == 0) return true;
+    to->segment = calloc(from->segments, sizeof *to->segment);
+    if (!to->segment) return false;
+    for (; to->segments < from->segments; to->segments++) {
+        to->segment[to->segments] = from->segment[to->segments];
+        if (!copy_text(from->segment[to->segments].name, &to->segment[to->segments].name))
+            return false;
+    }
+    return true;
+}
+
+apsm_status apsm_volume_copy(const apsm_volume *from, apsm_volume *to)
+{
+    const size_t voxels = from->n[0] * from->n[1] * from->n[2];
+    void *label, *value;
+    *to = *from;
+    to->segment = NULL;
+    to->segments = 0;
+    const bool arrays =
+        copy_bytes(from->label, voxels * (from->layers ? from->layers : 1) * sizeof *from->label,
+                   &label) &
+        copy_bytes(from->value, voxels * sizeof *from->value, &value) &
+        copy_text(from->notes, &to->notes) & copy_text(from->picked, &to->picked);
+    to->label = label;
+    to->value = value;
+    if (arrays && copy_segments(from, to)) return APSM_OK;
+    apsm_volume_free(to);
+    return APSM_ERR_MEMORY;
+}
+
 void apsm_volume_index_to_lps(const apsm_volume *volume, double M[16])
 {
     memset(M, 0, 16 * sizeof *M);

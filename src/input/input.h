@@ -120,6 +120,10 @@ typedef struct apsm_input_shape {
  * {0} on failure.  May run in several threads at once. */
 apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
                             const apsm_labels *labels, apsm_input_shape *shape) APSM_NODISCARD;
+/* The rest of it for a volume that is in the shape: the chosen labels, or the surface of a
+ * function. shape is {0} on failure. */
+apsm_status apsm_input_choose(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                              apsm_input_shape *shape) APSM_NODISCARD;
 void apsm_input_shape_free(apsm_input_shape *shape);
 
 #ifdef __cplusplus

@@ -18,10 +18,16 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
     if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
     APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_read_dicom(ctx, one->path, &shape->volume)
                                            : apsm_read_volume(ctx, one->path, &shape->volume));
+    return apsm_input_choose(ctx, one->path, labels, shape);
+}
+
+apsm_status apsm_input_choose(apsm_context *ctx, const char *path, const apsm_labels *labels,
+                              apsm_input_shape *shape)
+{
     shape->is_mesh = shape->volume.value != NULL;
     const apsm_status status =
-        shape->is_mesh ? apsm_field_surface(ctx, one->path, labels, &shape->volume, &shape->mesh)
-                       : apsm_label_union(ctx, one->path, labels, &shape->volume);
+        shape->is_mesh ? apsm_field_surface(ctx, path, labels, &shape->volume, &shape->mesh)
+                       : apsm_label_union(ctx, path, labels, &shape->volume);
     if (shape->is_mesh) {
         free(shape->volume.value);
         shape->volume.value = NULL;

@@ -58,30 +58,43 @@ static apsm_status check_mesh(const apsm_run *run, const char *name, const apsm_
     return APSM_OK;
 }
 
-/* Columns of direction: unit vectors at right angles, as far as files are taken, too. */
+/* Columns of direction: unit vectors that span space; a tilted gantry makes them lean. */
 static bool is_grid(const double D[9])
 {
-    const double tolerance = 2e-3;
-    for (int a = 0; a < 3; a++)
-        for (int b = a; b < 3; b++) {
-            const double dot = D[a] * D[b] + D[3 + a] * D[3 + b] + D[6 + a] * D[6 + b];
-            if (!(fabs(dot - (a == b)) <= tolerance)) return false;
-        }
-    return true;
+    const double tolerance = 2e-3, least = 0.1;
+    const double det = D[0] * (D[4] * D[8] - D[5] * D[7]) - D[1] * (D[3] * D[8] - D[5] * D[6]) +
+                       D[2] * (D[3] * D[7] - D[4] * D[6]);
+    for (int a = 0; a < 3; a++) {
+        const double square = D[a] * D[a] + D[3 + a] * D[3 + a] + D[6 + a] * D[6 + a];
+        if (!(fabs(square - 1) <= 2 * tolerance)) return false;
+    }
+    return fabs(det) > least;
+}
+
+static apsm_status check_voxels(const apsm_run *run, const char *name, const apsm_volume *v)
+{
+    const size_t layers = v->layers ? v->layers : 1;
+    if ((!v->label && !v->value) || v->n[0] == 0 || v->n[1] == 0 || v->n[2] == 0)
+        return bad(run, name, "an image needs voxels");
+    if (v->n[1] > SIZE_MAX / sizeof *v->label / layers / v->n[0] / v->n[2])
+        return bad(run, name, "an image of more voxels than there is memory for");
+    if (v->segments > 0 && !v->segment) return bad(run, name, "segments without their array");
+    for (size_t k = 0; k < v->segments; k++)
+        if (v->segment[k].layer >= layers) return bad(run, name, "a segment of no layer");
+    for (size_t k = 0; v->value && k < v->n[0] * v->n[1] * v->n[2]; k++)
+        if (!isfinite(v->value[k])) return bad(run, name, "a voxel is not finite");
+    return APSM_OK;
 }
 
 static apsm_status check_volume(const apsm_run *run, const char *name, const apsm_volume *v)
 {
-    if (!v->label || v->n[0] == 0 || v->n[1] == 0 || v->n[2] == 0)
-        return bad(run, name, "a segmentation needs voxels");
-    if (v->n[1] > SIZE_MAX / sizeof *v->label / v->n[0] / v->n[2])
-        return bad(run, name, "a segmentation of more voxels than there is memory for");
+    APSM_TRY(check_voxels(run, name, v));
     for (int k = 0; k < 3; k++)
         if (!(v->spacing[k] > 0)) return bad(run, name, "the spacing of a grid has to be positive");
     if (!all_finite(3, v->origin) || !all_finite(3, v->spacing) || !is_grid(v->direction))
         return bad(run, name,
-                   "the grid has to be finite, and the columns of its direction unit vectors at "
-                   "right angles");
+                   "the grid has to be finite, and the columns of its direction unit vectors that "
+                   "span space");
     return APSM_OK;
 }
 
@@ -124,16 +137,6 @@ apsm_status apsm_run_add_mesh(apsm_run *run, const char *name, bool reflect, siz
     return append(run, name, reflect, &shape);
 }
 
-static apsm_status copy_volume(const apsm_volume *from, apsm_volume *to)
-{
-    const size_t bytes = from->n[0] * from->n[1] * from->n[2] * sizeof *from->label;
-    *to = *from;
-    to->label = malloc(bytes);
-    if (!to->label) return APSM_ERR_MEMORY;
-    memcpy(to->label, from->label, bytes);
-    return APSM_OK;
-}
-
 apsm_status apsm_run_add_volume(apsm_run *run, const char *name, bool reflect,
                                 const apsm_volume *volume)
 {
@@ -141,7 +144,7 @@ apsm_status apsm_run_add_volume(apsm_run *run, const char *name, bool reflect,
     APSM_TRY(check_state(run, name));
     apsm_input_shape shape = { .is_mesh = false };
     APSM_TRY(check_volume(run, name, volume));
-    if (copy_volume(volume, &shape.volume) != APSM_OK)
+    if (apsm_volume_copy(volume, &shape.volume) != APSM_OK)
         return apsm_fail(run->ctx, APSM_ERR_MEMORY, "%s: out of memory", name);
     return append(run, name, reflect, &shape);
 }
@@ -200,8 +203,6 @@ apsm_status memory_read(apsm_context *ctx, const apsm_run *run, size_t i, const 
     const given_shape *g = &run->given[i];
     *shape = (apsm_input_shape){ .is_mesh = g->shape.is_mesh };
     if (shape->is_mesh) return apsm_mesh_copy(&g->shape.mesh, &shape->mesh);
-    APSM_TRY(copy_volume(&g->shape.volume, &shape->volume));
-    const apsm_status status = apsm_label_union(ctx, g->name, labels, &shape->volume);
-    if (status != APSM_OK) apsm_input_shape_free(shape);
-    return status;
+    APSM_TRY(apsm_volume_copy(&g->shape.volume, &shape->volume));
+    return apsm_input_choose(ctx, g->name, labels, shape);
 }
