@@ -122,7 +122,7 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
                             const apsm_labels *labels, apsm_input_shape *shape) APSM_NODISCARD;
 /* The rest of it for a volume that is in the shape: the chosen labels, or the surface of a
  * function. shape is {0} on failure. */
-apsm_status apsm_input_choose(apsm_context *ctx, const char *path, const apsm_labels *labels,
+apsm_status apsm_input_finish(apsm_context *ctx, const char *path, const apsm_labels *labels,
                               apsm_input_shape *shape) APSM_NODISCARD;
 void apsm_input_shape_free(apsm_input_shape *shape);
 

@@ -18,10 +18,10 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
     if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
     APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_read_dicom(ctx, one->path, &shape->volume)
                                            : apsm_read_volume(ctx, one->path, &shape->volume));
-    return apsm_input_choose(ctx, one->path, labels, shape);
+    return apsm_input_finish(ctx, one->path, labels, shape);
 }
 
-apsm_status apsm_input_choose(apsm_context *ctx, const char *path, const apsm_labels *labels,
+apsm_status apsm_input_finish(apsm_context *ctx, const char *path, const apsm_labels *labels,
                               apsm_input_shape *shape)
 {
     shape->is_mesh = shape->volume.value != NULL;

@@ -204,5 +204,5 @@ apsm_status memory_read(apsm_context *ctx, const apsm_run *run, size_t i, const 
     *shape = (apsm_input_shape){ .is_mesh = g->shape.is_mesh };
     if (shape->is_mesh) return apsm_mesh_copy(&g->shape.mesh, &shape->mesh);
     APSM_TRY(apsm_volume_copy(&g->shape.volume, &shape->volume));
-    return apsm_input_choose(ctx, g->name, labels, shape);
+    return apsm_input_finish(ctx, g->name, labels, shape);
 }
