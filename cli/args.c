@@ -356,6 +356,16 @@ static apsm_status require_test(const parsing *p)
                      a->formula ? "one model folder" : "a formula", a->verb->operands);
 }
 
+static apsm_status require_statistics(const parsing *p)
+{
+    const cli_args *a = p->args;
+    const bool measures = a->verb->verb == CLI_MEASURE;
+    if (a->n_inputs >= 2) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder and %s: apsm %s %s",
+                     a->verb->name, measures ? "a definition" : "shapes", a->verb->name,
+                     a->verb->operands);
+}
+
 static apsm_status require_export(const parsing *p)
 {
     const cli_args *a = p->args;
@@ -370,6 +380,7 @@ static apsm_status require_operands(const parsing *p)
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
     if (a->verb->verb == CLI_FIT) return require_fit(p);
     if (a->verb->verb == CLI_TEST) return require_test(p);
+    if (a->verb->verb & (CLI_MEASURE | CLI_NORM)) return require_statistics(p);
     if (a->verb->verb == CLI_EXPORT) return require_export(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);

@@ -22,7 +22,9 @@ typedef enum cli_verb {
     CLI_VERIFY = 1 << 10,
     CLI_FIT = 1 << 16,
     CLI_EXPORT = 1 << 17,
-    CLI_TEST = 1 << 18
+    CLI_TEST = 1 << 18,
+    CLI_MEASURE = 1 << 21,
+    CLI_NORM = 1 << 22
 } cli_verb;
 
 typedef struct cli_verb_info {

@@ -39,6 +39,10 @@ static apsm_status call_verb(apsm_context *ctx, const cli_args *args, cli_ui *ui
         return apsm_cli_fit(ctx, args, ui);
     case CLI_TEST:
         return apsm_cli_test(ctx, args, ui);
+    case CLI_MEASURE:
+        return apsm_cli_measure(ctx, args, ui);
+    case CLI_NORM:
+        return apsm_cli_norm(ctx, args, ui);
     case CLI_EXPORT:
         return apsm_cli_export(ctx, args, ui);
     case CLI_INFO:

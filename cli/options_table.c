@@ -11,14 +11,15 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK | CLI_FIT,
+    STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT | CLI_TEST
+          CLI_FIT | CLI_EXPORT | STATISTICS
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
-      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_TEST, "DIR", NULL,
-      NULL,
+      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS, "DIR",
+      NULL, NULL,
       "the model folder (convert, render, fit: the file or folder to write); made if it does not "
       "exist",
       NULL },
@@ -44,13 +45,13 @@ static const cli_option own[] = {
     { "extent", 0, CLI_EXTENT, CLI_GROUP_INPUT, CLI_FIT, "WORD", NULL, NULL,
       "auto (surfaces with openings, or cut by the image, are parts), whole or part (default auto)",
       NULL },
-    { "formula", 0, CLI_FORMULA, CLI_GROUP_INPUT, CLI_TEST, "TEXT", NULL, NULL,
+    { "formula", 0, CLI_FORMULA, CLI_GROUP_INPUT, CLI_TEST | CLI_NORM, "TEXT", NULL, NULL,
       "what the shapes depend on, \"~ group + age + group:age\": columns of the table, of the "
       "project, or centroid_size",
       NULL },
     { "of", 0, CLI_OF, CLI_GROUP_INPUT, CLI_TEST, "TERM", NULL, NULL,
       "the term that is tested, the others being allowed for (default: the first)", NULL },
-    { "subjects", 0, CLI_SUBJECTS, CLI_GROUP_INPUT, CLI_TEST, "FILE", NULL, NULL,
+    { "subjects", 0, CLI_SUBJECTS, CLI_GROUP_INPUT, STATISTICS, "FILE", NULL, NULL,
       "table of the subjects (.csv, .tsv): a header, then a line each, first the shape's name",
       NULL },
     { "on", 0, CLI_ON, CLI_GROUP_INPUT, CLI_TEST, "WORD", NULL, NULL,
@@ -111,11 +112,11 @@ static const cli_option own[] = {
       NULL },
     { "set", 0, CLI_SET_PAIR, CLI_GROUP_MODEL, STEPS, "KEY=VALUE", NULL, NULL,
       "any option of the method (see --help-all)", NULL },
-    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST, "N", "seed", NULL,
+    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST | CLI_NORM, "N", "seed", NULL,
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
-      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT | CLI_TEST,
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT | STATISTICS,
       "N", NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "

@@ -1,4 +1,4 @@
-/* test: a model, a table of subjects and a formula. */
+/* test, measure, norm: from a model to answers. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -39,4 +39,30 @@ apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     if (args->bootstraps && settings.bootstraps == 0) settings.bootstraps = SIZE_MAX;
     if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
     return apsm_statistics_test(ctx, &settings);
+}
+
+apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    const apsm_measure_settings settings = { .folder = args->inputs[0],
+                                             .definition = args->inputs[1],
+                                             .n_files = args->n_inputs - 2,
+                                             .files = args->inputs + 2,
+                                             .subjects = args->subjects,
+                                             .out = args->out_dir };
+    return apsm_statistics_measure(ctx, &settings);
+}
+
+apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    const char *seed = cli_args_get(args, "seed");
+    const apsm_norm_settings settings = { .folder = args->inputs[0],
+                                          .n_files = args->n_inputs - 1,
+                                          .files = args->inputs + 1,
+                                          .subjects = args->subjects,
+                                          .formula = args->formula,
+                                          .out = args->out_dir };
+    if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
+    return apsm_statistics_norm(ctx, &settings);
 }

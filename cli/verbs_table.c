@@ -52,6 +52,21 @@ static const cli_verb_info verbs[] = {
       "groups apart, and what could have been found. Writes OF_ON.json and OF_ON.csv to "
       "statistics/ "
       "in the model folder, or to the folder of -o." },
+    { CLI_MEASURE, "measure", "MODEL_DIR DEFINITION.json [PARTICLES|FIT_DIR...]",
+      "distances, angles, diameters, areas of every shape",
+      "Evaluates what DEFINITION.json defines once on the template (distance, angle, "
+      "plane-distance, "
+      "sphere, cylinder, section, thickness, area, volume) on every shape of the model, on the "
+      "mean, "
+      "its modes at two standard deviations, and on shapes that were fitted. Writes "
+      "measurements.json and .csv to statistics/ in the model folder, or to the folder of -o; the "
+      "table can be given to test as --subjects." },
+    { CLI_NORM, "norm", "MODEL_DIR PARTICLES|FIT_DIR... [--subjects FILE --formula TEXT]",
+      "how unusual a new shape is, given age, sex or whatever is known",
+      "Compares shapes that were fitted (their world particles, or a folder of fit) with those of "
+      "the model: percentile and z of the whole shape, of every mode, of every particle, after "
+      "what the formula allows for, with how sure that is. Writes norm.json, norm.csv and "
+      "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o." },
     { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
       "Writes all that fit needs of a model into one file, which can be used where the cohort is "
       "not. It holds no names of shapes." },

@@ -30,6 +30,37 @@ typedef struct apsm_test_settings {
 APSM_API apsm_status apsm_statistics_test(apsm_context *ctx,
                                           const apsm_test_settings *settings) APSM_NODISCARD;
 
+/* All borrowed; {0} and the first two are enough. */
+typedef struct apsm_measure_settings {
+    const char *folder;     /* a model folder */
+    const char *definition; /* .json: what is measured (docs/formats.md) */
+    size_t n_files;
+    const char *const *files; /* more shapes: world particles, or folders that fit has made */
+    const char *subjects;     /* .csv or .tsv whose columns are written out again; or NULL */
+    const char *out;          /* folder of the results; NULL: statistics/ in the model folder */
+} apsm_measure_settings;
+
+/* Distances, angles, diameters, areas, volumes, thickness, defined once on the template, of every
+ * shape, the mean, and the modes at two standard deviations.  Writes measurements.json and .csv,
+ * measurements_model.csv, and with files measurements_files.csv. */
+APSM_API apsm_status apsm_statistics_measure(apsm_context *ctx,
+                                             const apsm_measure_settings *settings) APSM_NODISCARD;
+
+/* All borrowed; {0} and the first three are enough. */
+typedef struct apsm_norm_settings {
+    const char *folder; /* a model folder */
+    size_t n_files;
+    const char *const *files; /* world particles, or folders that fit has made */
+    const char *subjects; /* .csv or .tsv with lines for the shapes of the model and the files */
+    const char *formula;  /* what is allowed for, "~ age + sex"; NULL: nothing */
+    const char *out;      /* folder of the results; NULL: statistics/ in the model folder */
+} apsm_norm_settings;
+
+/* How unusual a shape is among those of the model, given what is known of it: as a whole, mode by
+ * mode, particle by particle.  Writes norm.json, norm.csv and for each file NAME_norm.csv. */
+APSM_API apsm_status apsm_statistics_norm(apsm_context *ctx,
+                                          const apsm_norm_settings *settings) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

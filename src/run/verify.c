@@ -77,10 +77,11 @@ static bool is_finished(const verifying *v)
     return true;
 }
 
-/* Pictures are of a program of their own, `apsm render`, and can be made again at any time. */
+/* Pictures and results of statistics are of verbs of their own, and can be made again at any time.
+ */
 static bool is_picture(const char *file)
 {
-    return strncmp(file, "pictures/", 9) == 0;
+    return strncmp(file, "pictures/", 9) == 0 || strncmp(file, "statistics/", 11) == 0;
 }
 
 /* Whether the file is one of the run's inputs: people keep them in the model folder, too. */

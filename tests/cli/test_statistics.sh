@@ -82,5 +82,61 @@ refuse 2 "bad.csv:5: 's33' is no shape of the model" model --subjects bad.csv --
 refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
 sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
 refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
+
+# ---- measurements: shapes of known size ----
+cat >define.json <<'END'
+{"measurements": [{"name": "across", "kind": "distance", "points": [0, 1]},
+ {"name": "volume", "kind": "volume"}, {"name": "area", "kind": "area"},
+ {"name": "middle", "kind": "section", "points": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "whole": true}]}
+END
+"$apsm" measure model define.json --subjects table.csv >said 2>&1 || fail "measure: $(tail -n 1 said)"
+[ "$(head -n 1 model/statistics/measurements.csv | cut -d, -f1-8)" = \
+    name,across,volume,area,middle,surface_distance,centroid_size,group ] ||
+    [ "$(head -n 1 model/statistics/measurements.csv | cut -d, -f1-5)" = \
+        name,across,volume,area,middle ] || fail "columns of measurements.csv"
+want=$(awk '{ for (k = 1; k <= 3; k++) p[NR, k] = $k } END { for (k = 1; k <= 3; k++)
+    d += (p[1, k] - p[2, k])^2; print sqrt(d) }' model/particles/s4_world.particles)
+got=$(awk -F, '$1 == "s4" { print $2 }' model/statistics/measurements.csv)
+awk -v g="$got" -v w="$want" 'BEGIN { d = g - w; exit !(d * d < 1e-10 * w * w) }' ||
+    fail "a distance of particles is $got, not $want"
+# A table for test: volumes of the groups differ by 1.2^3.
+"$apsm" test model --subjects model/statistics/measurements.csv --formula '~ volume + age' \
+    --permutations 200 --quiet || fail "a measurement is no column"
+rm -r model/statistics
+"$apsm" measure model define.json --quiet && "$apsm" verify model >said 2>&1 ||
+    fail "verify does not know measurements: $(tail -n 1 said)"
+
+# ---- norms ----
+awk 'NR == 5 { $1 += 4 } { print }' model/particles/s4_world.particles >new_world.particles
+(cat table.csv && echo new,small,25) >all.csv
+"$apsm" norm model new_world.particles --subjects all.csv --formula '~ group + age' >said 2>&1 ||
+    fail "norm: $(tail -n 1 said)"
+grep -q 'particle p = 0.0769' said || fail "a particle far off is not the most unusual: $(cat said)"
+[ "$(sort -t, -k8 -gr model/statistics/new_norm.csv | head -n 1 | cut -d, -f1)" = 4 ] ||
+    fail "another particle is the most unusual"
+for threads in 1 2; do
+    "$apsm" norm model new_world.particles -o n$threads --threads $threads --quiet
+done
+cmp -s n1/norm.json n2/norm.json || fail "another norm with two threads"
+refuse_verb() { # VERB CODE WORDS ARGUMENT...
+    local verb=$1 code=$2 words=$3 said
+    shift 3
+    said=$("$apsm" "$verb" "$@" 2>&1)
+    local got=$?
+    [ $got -eq "$code" ] || fail "$verb $*: exit code $got, not $code: $said"
+    grep -qF -- "$words" <<<"$said" || fail "$verb $*: does not say '$words': $said"
+}
+head -n 30 new_world.particles >short.particles
+refuse_verb norm 2 "has 30 particles, the model 32" model short.particles
+refuse_verb norm 2 "give a line for it" model new_world.particles --subjects table.csv --formula '~ age'
+sed 's/new,small/new,tiny/' all.csv >tiny.csv
+refuse_verb norm 2 "has group = tiny" model new_world.particles --subjects tiny.csv --formula '~ group'
+refuse_verb norm 2 "is a shape of the model itself" model model/particles/s4_world.particles
+refuse_verb norm 2 "needs a model folder and shapes" model
+refuse_verb measure 2 "needs a model folder and a definition" model
+sed 's/"volume"}/"volum"}/' define.json >bad.json
+refuse_verb measure 1 "did you mean 'volume'" model bad.json
+sed 's/\[0, 1\]/[0, 32]/' define.json >bad.json
+refuse_verb measure 1 "the model has 0 to 31" model bad.json
 [ -z "$(find . -name '*.tmp')" ] || fail "temporary files are left"
 exit $failed

@@ -1,0 +1,551 @@
+/* `apsm norm`: shapes that were fitted, among those of the model. */
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/files.h"
+#include "apsm/statistics.h"
+#include "core/random.h"
+#include "fit/norm_model.h"
+#include "fit/tail.h"
+#include "folder/model_folder.h"
+#include "statistics/formula.h"
+#include "statistics/particle_files.h"
+#include "statistics/permutation_test.h"
+
+enum { NORM_VERSION = 1, HALVINGS = 50, LEAST_FREEDOM = 5 };
+static const double modes_share = 0.95, alpha = 0.05;
+
+/* What is said of one new shape. */
+typedef struct norm_result {
+    double distance, percentile, low, high, p, z; /* of the whole shape */
+    double halves_low, halves_high;               /* of the percentile, over halves */
+    double p_particles;                           /* of the most unusual particle, familywise */
+    double *t;                                    /* modes */
+    double *T2, *p_of, *q_of;                     /* J */
+} norm_result;
+
+typedef struct norm_job {
+    apsm_context *ctx;
+    const apsm_norm_settings *s;
+    model_folder m;
+    particle_files files;
+    const char **names; /* I + n, borrowed */
+    apsm_table table;
+    apsm_formula formula;
+    size_t N, n, q, modes; /* shapes used, new ones, coefficients */
+    size_t *row;           /* N + n, of the table */
+    double *X;             /* N + n x q */
+    double *Y;             /* N x J x 3 */
+    norm_model model, score_model;
+    double *least; /* N: smallest p of the particles of every shape, left out */
+    norm_result *result;
+} norm_job;
+
+/* ---- what is given ---- */
+
+/* Columns of the model's shapes become columns of all, unknown for the new ones. */
+static apsm_status widen_table(norm_job *w)
+{
+    const size_t I = w->m.I, all = I + w->files.n;
+    for (size_t k = 0; k < w->table.n; k++) {
+        double *more = realloc(w->table.column[k].value, (all + 1) * sizeof *more);
+        if (!more) return APSM_ERR_MEMORY;
+        for (size_t i = I; i < all; i++) more[i] = NAN;
+        w->table.column[k].value = more;
+    }
+    w->table.I = all;
+    return APSM_OK;
+}
+
+static apsm_status list_names(norm_job *w)
+{
+    const size_t I = w->m.I;
+    w->names = calloc(I + w->files.n + 1, sizeof *w->names);
+    if (!w->names) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < I; i++) w->names[i] = w->m.names[i];
+    for (size_t k = 0; k < w->files.n; k++) {
+        w->names[I + k] = w->files.name[k];
+        for (size_t i = 0; i < I; i++)
+            if (strcmp(w->m.names[i], w->files.name[k]) == 0)
+                return apsm_fail(w->ctx, APSM_ERR_ARG,
+                                 "'%s' is a shape of the model itself; norms are for others (or "
+                                 "rename the file)",
+                                 w->files.name[k]);
+    }
+    return APSM_OK;
+}
+
+static apsm_status read_all(norm_job *w)
+{
+    const apsm_norm_settings *s = w->s;
+    if (!s->folder || s->n_files == 0)
+        return apsm_fail(w->ctx, APSM_ERR_ARG, "norm: no model folder or no shapes");
+    APSM_TRY(model_folder_read(
+        w->ctx, s->folder, FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_CERTIFIED,
+        &w->m));
+    APSM_TRY(particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->files));
+    w->n = w->files.n;
+    APSM_TRY(list_names(w));
+    APSM_TRY(apsm_table_from_project(w->ctx, &w->m.project, &w->table));
+    APSM_TRY(widen_table(w));
+    if (s->subjects)
+        APSM_TRY(apsm_table_read(w->ctx, s->subjects, w->table.I, w->names, &w->table));
+    if (!s->formula) return APSM_OK;
+    return apsm_formula_parse(w->ctx, s->formula, NULL, &w->table, &w->formula);
+}
+
+/* A level that no shape of the model has says nothing about the new shape. */
+static apsm_status check_levels(const norm_job *w, const apsm_column *c)
+{
+    for (size_t k = w->N; c->category && k < w->N + w->n; k++) {
+        bool known = false;
+        for (size_t i = 0; i < w->N && !known; i++)
+            known = c->value[w->row[i]] == c->value[w->row[k]];
+        if (!known)
+            return apsm_fail(w->ctx, APSM_ERR_ARG,
+                             "%s: no shape of the model has %s = %s; leave it out of the formula",
+                             w->names[w->row[k]], c->name, c->level[(size_t)c->value[w->row[k]]]);
+    }
+    return APSM_OK;
+}
+
+static void warn_beyond(const norm_job *w, const apsm_column *c)
+{
+    double lo = INFINITY, hi = -INFINITY;
+    for (size_t i = 0; i < w->N; i++) {
+        lo = fmin(lo, c->value[w->row[i]]);
+        hi = fmax(hi, c->value[w->row[i]]);
+    }
+    for (size_t k = w->N; !c->category && k < w->N + w->n; k++)
+        if (c->value[w->row[k]] < lo || c->value[w->row[k]] > hi)
+            apsm_log(w->ctx, APSM_LOG_WARNING,
+                     "%s: %s = %g lies outside of what the model has seen (%g to %g)",
+                     w->names[w->row[k]], c->name, c->value[w->row[k]], lo, hi);
+}
+
+static apsm_status check_columns(const norm_job *w)
+{
+    for (size_t t = 0; t < w->formula.n; t++)
+        for (size_t f = 0; f < w->formula.term[t].factors; f++) {
+            APSM_TRY(check_levels(w, w->formula.term[t].factor[f]));
+            warn_beyond(w, w->formula.term[t].factor[f]);
+        }
+    return APSM_OK;
+}
+
+static apsm_status choose_rows(norm_job *w)
+{
+    size_t all = 0;
+    APSM_TRY(apsm_formula_rows(&w->formula, NULL, &w->table, &w->row, &all));
+    w->N = 0;
+    while (w->N < all && w->row[w->N] < w->m.I) w->N++;
+    for (size_t k = 0; k < w->n; k++)
+        if (w->N + k >= all || w->row[w->N + k] != w->m.I + k)
+            return apsm_fail(w->ctx, APSM_ERR_ARG,
+                             "%s: a value of the formula is unknown; give a line for it in "
+                             "--subjects",
+                             w->files.name[k]);
+    if (w->N < w->m.I)
+        apsm_log(w->ctx, APSM_LOG_WARNING,
+                 "%zu of %zu shapes are left out: a value of the formula is unknown for them",
+                 w->m.I - w->N, w->m.I);
+    return check_columns(w);
+}
+
+/* Rows of ones without a formula. */
+static apsm_status make_design(norm_job *w)
+{
+    const size_t all = w->N + w->n;
+    apsm_design d = { .q = 1 };
+    if (w->s->formula) APSM_TRY(apsm_formula_design(w->ctx, &w->formula, NULL, all, w->row, &d));
+    w->q = d.q;
+    w->X = malloc((all * w->q + 1) * sizeof *w->X);
+    if (w->X && d.X) memcpy(w->X, d.X, all * w->q * sizeof *w->X);
+    for (size_t i = 0; w->X && !d.X && i < all; i++) w->X[i] = 1;
+    apsm_design_free(&d);
+    if (!w->X) return APSM_ERR_MEMORY;
+    if (w->N >= w->q + LEAST_FREEDOM + 1) return APSM_OK;
+    return apsm_fail(w->ctx, APSM_ERR_STATE,
+                     "%zu shapes are too few for a norm with %zu coefficients; it takes %zu", w->N,
+                     w->q, w->q + LEAST_FREEDOM + 1);
+}
+
+/* ---- the norm ---- */
+
+static size_t modes_told(const apsm_shape_model *m)
+{
+    double all = 0, so_far = 0;
+    size_t k = 0;
+    for (size_t j = 0; j < m->modes; j++) all += m->variance[j];
+    while (k < m->modes && so_far < modes_share * all) so_far += m->variance[k++];
+    return k;
+}
+
+static apsm_status model_scores(norm_job *w)
+{
+    const apsm_shape_model *model = &w->m.model;
+    const size_t K = w->modes = modes_told(model), V = 3 * w->m.J;
+    double *b = malloc(((w->N + w->n) * K + model->modes + 1) * sizeof *b);
+    if (!b) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < w->N; i++)
+        memcpy(b + i * K, model->score + w->row[i] * model->modes, K * sizeof *b);
+    for (size_t i = 0; i < w->n; i++)
+        for (size_t k = 0; k < K; k++) {
+            double sum = 0;
+            for (size_t v = 0; v < V; v++)
+                sum += (w->files.P[i * V + v] - model->mean[v]) * model->mode[k * V + v];
+            b[(w->N + i) * K + k] = sum;
+        }
+    const apsm_status status =
+        norm_model_make(w->ctx, w->N, w->n, w->q, w->X, K, b, b + w->N * K, &w->score_model);
+    free(b);
+    return status;
+}
+
+static apsm_status own_particles(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)ctx, (void)worker;
+    norm_job *w = user;
+    double *p = malloc((w->m.J + 1) * sizeof *p);
+    if (!p) return APSM_ERR_MEMORY;
+    norm_particles_own(&w->model, i, p);
+    w->least[i] = 1;
+    for (size_t j = 0; j < w->m.J; j++) w->least[i] = fmin(w->least[i], p[j]);
+    free(p);
+    return APSM_OK;
+}
+
+static apsm_status make_models(norm_job *w)
+{
+    const size_t V = 3 * w->m.J;
+    w->Y = malloc((w->N * V + 1) * sizeof *w->Y);
+    w->least = malloc((w->N + 1) * sizeof *w->least);
+    if (!w->Y || !w->least) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < w->N; i++)
+        memcpy(w->Y + i * V, w->m.P + w->row[i] * V, V * sizeof *w->Y);
+    APSM_TRY(norm_model_make(w->ctx, w->N, w->n, w->q, w->X, V, w->Y, w->files.P, &w->model));
+    APSM_TRY(model_scores(w));
+    return apsm_parallel_for(w->ctx, w->N, own_particles, w, "norm");
+}
+
+/* ---- one shape ---- */
+
+/* Shapes of the cohort, left out, that are not farther than new shape k; *N: how many count. */
+static size_t nearer(const norm_model *m, size_t k, size_t *N)
+{
+    const double d0 = norm_distance_new(m, k);
+    size_t n = 0;
+    *N = 0;
+    for (size_t i = 0; i < m->N; i++) {
+        const double d = norm_distance_own(m, i);
+        if (!isnan(d)) ++*N;
+        n += d < d0;
+    }
+    return n;
+}
+
+/* Wilson's 95 % interval of a share. */
+static void interval(double share, double n, double *low, double *high)
+{
+    const double z = 1.959963984540054, z2 = z * z / n;
+    const double middle = (share + z2 / 2) / (1 + z2);
+    const double half = z / (1 + z2) * sqrt(share * (1 - share) / n + z2 / (4 * n));
+    *low = fmax(0, middle - half);
+    *high = fmin(1, middle + half);
+}
+
+static void judge_whole(const norm_model *m, size_t k, norm_result *r)
+{
+    size_t N;
+    const size_t n = nearer(m, k, &N);
+    double sum = 0, squares = 0;
+    for (size_t i = 0; i < m->N; i++) {
+        const double d = norm_distance_own(m, i);
+        if (d > 0) sum += log(d), squares += log(d) * log(d);
+    }
+    const double mean = sum / (double)N,
+                 variance = (squares - sum * mean) / (N > 1 ? (double)N - 1 : 1);
+    r->distance = norm_distance_new(m, k);
+    r->percentile = (double)n / (double)N;
+    r->p = (double)(N - n + 1) / (double)(N + 1);
+    r->z = (log(r->distance) - mean) / sqrt(variance);
+    interval(r->percentile, (double)N, &r->low, &r->high);
+}
+
+static apsm_status judge_particles(const norm_job *w, size_t k, norm_result *r)
+{
+    const size_t J = w->m.J;
+    double least = 1;
+    size_t as_unusual = 0;
+    r->t = malloc((w->modes + 1) * sizeof *r->t);
+    r->T2 = malloc((J + 1) * sizeof *r->T2);
+    r->p_of = malloc((J + 1) * sizeof *r->p_of);
+    r->q_of = malloc((J + 1) * sizeof *r->q_of);
+    if (!r->t || !r->T2 || !r->p_of || !r->q_of) return APSM_ERR_MEMORY;
+    for (size_t v = 0; v < w->modes; v++) r->t[v] = norm_t(&w->score_model, k, v);
+    norm_particles_new(&w->model, k, r->T2, r->p_of);
+    for (size_t j = 0; j < J; j++) least = fmin(least, r->p_of[j]);
+    for (size_t i = 0; i < w->N; i++) as_unusual += w->least[i] <= least;
+    r->p_particles = (double)(as_unusual + 1) / (double)(w->N + 1);
+    return apsm_false_discovery(J, r->p_of, r->q_of);
+}
+
+/* ---- halves of the cohort ---- */
+
+/* A random half, as rows of X and Y; the new rows behind. */
+static void draw_half(const norm_job *w, uint64_t h, size_t *order, double *X, double *Y)
+{
+    const size_t half = w->N / 2, V = 3 * w->m.J;
+    apsm_random rng = apsm_random_stream(apsm_context_seed(w->ctx), APSM_STREAM_BOOTSTRAP, h, 1);
+    for (size_t i = 0; i < w->N; i++) order[i] = i;
+    for (size_t i = 0; i < half; i++) {
+        const size_t other = i + (size_t)apsm_random_below(&rng, w->N - i), swap = order[i];
+        order[i] = order[other];
+        order[other] = swap;
+        memcpy(X + i * w->q, w->X + order[i] * w->q, w->q * sizeof *X);
+        memcpy(Y + i * V, w->Y + order[i] * V, V * sizeof *Y);
+    }
+    memcpy(X + half * w->q, w->X + w->N * w->q, w->n * w->q * sizeof *X);
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* percentile (n x HALVINGS, out) of every shape by every half that has a norm; NAN without. */
+static apsm_status percentiles_of_halves(const norm_job *w, double *percentile)
+{
+    const size_t half = w->N / 2, V = 3 * w->m.J;
+    size_t *order = malloc((w->N + 1) * sizeof *order);
+    double *X = malloc(((half + w->n) * w->q + 1) * sizeof *X);
+    double *Y = malloc((half * V + 1) * sizeof *Y);
+    apsm_status status = order && X && Y ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t h = 0; h < HALVINGS && status == APSM_OK; h++) {
+        norm_model m = { 0 };
+        size_t N;
+        draw_half(w, h, order, X, Y);
+        status = norm_model_make(w->ctx, half, w->n, w->q, X, V, Y, w->files.P, &m);
+        for (size_t k = 0; k < w->n; k++)
+            percentile[k * HALVINGS + h] =
+                status == APSM_OK ? (double)nearer(&m, k, &N) / (double)half : NAN;
+        norm_model_free(&m);
+        if (status == APSM_ERR_ARG) status = APSM_OK; /* a level is missing in this half */
+    }
+    free(order);
+    free(X);
+    free(Y);
+    return status;
+}
+
+static apsm_status judge_halves(norm_job *w)
+{
+    double *percentile = malloc((w->n * HALVINGS + 1) * sizeof *percentile);
+    if (!percentile) return APSM_ERR_MEMORY;
+    const apsm_status status = percentiles_of_halves(w, percentile);
+    for (size_t k = 0; k < w->n && status == APSM_OK; k++) {
+        size_t n = 0;
+        double *p = percentile + k * HALVINGS;
+        for (size_t h = 0; h < HALVINGS; h++)
+            if (!isnan(p[h])) p[n++] = p[h];
+        qsort(p, n, sizeof *p, ascending);
+        w->result[k].halves_low = n ? p[n / 20] : NAN;
+        w->result[k].halves_high = n ? p[n - 1 - n / 20] : NAN;
+    }
+    free(percentile);
+    return status;
+}
+
+static apsm_status judge(norm_job *w)
+{
+    w->result = calloc(w->n + 1, sizeof *w->result);
+    if (!w->result) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < w->n; k++) {
+        judge_whole(&w->model, k, &w->result[k]);
+        APSM_TRY(judge_particles(w, k, &w->result[k]));
+    }
+    return judge_halves(w);
+}
+
+/* ---- results ---- */
+
+/* Share of Student's t with nu degrees of freedom below t. */
+static double student(double t, double nu)
+{
+    const double beyond = fit_tail_f(t * t, 1, nu) / 2;
+    return t > 0 ? 1 - beyond : beyond;
+}
+
+static json_t *json_shape(const norm_job *w, size_t k)
+{
+    const norm_result *r = &w->result[k];
+    const double nu = (double)(w->N - w->q);
+    json_t *modes = json_array();
+    for (size_t v = 0; v < w->modes; v++)
+        json_array_append_new(
+            modes, json_pack("{s:f, s:f}", "z", r->t[v], "percentile", 100 * student(r->t[v], nu)));
+    return json_pack("{s:s, s:f, s:f, s:[f, f], s:[o, o], s:f, s:f, s:f, s:o, s:o, s:o}", "name",
+                     w->files.name[k], "distance", r->distance, "percentile", 100 * r->percentile,
+                     "percentile_interval", 100 * r->low, 100 * r->high, "percentile_of_halves",
+                     apsm_json_number_or_null(100 * r->halves_low),
+                     apsm_json_number_or_null(100 * r->halves_high), "p", r->p, "z", r->z,
+                     "p_particles", r->p_particles, "modes", modes, "particle_p",
+                     apsm_json_vector(w->m.J, r->p_of), "particle_q",
+                     apsm_json_vector(w->m.J, r->q_of));
+}
+
+static json_t *json_result(const norm_job *w)
+{
+    json_t *shapes = json_array(), *uncertified = json_array();
+    for (size_t k = 0; k < w->n; k++) json_array_append_new(shapes, json_shape(w, k));
+    for (size_t i = 0; i < w->N; i++)
+        if (!model_folder_is_certified(&w->m, w->row[i]))
+            json_array_append_new(uncertified, json_string(w->names[w->row[i]]));
+    return json_pack("{s:s, s:i, s:o, s:I, s:I, s:o, s:o}", "format", "apsm-norm", "version",
+                     NORM_VERSION, "formula",
+                     w->s->formula ? json_string(w->s->formula) : json_null(), "shapes",
+                     (json_int_t)w->N, "coefficients", (json_int_t)w->q, "not_certified",
+                     uncertified, "new", shapes);
+}
+
+static void write_table(const norm_job *w, apsm_writer *csv)
+{
+    apsm_writer_printf(csv, "name,distance,percentile,percentile_low,percentile_high,halves_low,"
+                            "halves_high,p,z,p_particles,unusual_particles");
+    for (size_t v = 0; v < w->modes; v++) apsm_writer_printf(csv, ",mode_%zu_z", v + 1);
+    apsm_writer_printf(csv, "\n");
+    for (size_t k = 0; k < w->n; k++) {
+        const norm_result *r = &w->result[k];
+        size_t unusual = 0;
+        for (size_t j = 0; j < w->m.J; j++) unusual += r->q_of[j] <= alpha;
+        const double cells[] = {
+            r->distance,         100 * r->percentile,  100 * r->low, 100 * r->high,
+            100 * r->halves_low, 100 * r->halves_high, r->p,         r->z,
+            r->p_particles,      (double)unusual
+        };
+        apsm_writer_csv(csv, w->files.name[k]);
+        for (size_t c = 0; c < sizeof cells / sizeof *cells; c++) {
+            apsm_writer_printf(csv, ",");
+            if (isfinite(cells[c])) apsm_writer_number(csv, cells[c]);
+        }
+        for (size_t v = 0; v < w->modes; v++) {
+            apsm_writer_printf(csv, ",");
+            apsm_writer_number(csv, r->t[v]);
+        }
+        apsm_writer_printf(csv, "\n");
+    }
+}
+
+/* Of one shape: where it should be, how far off it is. */
+static void write_particles(const norm_job *w, size_t k, apsm_writer *csv)
+{
+    const norm_result *r = &w->result[k];
+    const double *p = w->files.P + k * w->model.V, *e = w->model.E0 + k * w->model.V;
+    apsm_writer_printf(csv, "particle,x,y,z,dx,dy,dz,standardised,p,q\n");
+    for (size_t j = 0; j < w->m.J; j++) {
+        const double cells[] = { p[3 * j],       p[3 * j + 1], p[3 * j + 2],
+                                 e[3 * j],       e[3 * j + 1], e[3 * j + 2],
+                                 sqrt(r->T2[j]), r->p_of[j],   r->q_of[j] };
+        apsm_writer_printf(csv, "%zu", j);
+        for (size_t c = 0; c < sizeof cells / sizeof *cells; c++) {
+            apsm_writer_printf(csv, ",");
+            if (isfinite(cells[c])) apsm_writer_number(csv, cells[c]);
+        }
+        apsm_writer_printf(csv, "\n");
+    }
+}
+
+/* File f: the results, their table, and of every shape. */
+static apsm_status write_file(const norm_job *w, const char *folder, size_t f)
+{
+    char name[512];
+    snprintf(name, sizeof name,
+             f > 1 ? "%.400s_norm.csv"
+             : f   ? "norm.csv"
+                   : "norm.json",
+             f > 1 ? w->files.name[f - 2] : "");
+    char *path = apsm_path_join(folder, name);
+    apsm_writer *csv = NULL;
+    json_t *root = f == 0 ? json_result(w) : NULL;
+    apsm_status status = !path  ? APSM_ERR_MEMORY
+                         : root ? apsm_json_write(w->ctx, path, root)
+                                : apsm_writer_open(w->ctx, path, &csv);
+    if (status == APSM_OK && csv) {
+        if (f == 1)
+            write_table(w, csv);
+        else
+            write_particles(w, f - 2, csv);
+        status = apsm_writer_commit(csv);
+    }
+    if (status == APSM_OK && f < 2) apsm_log(w->ctx, APSM_LOG_INFO, "written: %s", path);
+    json_decref(root);
+    free(path);
+    return status;
+}
+
+static apsm_status write_results(const norm_job *w)
+{
+    char *folder = w->s->out ? strdup(w->s->out) : apsm_path_join(w->s->folder, "statistics");
+    apsm_status status = folder ? apsm_make_folder(w->ctx, folder) : APSM_ERR_MEMORY;
+    for (size_t f = 0; f < w->n + 2 && status == APSM_OK; f++) status = write_file(w, folder, f);
+    free(folder);
+    return status;
+}
+
+static void tell(const norm_job *w)
+{
+    size_t uncertain = 0;
+    for (size_t i = 0; i < w->N; i++) uncertain += !model_folder_is_certified(&w->m, w->row[i]);
+    for (size_t k = 0; k < w->n; k++) {
+        const norm_result *r = &w->result[k];
+        apsm_log(w->ctx, APSM_LOG_INFO,
+                 "%s: as a whole farther from what is expected than %.0f %% of %zu shapes (95 %%: "
+                 "%.0f to %.0f), z %.2f; most unusual particle p = %.3g",
+                 w->files.name[k], 100 * r->percentile, w->N, 100 * r->low, 100 * r->high, r->z,
+                 r->p_particles);
+    }
+    if (uncertain > 0)
+        apsm_log(w->ctx, APSM_LOG_WARNING,
+                 "%zu of the %zu shapes of the norm are not certified: look at them before you "
+                 "trust this",
+                 uncertain, w->N);
+}
+
+static void norm_job_free(norm_job *w)
+{
+    for (size_t k = 0; w->result && k < w->n; k++) {
+        free(w->result[k].t);
+        free(w->result[k].T2);
+        free(w->result[k].p_of);
+        free(w->result[k].q_of);
+    }
+    free(w->result);
+    free(w->names);
+    free(w->row);
+    free(w->X);
+    free(w->Y);
+    free(w->least);
+    norm_model_free(&w->model);
+    norm_model_free(&w->score_model);
+    particle_files_free(&w->files);
+    apsm_table_free(&w->table);
+    model_folder_free(&w->m);
+}
+
+apsm_status apsm_statistics_norm(apsm_context *ctx, const apsm_norm_settings *settings)
+{
+    norm_job w = { .ctx = ctx, .s = settings };
+    apsm_status status = read_all(&w);
+    if (status == APSM_OK) status = choose_rows(&w);
+    if (status == APSM_OK) status = make_design(&w);
+    if (status == APSM_OK) status = make_models(&w);
+    if (status == APSM_OK) status = judge(&w);
+    if (status == APSM_OK) status = write_results(&w);
+    if (status == APSM_OK) tell(&w);
+    norm_job_free(&w);
+    return status;
+}

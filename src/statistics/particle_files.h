@@ -1,0 +1,21 @@
+/* particle_files.h -- shapes that a model was fitted to, by their world particles. */
+#ifndef APSM_STATISTICS_PARTICLE_FILES_H
+#define APSM_STATISTICS_PARTICLE_FILES_H
+
+#include "apsm/context.h"
+
+/* Owns everything; zero-initialise with {0}, particle_files_free leaves it so. */
+typedef struct particle_files {
+    size_t n;
+    char **name; /* n: of the file, without "_world" and extension */
+    double *P;   /* n x J x 3 */
+} particle_files;
+
+/* Files of particles in the model's world frame, or folders that fit has made, which stand for all
+ * ..._world.particles in their particles/, in the order of their names.  APSM_ERR_ARG: a name
+ * twice, a folder without such files, another number of particles than J. */
+apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths, size_t J,
+                                particle_files *files) APSM_NODISCARD;
+void particle_files_free(particle_files *files);
+
+#endif
