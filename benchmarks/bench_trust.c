@@ -150,7 +150,7 @@ static void plant_slip(const bench *b, size_t i, apsm_random *rng, bool patch, d
     apsm_surface_point *S = room(J, sizeof *S);
     const double R = (patch ? 2.2 : 4.5) * b->h;
     apsm_shape_look_up(shape, J, P, S, NULL, N);
-    for (int c = 0; c < 3; c++) e[c] = apsm_random_normal(rng), at[c] = P[3 * j + c];
+    for (int c = 0; c < 3; c++) e[c] = apsm_random_normal(rng), at[c] = P[3 * j + (size_t)c];
     vec3_add_scaled(e, -vec3_dot(e, N + 3 * j), N + 3 * j);
     vec3_normalise(e);
     for (size_t k = 0; k < J; k++) {

@@ -15,10 +15,13 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "core/robust.h"
+#include "geometry/form.h"
 #include "geometry/vec3.h"
 #include "groom/align.h"
 #include "groom/icp.h"
 #include "groom/medoid.h"
+#include "groom/pose_choice.h"
 
 enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
 /* Relative step at which the last registration ends. */
@@ -32,14 +35,17 @@ typedef struct aligner {
     const char *const *names;
     const apsm_align_options *opt;
     apsm_alignment *out;
-    size_t base;       /* the provisional template */
-    apsm_cloud *cloud; /* n */
-    apsm_bvh **bvh;    /* n: NULL where no tree is held */
-    double *area;      /* n */
-    double *P;         /* n x 16: shape to base */
-    double *mirror;    /* n x 16: its mirror image to base */
-    size_t *list;      /* n: scratch */
-    double *work;      /* threads x work_size */
+    size_t base;         /* the provisional template */
+    apsm_cloud *cloud;   /* n */
+    apsm_bvh **bvh;      /* n: NULL where no tree is held */
+    double *area;        /* n */
+    double **heights;    /* n: see pose_choice.h */
+    pose_ballot *ballot; /* n */
+    pose_choice *choice; /* n */
+    double *P;           /* n x 16: shape to base */
+    double *mirror;      /* n x 16: its mirror image to base */
+    size_t *list;        /* n: scratch */
+    double *work;        /* threads x work_size */
     size_t work_size;
     double common[9]; /* rotation from the orientation in which most shapes come to base */
     bool oriented;    /* nearly all do */
@@ -163,64 +169,87 @@ static apsm_icp_options search_options(const aligner *a, const apsm_surface *mov
     return icp;
 }
 
-static void search(const aligner *a, const apsm_surface *moving, size_t i, double *work)
+static void enter(const apsm_pose *pose, size_t hand, pose_ballot *ballot)
+{
+    memcpy(ballot->M[hand], pose->option_M, sizeof ballot->M[hand]);
+    memcpy(ballot->residual[hand], pose->option_residual, sizeof ballot->residual[hand]);
+}
+
+static void search(const aligner *a, const apsm_surface *moving, double *work, pose_ballot *ballot)
 {
     const apsm_surface fixed = { a->bvh[a->base], &a->cloud[a->base] };
     const apsm_icp_options icp = search_options(a, moving, &fixed);
-    apsm_pose pose, mirror;
+    apsm_pose pose;
+    memset(ballot, 0, sizeof *ballot);
+    for (size_t k = 0; k < POSE_OPTIONS; k++) ballot->residual[1][k] = INFINITY;
     apsm_pose_search(moving, &fixed, false, &icp, &pose, work);
-    memcpy(a->P + 16 * i, pose.M, sizeof pose.M);
-    a->out->residual[i] = pose.residual; /* for the time being */
-    a->out->runner_up_ratio[i] = fmax(1.0, ratio(pose.runner_up, pose.residual));
-    if (a->opt->mirror != APSM_MIRROR_OFF) {
-        apsm_pose_search(moving, &fixed, true, &icp, &mirror, work);
-        memcpy(a->mirror + 16 * i, mirror.M, sizeof mirror.M);
-        a->out->mirror_ratio[i] = ratio(mirror.residual, pose.residual);
-    }
-    /* The right shape's wrong hand fits badly in many ways: judge the hand that will be used. */
-    if (a->opt->mirror == APSM_MIRROR_FIX && a->out->mirror_ratio[i] < APSM_MIRROR_RATIO)
-        a->out->runner_up_ratio[i] = fmax(1.0, ratio(mirror.runner_up, mirror.residual));
-    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
-    remove_scale(moving->cloud->centre, a->P + 16 * i);
-    remove_scale(moving->cloud->centre, a->mirror + 16 * i);
-}
-
-/* What the search of one shape finds; doubles only, since it is kept as bytes. */
-typedef struct found_pose {
-    double P[16], mirror[16], residual, runner_up_ratio, mirror_ratio;
-} found_pose;
-
-static void get_found(const aligner *a, size_t i, found_pose *f)
-{
-    memcpy(f->P, a->P + 16 * i, sizeof f->P);
-    memcpy(f->mirror, a->mirror + 16 * i, sizeof f->mirror);
-    f->residual = a->out->residual[i];
-    f->runner_up_ratio = a->out->runner_up_ratio[i];
-    f->mirror_ratio = a->out->mirror_ratio[i];
-}
-
-static void set_found(aligner *a, size_t i, const found_pose *f)
-{
-    memcpy(a->P + 16 * i, f->P, sizeof f->P);
-    memcpy(a->mirror + 16 * i, f->mirror, sizeof f->mirror);
-    a->out->residual[i] = f->residual;
-    a->out->runner_up_ratio[i] = f->runner_up_ratio;
-    a->out->mirror_ratio[i] = f->mirror_ratio;
+    enter(&pose, 0, ballot);
+    if (a->opt->mirror == APSM_MIRROR_OFF) return;
+    apsm_pose_search(moving, &fixed, true, &icp, &pose, work);
+    enter(&pose, 1, ballot);
 }
 
 static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *user)
 {
     aligner *a = user;
-    found_pose found;
     apsm_surface moving;
     apsm_bvh *own;
     if (i == a->base) return APSM_OK;
-    if (apsm_recall(ctx, "pose", i, sizeof found, &found)) return set_found(a, i, &found), APSM_OK;
+    if (apsm_recall(ctx, "poses", i, sizeof a->ballot[i], &a->ballot[i])) return APSM_OK;
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
-    search(a, &moving, i, scratch(a, worker));
+    search(a, &moving, scratch(a, worker), &a->ballot[i]);
     apsm_bvh_free(own);
-    get_found(a, i, &found);
-    return apsm_keep(ctx, "pose", i, sizeof found, &found);
+    return apsm_keep(ctx, "poses", i, sizeof a->ballot[i], &a->ballot[i]);
+}
+
+/* ---- the choice among the poses ---- */
+
+static apsm_status heights_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    (void)ctx, (void)worker;
+    const apsm_mesh *mesh = a->mesh[i];
+    double *faces = malloc(mesh->nf * APSM_FORM_FACE * sizeof *faces);
+    a->heights[i] = malloc(a->cloud[i].n * APSM_FORM_SCALES * sizeof *a->heights[i]);
+    const bool ok = faces && a->heights[i];
+    if (ok) pose_heights(mesh, &a->cloud[i], faces, a->heights[i]);
+    free(faces);
+    return ok ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* The residual of the best clearly different pose over that of the pose taken. */
+static double runner_up_ratio(const pose_ballot *ballot, size_t hand, size_t taken)
+{
+    double least = INFINITY;
+    for (size_t k = 0; k < POSE_OPTIONS; k++)
+        if (k != taken) least = fmin(least, ballot->residual[hand][k]);
+    return fmax(1.0, ratio(least, ballot->residual[hand][taken]));
+}
+
+static void take(aligner *a, size_t i)
+{
+    const pose_ballot *b = &a->ballot[i];
+    const pose_choice *c = &a->choice[i];
+    const size_t hand = c->mirrored;
+    memcpy(a->P + 16 * i, b->M[0][c->option[0]], 16 * sizeof *a->P);
+    memcpy(a->mirror + 16 * i, b->M[1][c->option[1]], 16 * sizeof *a->mirror);
+    a->out->residual[i] = b->residual[0][c->option[0]]; /* for the time being */
+    a->out->runner_up_ratio[i] = runner_up_ratio(b, hand, c->option[hand]);
+    if (a->opt->mirror != APSM_MIRROR_OFF)
+        a->out->mirror_ratio[i] = ratio(b->residual[1][c->option[1]], a->out->residual[i]);
+    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
+    remove_scale(a->cloud[i].centre, a->P + 16 * i);
+    if (a->opt->mirror != APSM_MIRROR_OFF) remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
+}
+
+static apsm_status choose_poses(apsm_context *ctx, aligner *a)
+{
+    APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
+    APSM_TRY(pose_choose(ctx, a->n, a->base, a->cloud, a->heights, a->ballot,
+                         a->opt->mirror == APSM_MIRROR_FIX, a->choice));
+    for (size_t i = 0; i < a->n; i++)
+        if (i != a->base) take(a, i);
+    return APSM_OK;
 }
 
 /* ---- the orientation in which shapes come ---- */
@@ -343,13 +372,71 @@ static void judge_mirrored(aligner *a)
 {
     size_t mirrored = 0;
     for (size_t i = 0; i < a->n; i++) {
-        a->out->mirrored[i] = a->out->mirror_ratio[i] < APSM_MIRROR_RATIO;
+        const pose_choice *c = &a->choice[i];
+        const double more = c->evidence[1] - c->evidence[0];
+        a->out->mirrored[i] = i != a->base && more > POSE_CLEARLY;
+        a->out->unclear_hand[i] =
+            a->opt->mirror == APSM_MIRROR_FIX && i != a->base && fabs(more) <= POSE_CLEARLY;
         mirrored += a->out->mirrored[i];
         if (a->out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
             memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);
     }
     if (a->opt->template_index != APSM_TEMPLATE_AUTO || 2 * mirrored <= a->n) return;
     for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
+}
+
+/* Marks those whose x (n, logarithms) is farther from the others' median than chance and `by`. */
+static void mark_strangers(aligner *a, const double *x, double by, double *scratch)
+{
+    static const double deviation = 0.05, excess = 6.0;
+    for (size_t i = 0; i < a->n; i++) {
+        if (!(fabs(robust_excess(a->n, x, i, deviation, scratch)) > excess)) continue;
+        if (fabs(x[i] - robust_left_out_median(a->n, x, i, scratch)) > by)
+            a->out->stranger[i] = true;
+    }
+}
+
+/* By size, and by how near the best pose comes, in its own size: such shapes make no template. */
+static apsm_status find_strangers(aligner *a)
+{
+    enum { LEAST = 5 };
+    if (a->n < LEAST) return APSM_OK;
+    double *x = malloc(2 * a->n * sizeof *x), *scratch = x + a->n, sum = 0.0;
+    if (!x) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < a->n; i++) x[i] = 0.5 * log(a->area[i]);
+    mark_strangers(a, x, log(1.3), scratch);
+    for (size_t i = 0; i < a->n; i++) {
+        const pose_ballot *b = &a->ballot[i];
+        const double least = fmin(b->residual[0][0], b->residual[1][0]);
+        x[i] = log(fmax(least / a->cloud[a->base].radius, 1e-9));
+        if (i != a->base) sum += x[i] / (double)(a->n - 1);
+    }
+    x[a->base] = sum;
+    if (a->opt->mode != APSM_ALIGN_NONE) mark_strangers(a, x, log(2.5), scratch);
+    free(x);
+    return APSM_OK;
+}
+
+static bool is_ambiguous(const aligner *a, size_t i)
+{
+    enum { FEW = 4 };
+    const pose_choice *c = &a->choice[i];
+    const apsm_alignment *out = a->out;
+    if (i == a->base || a->opt->mode == APSM_ALIGN_NONE) return false;
+    if (out->mirrored[i] && a->opt->mirror != APSM_MIRROR_FIX) return false;
+    if (a->oriented && hardly_turns(a, i, a->P + 16 * i)) return false;
+    if (a->n < FEW) return out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO;
+    return c->evidence[c->mirrored] - c->second[c->mirrored] < POSE_CLEARLY;
+}
+
+/* Who had better not be the template. */
+static void find_unfit(aligner *a)
+{
+    size_t ambiguous = 0;
+    for (size_t i = 0; i < a->n; i++) ambiguous += a->out->ambiguous[i] = is_ambiguous(a, i);
+    for (size_t i = 0; i < a->n; i++)
+        a->out->unfit[i] = a->out->stranger[i] || a->out->mirrored[i] ||
+                           (a->out->ambiguous[i] && 2 * ambiguous < a->n);
 }
 
 /* U <- the rotation that is to be expected from one shape to another; returns U, or NULL if none
@@ -418,7 +505,8 @@ static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
     double R[APSM_MEDOID_CANDIDATES * APSM_MEDOID_SHAPES] = { 0 };
     size_t eligible = 0;
     for (size_t i = 0; i < a->n; i++)
-        if (!a->out->mirrored[i]) a->list[eligible++] = i;
+        if (!a->out->unfit[i]) a->list[eligible++] = i;
+    if (eligible == 0) a->list[eligible++] = a->base;
     apsm_medoid_draw(eligible, a->list, apsm_context_seed(ctx), &plan);
     const apsm_status status = race(ctx, a, &plan, R);
     if (status == APSM_OK) *medoid = apsm_medoid_pick(&plan, R);
@@ -532,17 +620,6 @@ static void report_cuts(apsm_context *ctx, const aligner *a)
                  cut, a->n, a->names[first], cut > 1 ? ", ..." : "");
 }
 
-static void find_ambiguous(aligner *a)
-{
-    apsm_alignment *out = a->out;
-    for (size_t i = 0; i < a->n; i++) {
-        const bool wrong_hand =
-            a->opt->mirror != APSM_MIRROR_FIX && out->mirror_ratio[i] < APSM_MIRROR_RATIO;
-        out->ambiguous[i] = out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO && !wrong_hand &&
-                            !(a->oriented && hardly_turns(a, i, a->P + 16 * i));
-    }
-}
-
 static void report(apsm_context *ctx, const aligner *a)
 {
     const apsm_alignment *out = a->out;
@@ -555,13 +632,19 @@ static void report(apsm_context *ctx, const aligner *a)
             apsm_log(ctx, APSM_LOG_INFO, "%s: looks mirrored; its mirror image is used", who);
         else if (out->mirrored[i])
             apsm_log(ctx, APSM_LOG_WARNING,
-                     "%s: looks mirrored; give its side, or set mirror_check=fix", who);
+                     "%s: looks mirrored; name the sides with --reflect-match, or set "
+                     "mirror_check=fix",
+                     who);
         if (out->ambiguous[i])
-            apsm_log(
-                ctx, APSM_LOG_WARNING,
-                "%s: ambiguous pose: another one fits within %.0f %%; check the result, or align "
-                "beforehand and set align=none",
-                who, 100.0 * (out->runner_up_ratio[i] - 1.0));
+            apsm_log(ctx, APSM_LOG_WARNING,
+                     "%s: ambiguous pose: another one is about as likely; check the result, or "
+                     "align beforehand and set align=none",
+                     who);
+        if (out->stranger[i])
+            apsm_log(ctx, APSM_LOG_WARNING,
+                     "%s: is unlike the others in size or form; leave it out with --exclude if it "
+                     "does not belong",
+                     who);
     }
 }
 
@@ -599,6 +682,9 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->area = malloc(n * sizeof *a->area);
     a->P = malloc(16 * n * sizeof *a->P);
     a->mirror = malloc(16 * n * sizeof *a->mirror);
+    a->heights = calloc(n, sizeof(double *));
+    a->ballot = calloc(n, sizeof *a->ballot);
+    a->choice = calloc(n, sizeof *a->choice);
     a->given = malloc(16 * n * sizeof *a->given);
     a->fits = malloc(n * sizeof *a->fits);
     a->turned = malloc(n * sizeof *a->turned);
@@ -611,12 +697,17 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
     a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
     a->out->ambiguous = calloc(n, sizeof *a->out->ambiguous);
+    a->out->stranger = calloc(n, sizeof *a->out->stranger);
+    a->out->unfit = calloc(n, sizeof *a->out->unfit);
+    a->out->unclear_hand = calloc(n, sizeof *a->out->unclear_hand);
     a->out->sized = malloc(16 * n * sizeof *a->out->sized);
     a->out->cut = malloc(APSM_MOST_CUTS * n * sizeof *a->out->cut);
-    const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->given && a->fits &&
-                        a->turned && a->list && a->work && a->out->M && a->out->residual &&
-                        a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
-                        a->out->ambiguous && a->out->cut && a->out->sized;
+    const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->heights &&
+                        a->ballot && a->choice && a->given && a->fits && a->turned && a->list &&
+                        a->work && a->out->M && a->out->residual && a->out->runner_up_ratio &&
+                        a->out->mirror_ratio && a->out->mirrored && a->out->ambiguous &&
+                        a->out->stranger && a->out->unfit && a->out->unclear_hand && a->out->cut &&
+                        a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
         a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
@@ -631,6 +722,7 @@ static void release(aligner *a)
     for (size_t i = 0; i < a->n; i++) {
         if (a->cloud) apsm_cloud_free(&a->cloud[i]);
         if (a->bvh) apsm_bvh_free(a->bvh[i]);
+        if (a->heights) free(a->heights[i]);
     }
     apsm_cloud_free(&a->dense);
     free(a->cloud);
@@ -638,6 +730,9 @@ static void release(aligner *a)
     free(a->area);
     free(a->P);
     free(a->mirror);
+    free(a->heights);
+    free(a->ballot);
+    free(a->choice);
     free(a->given);
     free(a->fits);
     free(a->turned);
@@ -655,15 +750,17 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
     if (a->opt->mode != APSM_ALIGN_NONE)
         APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
+    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
     if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
-    judge_mirrored(a);
+    if (a->opt->mode != APSM_ALIGN_NONE) judge_mirrored(a);
+    APSM_TRY(find_strangers(a));
+    find_unfit(a);
     for (size_t i = 0; i < a->n; i++) a->any_cut |= a->cloud[i].cuts > 0;
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
     APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
     tell_cuts(a);
-    find_ambiguous(a);
     report(ctx, a);
     return APSM_OK;
 }
@@ -733,6 +830,9 @@ void apsm_alignment_free(apsm_alignment *alignment)
     free(alignment->mirror_ratio);
     free(alignment->mirrored);
     free(alignment->ambiguous);
+    free(alignment->stranger);
+    free(alignment->unfit);
+    free(alignment->unclear_hand);
     free(alignment->cut);
     free(alignment->sized);
     *alignment = (apsm_alignment){ 0 };

@@ -79,12 +79,16 @@ size_t apsm_icp_work_size(size_t n);
 void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,
               double M[16], double *residual, double *work);
 
+#define APSM_POSE_OPTIONS 3
+
 /* The best pose found and how clear it is. */
 typedef struct apsm_pose {
     double M[16];
     double residual;
     double runner_up; /* residual of the best clearly different pose among the finalists;
                          INFINITY if all ended in one.  Close to residual: ambiguous */
+    double option_M[APSM_POSE_OPTIONS][16];    /* the clearly different finalists, best first */
+    double option_residual[APSM_POSE_OPTIONS]; /* INFINITY: no more */
 } apsm_pose;
 
 /* Registers moving to fixed whatever their poses: ICP from a fixed grid of rotations between
@@ -139,9 +143,12 @@ typedef struct apsm_alignment {
                                 INFINITY if not tried.  This and runner_up_ratio compare with the
                                 provisional template, which has INFINITY itself */
     bool *ambiguous; /* n: another pose fits as well, and nothing else speaks for this one */
-    bool *mirrored;  /* n: looks mirrored, compared with the given template or with most
-                        shapes */
-    size_t cuts;     /* places where shapes were cut off, in the order of the shapes */
+    bool *stranger;  /* n: of a size or form that the others do not have */
+    bool *unfit;     /* n: stranger, ambiguous (where few are) or of the wrong hand: no template */
+    bool *unclear_hand; /* n: its mirror image is as likely; asked with _FIX only */
+    bool *mirrored;     /* n: looks mirrored, compared with the given template or with most
+                           shapes */
+    size_t cuts;        /* places where shapes were cut off, in the order of the shapes */
     apsm_cut *cut;
     double *sized; /* n x 16: as M, and shapes made the template's size by what they share, if any
                       was cut; else as M */

@@ -193,11 +193,15 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
     quick.points = opt->points;
     quick.max_iterations = opt->max_iterations;
     run_round(moving, fixed, &quick, false, n, c, work);
-    n = keep_distinct(moving, near, 2, n, c);
+    n = keep_distinct(moving, near, APSM_POSE_OPTIONS, n, c);
     pose->runner_up = n > 1 ? c[1].residual : INFINITY;
     run_round(moving, fixed, opt, false, 1, c, work);
     memcpy(pose->M, c[0].M, sizeof pose->M);
     pose->residual = c[0].residual;
+    for (size_t k = 0; k < APSM_POSE_OPTIONS; k++) {
+        memcpy(pose->option_M[k], c[k].M, sizeof pose->option_M[k]);
+        pose->option_residual[k] = k < n ? c[k].residual : INFINITY;
+    }
 }
 
 void apsm_pose_from(const apsm_surface *moving, const apsm_surface *fixed, const double R[9],

@@ -5,11 +5,11 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "core/robust.h"
+#include "geometry/form.h"
 #include "geometry/vec3.h"
 #include "judge/coverage.h"
-#include "judge/form.h"
 #include "judge/left_out.h"
-#include "judge/robust.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 
@@ -189,10 +189,7 @@ static void weigh_figures(judging *g, double *scratch)
         double middle[FIGURES];
         for (size_t k = 0; k < FIGURES; k++) {
             excess[k] = robust_excess(g->I, g->figure + k * g->I, i, least_deviation[k], scratch);
-            size_t n = 0;
-            for (size_t o = 0; o < g->I; o++)
-                if (o != i) scratch[n++] = g->figure[k * g->I + o];
-            middle[k] = robust_median(n, scratch);
+            middle[k] = robust_left_out_median(g->I, g->figure + k * g->I, i, scratch);
         }
         f->area = exp(g->figure[AREA * g->I + i] - middle[AREA]);
         f->size = exp(g->figure[SIZE * g->I + i] - middle[SIZE]);

@@ -13,8 +13,8 @@
 #include <string.h>
 
 #include "apsm/affine.h"
+#include "geometry/form.h"
 #include "geometry/vec3.h"
-#include "judge/form.h"
 
 enum { TURNS = 24, ROUNDS = 8, MOST = 128 };
 static const double wrong_share = 0.1, wrong_distance = 2.0; /* h */

@@ -136,8 +136,8 @@ static apsm_status align(groom_work *w)
         status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
     if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
-                                      ao.mirror == APSM_MIRROR_FIX ? NULL : w->alignment.mirrored,
-                                      w->alignment.template_index, &w->alignment.template_index);
+                                      w->alignment.unfit, w->alignment.template_index,
+                                      &w->alignment.template_index);
     if (status == APSM_OK) status = describe_grooming(w, notes);
     json_decref(notes);
     free(borders);

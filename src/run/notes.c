@@ -1,7 +1,6 @@
 #include "run/notes.h"
 
 #include <jansson.h>
-#include <stdio.h>
 
 #include "judge/verdict.h"
 
@@ -14,14 +13,17 @@ static int add(json_t *notes, const char *shape, apsm_aspect aspect, const char 
 static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const char *name,
                      const apsm_align_options *options)
 {
-    char text[128];
     int failed = 0;
     if (a->mirrored[i] && options->mirror != APSM_MIRROR_FIX)
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits better as its mirror image");
-    if (!a->ambiguous[i]) return failed;
-    snprintf(text, sizeof text, "another pose fits within %.0f %%",
-             100.0 * (a->runner_up_ratio[i] - 1.0));
-    return failed | add(notes, name, APSM_ASPECT_POSE, text);
+    if (a->unclear_hand[i])
+        failed |= add(notes, name, APSM_ASPECT_HAND, "fits about as well as its mirror image");
+    if (a->ambiguous[i])
+        failed |= add(notes, name, APSM_ASPECT_POSE, "another pose fits about as well");
+    if (a->stranger[i])
+        failed |= add(notes, name, APSM_ASPECT_BELONGING,
+                      "is unlike the others in size or form, and was not considered as template");
+    return failed;
 }
 
 json_t *notes_of_alignment(const apsm_alignment *alignment, const char *const *names,

@@ -4,12 +4,12 @@
  *          n_f . n_j > 0                                                            (J1)
  *   a_i  = mean over s of artanh corr_j(u_ijs, median over i' != i of u_i'js)       (J2)
  */
-#include "judge/form.h"
+#include "geometry/form.h"
 
 #include <math.h>
 
+#include "core/robust.h"
 #include "geometry/vec3.h"
-#include "judge/robust.h"
 
 const double apsm_form_radius[APSM_FORM_SCALES] = { 1.2, 2.4, 4.8 };
 /* Beyond, two shapes are alike but for rounding. */

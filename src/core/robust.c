@@ -1,4 +1,4 @@
-#include "judge/robust.h"
+#include "core/robust.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -39,12 +39,18 @@ void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, d
     }
 }
 
-double robust_excess(size_t I, const double *x, size_t i, double least, double *scratch)
+double robust_left_out_median(size_t I, const double *x, size_t i, double *scratch)
 {
     size_t n = 0;
     for (size_t k = 0; k < I; k++)
         if (k != i) scratch[n++] = x[k];
-    const double median = robust_median(n, scratch);
+    return robust_median(n, scratch);
+}
+
+double robust_excess(size_t I, const double *x, size_t i, double least, double *scratch)
+{
+    const size_t n = I - 1;
+    const double median = robust_left_out_median(I, x, i, scratch);
     for (size_t k = 0; k < n; k++) scratch[k] = fabs(scratch[k] - median);
     return (x[i] - median) / fmax(1.4826 * robust_median(n, scratch), least);
 }

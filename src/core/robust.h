@@ -1,7 +1,7 @@
 /* robust.h -- medians, and what is usual when one value is left out: a fault must not make itself
  * usual. */
-#ifndef APSM_JUDGE_ROBUST_H
-#define APSM_JUDGE_ROBUST_H
+#ifndef APSM_CORE_ROBUST_H
+#define APSM_CORE_ROBUST_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -12,6 +12,9 @@ double robust_median(size_t n, double *x);
 /* out (I x n) <- median over the other rows of X (I x n, I >= 2), each column for itself.  O(n I
  * log I).  column: scratch, I. */
 void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, double *column);
+
+/* Median of the other x than x[i] (I >= 2).  scratch: I. */
+double robust_left_out_median(size_t I, const double *x, size_t i, double *scratch);
 
 /* How many standard deviations x[i] lies above the median of the other x (I >= 3).  The standard
  * deviation is told from the others' median distance from their median (1.4826 of it, for normal

@@ -1,8 +1,8 @@
 /* form.h -- what the surface looks like around a particle, in whatever pose: how high it lies, on
  * average, over the particle's tangent plane, near and farther away.  Where particles correspond,
  * these heights agree from shape to shape (docs/method.md, "Judging"). */
-#ifndef APSM_JUDGE_FORM_H
-#define APSM_JUDGE_FORM_H
+#ifndef APSM_GEOMETRY_FORM_H
+#define APSM_GEOMETRY_FORM_H
 
 #include "apsm/mesh.h"
 
