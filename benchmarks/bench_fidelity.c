@@ -73,10 +73,10 @@ static void judge(apsm_context *ctx, apsm_cohort *cohort, size_t J, const double
     size_t certified = 0, swaps = 0, folds = 0;
     double other_mean, other_max;
     must(ctx, apsm_evaluate(ctx, &input, &e));
-    must(ctx, certify_cohort(ctx, cohort, J, P, &c));
+    must(ctx, certify_cohort(ctx, cohort, J, P, NULL, &c));
     other_templates(ctx, cohort, J, P, &other_mean, &other_max);
     for (size_t i = 0; i < cohort->I; i++) {
-        certified += c.shape[i].certified;
+        certified += c.shape[i].certified && !c.doubts[i];
         swaps += c.shape[i].swaps;
         folds += c.shape[i].folds;
     }

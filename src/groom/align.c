@@ -47,13 +47,14 @@ typedef struct aligner {
     size_t *list;        /* n: scratch */
     double *work;        /* threads x work_size */
     size_t work_size;
-    double common[9]; /* rotation from the orientation in which most shapes come to base */
-    bool oriented;    /* nearly all do */
-    double *given;    /* n x 16: poses near that in which shapes come, where they were tried */
-    bool any_cut;     /* some shape was cut off */
-    bool again;       /* for meshes that have been cropped */
-    bool *fits;       /* n: whether that one fits about as well as the best, or the best is such */
-    bool *turned;     /* n: whether the best turns more, and fits little better */
+    double common[9];       /* rotation from the orientation in which most shapes come to base */
+    bool oriented;          /* nearly all do */
+    double *given_residual; /* n */
+    double *given; /* n x 16: poses near that in which shapes come, where they were tried */
+    bool any_cut;  /* some shape was cut off */
+    bool again;    /* for meshes that have been cropped */
+    bool *fits;    /* n: whether that one fits about as well as the best, or the best is such */
+    bool *turned;  /* n: whether the best turns more, and fits little better */
     apsm_medoid_plan *plan; /* while the medoid is looked for, and what goes with it: */
     size_t part;            /* of the plan's shapes, or all of them */
     double *R;              /* plan's candidates x shapes */
@@ -202,56 +203,6 @@ static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *us
     return apsm_keep(ctx, "poses", i, sizeof a->ballot[i], &a->ballot[i]);
 }
 
-/* ---- the choice among the poses ---- */
-
-static apsm_status heights_task(apsm_context *ctx, size_t i, int worker, void *user)
-{
-    aligner *a = user;
-    (void)ctx, (void)worker;
-    const apsm_mesh *mesh = a->mesh[i];
-    double *faces = malloc(mesh->nf * APSM_FORM_FACE * sizeof *faces);
-    a->heights[i] = malloc(a->cloud[i].n * APSM_FORM_SCALES * sizeof *a->heights[i]);
-    const bool ok = faces && a->heights[i];
-    if (ok) pose_heights(mesh, &a->cloud[i], faces, a->heights[i]);
-    free(faces);
-    return ok ? APSM_OK : APSM_ERR_MEMORY;
-}
-
-/* The residual of the best clearly different pose over that of the pose taken. */
-static double runner_up_ratio(const pose_ballot *ballot, size_t hand, size_t taken)
-{
-    double least = INFINITY;
-    for (size_t k = 0; k < POSE_OPTIONS; k++)
-        if (k != taken) least = fmin(least, ballot->residual[hand][k]);
-    return fmax(1.0, ratio(least, ballot->residual[hand][taken]));
-}
-
-static void take(aligner *a, size_t i)
-{
-    const pose_ballot *b = &a->ballot[i];
-    const pose_choice *c = &a->choice[i];
-    const size_t hand = c->mirrored;
-    memcpy(a->P + 16 * i, b->M[0][c->option[0]], 16 * sizeof *a->P);
-    memcpy(a->mirror + 16 * i, b->M[1][c->option[1]], 16 * sizeof *a->mirror);
-    a->out->residual[i] = b->residual[0][c->option[0]]; /* for the time being */
-    a->out->runner_up_ratio[i] = runner_up_ratio(b, hand, c->option[hand]);
-    if (a->opt->mirror != APSM_MIRROR_OFF)
-        a->out->mirror_ratio[i] = ratio(b->residual[1][c->option[1]], a->out->residual[i]);
-    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
-    remove_scale(a->cloud[i].centre, a->P + 16 * i);
-    if (a->opt->mirror != APSM_MIRROR_OFF) remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
-}
-
-static apsm_status choose_poses(apsm_context *ctx, aligner *a)
-{
-    APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
-    APSM_TRY(pose_choose(ctx, a->n, a->base, a->cloud, a->heights, a->ballot,
-                         a->opt->mirror == APSM_MIRROR_FIX, a->choice));
-    for (size_t i = 0; i < a->n; i++)
-        if (i != a->base) take(a, i);
-    return APSM_OK;
-}
-
 /* ---- the orientation in which shapes come ---- */
 
 /* 1 + 2 cos of the angle between two poses, R the rotation of the second. */
@@ -331,9 +282,20 @@ static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void 
     a->turned[i] = a->fits[i] && turns_less(a, pose.M, a->P + 16 * i);
     a->fits[i] |= hardly_turns(a, i, a->P + 16 * i);
     memcpy(a->given + 16 * i, pose.M, sizeof pose.M);
-    if (a->opt->mode != APSM_ALIGN_SIMILARITY)
-        remove_scale(moving.cloud->centre, a->given + 16 * i);
+    a->given_residual[i] = pose.residual;
     return APSM_OK;
+}
+
+/* A shape that comes as the others do has no other pose to choose. */
+static void settle_given(aligner *a, size_t i)
+{
+    pose_ballot *b = &a->ballot[i];
+    if (i == a->base || !a->fits[i]) return;
+    if (a->turned[i]) {
+        memcpy(b->M[0][0], a->given + 16 * i, sizeof b->M[0][0]);
+        b->residual[0][0] = a->given_residual[i];
+    }
+    for (size_t k = 1; k < POSE_OPTIONS; k++) b->residual[0][k] = INFINITY;
 }
 
 /* One pose must hardly turn, and with the others that may four fifths must: by chance one in
@@ -341,14 +303,68 @@ static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void 
 static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
 {
     size_t best = 0, fit = 0;
+    for (size_t i = 0; i < a->n; i++) {
+        if (i == a->base) continue;
+        memcpy(a->P + 16 * i, a->ballot[i].M[0][0], 16 * sizeof *a->P);
+        a->out->residual[i] = a->ballot[i].residual[0][0];
+    }
     find_common_orientation(a);
     for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, i, a->P + 16 * i);
     if (best == 0) return APSM_OK;
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
     a->oriented = 5 * fit >= 4 * (a->n - 1);
-    for (size_t i = 0; a->oriented && i < a->n; i++)
-        if (a->turned[i]) memcpy(a->P + 16 * i, a->given + 16 * i, 16 * sizeof *a->P);
+    for (size_t i = 0; a->oriented && i < a->n; i++) settle_given(a, i);
+    return APSM_OK;
+}
+
+/* ---- the choice among the poses ---- */
+
+static apsm_status heights_task(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    aligner *a = user;
+    (void)ctx, (void)worker;
+    const apsm_mesh *mesh = a->mesh[i];
+    double *faces = malloc(mesh->nf * APSM_FORM_FACE * sizeof *faces);
+    a->heights[i] = malloc(a->cloud[i].n * APSM_FORM_SCALES * sizeof *a->heights[i]);
+    const bool ok = faces && a->heights[i];
+    if (ok) pose_heights(mesh, &a->cloud[i], faces, a->heights[i]);
+    free(faces);
+    return ok ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+/* The residual of the best clearly different pose over that of the pose taken. */
+static double runner_up_ratio(const pose_ballot *ballot, size_t hand, size_t taken)
+{
+    double least = INFINITY;
+    for (size_t k = 0; k < POSE_OPTIONS; k++)
+        if (k != taken) least = fmin(least, ballot->residual[hand][k]);
+    return fmax(1.0, ratio(least, ballot->residual[hand][taken]));
+}
+
+static void take(aligner *a, size_t i)
+{
+    const pose_ballot *b = &a->ballot[i];
+    const pose_choice *c = &a->choice[i];
+    const size_t hand = c->mirrored;
+    memcpy(a->P + 16 * i, b->M[0][c->option[0]], 16 * sizeof *a->P);
+    memcpy(a->mirror + 16 * i, b->M[1][c->option[1]], 16 * sizeof *a->mirror);
+    a->out->residual[i] = b->residual[0][c->option[0]]; /* for the time being */
+    a->out->runner_up_ratio[i] = runner_up_ratio(b, hand, c->option[hand]);
+    if (a->opt->mirror != APSM_MIRROR_OFF)
+        a->out->mirror_ratio[i] = ratio(b->residual[1][c->option[1]], a->out->residual[i]);
+    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
+    remove_scale(a->cloud[i].centre, a->P + 16 * i);
+    if (a->opt->mirror != APSM_MIRROR_OFF) remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
+}
+
+static apsm_status choose_poses(apsm_context *ctx, aligner *a)
+{
+    APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
+    APSM_TRY(pose_choose(ctx, a->n, a->base, a->cloud, a->heights, a->ballot,
+                         a->opt->mirror == APSM_MIRROR_FIX, a->choice));
+    for (size_t i = 0; i < a->n; i++)
+        if (i != a->base) take(a, i);
     return APSM_OK;
 }
 
@@ -686,6 +702,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->ballot = calloc(n, sizeof *a->ballot);
     a->choice = calloc(n, sizeof *a->choice);
     a->given = malloc(16 * n * sizeof *a->given);
+    a->given_residual = malloc(n * sizeof *a->given_residual);
     a->fits = malloc(n * sizeof *a->fits);
     a->turned = malloc(n * sizeof *a->turned);
     a->list = malloc(n * sizeof *a->list);
@@ -703,11 +720,11 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->sized = malloc(16 * n * sizeof *a->out->sized);
     a->out->cut = malloc(APSM_MOST_CUTS * n * sizeof *a->out->cut);
     const bool enough = a->cloud && a->bvh && a->area && a->P && a->mirror && a->heights &&
-                        a->ballot && a->choice && a->given && a->fits && a->turned && a->list &&
-                        a->work && a->out->M && a->out->residual && a->out->runner_up_ratio &&
-                        a->out->mirror_ratio && a->out->mirrored && a->out->ambiguous &&
-                        a->out->stranger && a->out->unfit && a->out->unclear_hand && a->out->cut &&
-                        a->out->sized;
+                        a->ballot && a->choice && a->given && a->given_residual && a->fits &&
+                        a->turned && a->list && a->work && a->out->M && a->out->residual &&
+                        a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
+                        a->out->ambiguous && a->out->stranger && a->out->unfit &&
+                        a->out->unclear_hand && a->out->cut && a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
         a->out->runner_up_ratio[i] = a->out->mirror_ratio[i] = INFINITY;
@@ -734,6 +751,7 @@ static void release(aligner *a)
     free(a->ballot);
     free(a->choice);
     free(a->given);
+    free(a->given_residual);
     free(a->fits);
     free(a->turned);
     free(a->list);
@@ -750,8 +768,8 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
     if (a->opt->mode != APSM_ALIGN_NONE)
         APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
-    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
     if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
+    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
     if (a->opt->mode != APSM_ALIGN_NONE) judge_mirrored(a);
     APSM_TRY(find_strangers(a));
     find_unfit(a);
