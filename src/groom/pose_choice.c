@@ -154,10 +154,11 @@ static void choose_of_hand(const election *e, size_t i, size_t hand)
 
 static void choose(const election *e, size_t i)
 {
+    const double clear = e->usual ? HAND_CLEARLY : -log(APSM_MIRROR_RATIO);
     pose_choice *c = &e->choice[i];
     if (i == e->base) return;
     for (size_t hand = 0; hand < 2; hand++) choose_of_hand(e, i, hand);
-    c->mirrored = e->hands && c->evidence[1] > c->evidence[0] + POSE_CLEARLY;
+    c->mirrored = e->hands && c->evidence[1] > c->evidence[0] + clear;
 }
 
 /* One round; returns whether a choice has changed. */

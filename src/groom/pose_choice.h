@@ -14,8 +14,10 @@ typedef struct pose_ballot {
     double residual[2][POSE_OPTIONS];
 } pose_ballot;
 
-/* A pose or hand is clear if its evidence is more by this. */
+/* A pose is clear if its evidence is more by this, and a hand by the second: organs that are nearly
+ * their own mirror images (kidneys) differ by up to 0.4 as they are, tali by 1.5. */
 #define POSE_CLEARLY 0.3
+#define HAND_CLEARLY 0.5
 
 /* The choice for one shape.  Evidence: Fisher's z of the agreement of form with the others, less
  * the logarithm of the residual. */

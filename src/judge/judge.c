@@ -155,7 +155,7 @@ static void find_opposed(judging *g, size_t i)
     apsm_findings *f = &g->out->shape[i];
     for (size_t k = g->J * i; k < g->J * (i + 1); k++) {
         const double *usual = g->XN + 3 * k;
-        g->out->opposed[k] = g->agreed[k] > 0.7 && vec3_dot(g->N + 3 * k, usual) < -0.2;
+        g->out->opposed[k] = g->agreed[k] > 0.9 && vec3_dot(g->N + 3 * k, usual) < -0.7;
         f->opposed += g->out->opposed[k];
     }
 }
