@@ -419,8 +419,9 @@ static apsm_status find_strangers(aligner *a)
 {
     enum { LEAST = 5 };
     if (a->n < LEAST) return APSM_OK;
-    double *x = malloc(2 * a->n * sizeof *x), *scratch = x + a->n, sum = 0.0;
+    double *x = malloc(2 * a->n * sizeof *x), sum = 0.0;
     if (!x) return APSM_ERR_MEMORY;
+    double *scratch = x + a->n;
     for (size_t i = 0; i < a->n; i++) x[i] = 0.5 * log(a->area[i]);
     mark_strangers(a, x, log(1.3), scratch);
     for (size_t i = 0; i < a->n; i++) {
