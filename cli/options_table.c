@@ -97,6 +97,10 @@ static const cli_option own[] = {
       "go on without what a project asks for and is not done here: constraints, landmarks, "
       "normals, fixed, domains, reflect",
       NULL },
+    { "domain", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "NAME", "domain", NULL,
+      "of a project with several domains (shape_NAME, ...) the one to model alone; without it they "
+      "become one model, as with --parts",
+      NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE, "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
@@ -201,8 +205,8 @@ cli_option *cli_options_list(size_t *n)
 
 /* ---- Names ---- */
 
-static const char *const texts[] = { "preset",  "labels", "reflect_match", "exclude",
-                                     "pattern", "ignore", "template",      "seed" };
+static const char *const texts[] = { "preset", "labels", "reflect_match", "exclude", "pattern",
+                                     "ignore", "domain", "template",      "seed" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

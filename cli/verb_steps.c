@@ -48,22 +48,25 @@ static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step
     return status;
 }
 
-static apsm_status run_parts(apsm_context *ctx, const cli_args *args)
+/* Several parts a subject, or one. */
+static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *(*pairs)[2])
 {
-    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
-    if (!pairs) return APSM_ERR_MEMORY;
+    bool joint;
     apsm_joint_settings settings = { settings_of(args), args->parts, args->align_parts };
     settings.run.set = cli_pairs(args, pairs);
     settings.run.n_set = args->n_set;
-    const apsm_status status = apsm_joint_run(ctx, &settings);
-    free(pairs);
-    return status;
+    APSM_TRY(apsm_joint_wanted(ctx, &settings, &joint));
+    return joint ? apsm_joint_run(ctx, &settings) : do_step(ctx, args, apsm_run_all);
 }
 
 apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     (void)ui;
-    APSM_TRY(args->parts ? run_parts(ctx, args) : do_step(ctx, args, apsm_run_all));
+    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
+    if (!pairs) return APSM_ERR_MEMORY;
+    const apsm_status status = run_job(ctx, args, pairs);
+    free(pairs);
+    APSM_TRY(status);
     if (!args->dry_run)
         apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s/report.html", args->out_dir,
                  args->out_dir);

@@ -21,12 +21,18 @@ typedef struct apsm_joint_settings {
     /* "NAME=WHAT,NAME=WHAT,...", two parts at least.  WHAT is a POSIX extended regular expression
      * without commas, searched in the names of the shapes (what is left of a name when the match is
      * taken out names the subject), or for all parts the numbers of labels, joined by + where a
-     * part has several: then every input is a subject. */
+     * part has several: then every input is a subject.  NULL: the one input is a project, and its
+     * domains (shape_NAME, ...) are the parts. */
     const char *parts;
     /* "global": all parts of a subject move together, relative pose stays; "apart": every part for
      * itself; or the name of a part by which the others are aligned.  NULL: global. */
     const char *align;
 } apsm_joint_settings;
+
+/* Whether these settings ask for this job: there are parts, or the one input is a project with
+ * several domains of which none was chosen ("domain") and that are not to be ignored ("ignore"). */
+APSM_API apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *settings,
+                                       bool *wanted) APSM_NODISCARD;
 
 /* The whole job.  Subjects that miss a part are left out of the joint model, with a warning that
  * names them; their other parts still take part in those parts' models.  A folder that holds files,

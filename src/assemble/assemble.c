@@ -83,8 +83,8 @@ static size_t options_of_part(const joint_job *job, size_t d, const char *(*set)
         set[n][0] = s->set[k][0];
         set[n++][1] = s->set[k][1];
     }
-    if (job->by_label) {
-        set[n][0] = "labels";
+    if (job->by_label || job->by_project) {
+        set[n][0] = job->by_label ? "labels" : "domain";
         set[n++][1] = job->part[d].what;
     }
     return n;
@@ -93,6 +93,10 @@ static size_t options_of_part(const joint_job *job, size_t d, const char *(*set)
 static size_t inputs_of_part(const joint_job *job, size_t d, const char **inputs)
 {
     size_t n = 0;
+    if (job->by_project) {
+        inputs[0] = job->settings->run.inputs[0];
+        return 1;
+    }
     for (size_t i = 0; i < job->subjects; i++) {
         const size_t k = job->subject[i].input[d];
         if (k != APSM_NO_CASE) inputs[n++] = job->list.cases[k].path;
@@ -111,8 +115,7 @@ static apsm_status run_part(const joint_job *job, size_t d, const char *(*set)[2
     settings.n_inputs = inputs_of_part(job, d, inputs);
     settings.inputs = inputs;
     settings.resume = job->settings->run.resume && apsm_is_folder(settings.folder);
-    apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu), %zu shapes", job->part[d].name, d + 1,
-             job->n, settings.n_inputs);
+    apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu)", job->part[d].name, d + 1, job->n);
     apsm_status status = apsm_run_open(job->ctx, &settings, &run);
     if (status == APSM_OK) status = settings.dry ? apsm_run_dry(run) : apsm_run_all(run);
     apsm_run_close(run);
@@ -154,6 +157,22 @@ static apsm_status run_locked(joint_job *job)
     if (status == APSM_OK) status = put_together(job);
     apsm_unlock_folder(&lock);
     return status;
+}
+
+apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *settings, bool *wanted)
+{
+    const apsm_run_settings *s = &settings->run;
+    const joint_job job = { .ctx = ctx, .settings = settings };
+    const char *ignore = joint_setting(&job, "ignore");
+    apsm_project project = { 0 };
+    *wanted = settings->parts != NULL;
+    if (*wanted || s->n_inputs != 1 || !apsm_is_project_file(s->inputs[0]) ||
+        joint_setting(&job, "domain") || (ignore && strstr(ignore, "domains")))
+        return APSM_OK;
+    APSM_TRY(apsm_project_read(ctx, s->inputs[0], &project));
+    *wanted = apsm_project_domains(&project) > 1;
+    apsm_project_free(&project);
+    return APSM_OK;
 }
 
 apsm_status apsm_joint_run(apsm_context *ctx, const apsm_joint_settings *settings)

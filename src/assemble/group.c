@@ -221,7 +221,43 @@ static apsm_status check_counts(joint_job *job)
         job->complete, job->n, job->subject[0].name, job->list.cases[0].path);
 }
 
-apsm_status joint_group(joint_job *job)
+/* ---- by the domains of a project ---- */
+
+static apsm_status add_input(joint_job *job, const apsm_project *p, size_t i, size_t d)
+{
+    static const char *const prefixes[] = { "shape_", "segmentation_", "mesh_" };
+    const char *stored = NULL;
+    for (size_t k = 0; k < 3 && !stored; k++) {
+        char key[256];
+        snprintf(key, sizeof key, "%s%s", prefixes[k], job->part[d].name);
+        stored = apsm_subject_column(&p->subjects[i], key);
+    }
+    if (!stored || !*stored) return APSM_OK;
+    apsm_input_case *c = &job->list.cases[job->list.n];
+    *c = (apsm_input_case){ .name = strdup(p->subjects[i].name),
+                            .path = apsm_project_path(p, stored) };
+    if (!c->name || !c->path) return APSM_ERR_MEMORY;
+    job->subject[i].input[d] = job->list.n++;
+    return APSM_OK;
+}
+
+static apsm_status group_by_domain(joint_job *job)
+{
+    apsm_project p = { 0 };
+    APSM_TRY(apsm_project_read(job->ctx, job->settings->run.inputs[0], &p));
+    job->subject = calloc(p.n + 1, sizeof *job->subject);
+    job->list.cases = calloc(p.n * job->n + 1, sizeof *job->list.cases);
+    apsm_status status = job->subject && job->list.cases ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < p.n && status == APSM_OK; i++) {
+        joint_subject *subject;
+        status = add_subject(job, p.subjects[i].name, &subject);
+        for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = add_input(job, &p, i, d);
+    }
+    apsm_project_free(&p);
+    return status;
+}
+
+static apsm_status group_inputs(joint_job *job)
 {
     const apsm_run_settings *s = &job->settings->run;
     const apsm_input_choice choice = { .n = s->n_inputs,
@@ -230,7 +266,12 @@ apsm_status joint_group(joint_job *job)
                                        .reflect_match = joint_setting(job, "reflect_match"),
                                        .pattern = joint_setting(job, "pattern") };
     APSM_TRY(apsm_input_choose(job->ctx, &choice, &job->list));
-    APSM_TRY(job->by_label ? group_by_label(job) : group_by_name(job));
+    return job->by_label ? group_by_label(job) : group_by_name(job);
+}
+
+apsm_status joint_group(joint_job *job)
+{
+    APSM_TRY(job->by_project ? group_by_domain(job) : group_inputs(job));
     APSM_TRY(complete_first(job));
     APSM_TRY(check_counts(job));
     tell_incomplete(job);

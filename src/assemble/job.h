@@ -27,7 +27,8 @@ typedef struct joint_job {
     apsm_context *ctx;
     const apsm_joint_settings *settings;
     bool by_label;
-    size_t n; /* parts */
+    bool by_project; /* the parts are domains of the one input, a project */
+    size_t n;        /* parts */
     joint_part *part;
     apsm_joint_alignment alignment;
     size_t align_by;

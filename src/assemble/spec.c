@@ -46,23 +46,30 @@ static void plus_to_comma(char *what)
         if (*c == '+') *c = ',';
 }
 
+static apsm_status new_part(joint_job *job, const char *name, const char *what)
+{
+    if (job->n == PARTS_MOST)
+        return apsm_fail(job->ctx, APSM_ERR_ARG, "more than 64 parts a subject");
+    if (!good_name(name))
+        return apsm_fail(job->ctx, APSM_ERR_ARG,
+                         "'%s' is no name of a part: letters, digits, _ and -, 40 at most", name);
+    joint_part *part = &job->part[job->n++];
+    APSM_TRY(apsm_text_set(&part->name, name));
+    APSM_TRY(apsm_text_set(&part->what, what));
+    char *parts = apsm_path_join(job->settings->run.folder, "parts");
+    part->folder = parts ? apsm_path_join(parts, name) : NULL;
+    free(parts);
+    return part->folder ? APSM_OK : APSM_ERR_MEMORY;
+}
+
 static apsm_status add_part(joint_job *job, char *text)
 {
     char *equals = strchr(text, '=');
     if (!equals || !equals[1]) return refuse(job, "a part without '='");
     *equals = '\0';
-    if (!good_name(text))
-        return refuse(job, "a part's name is made of letters, digits, _ and -, 40 at most");
     for (size_t d = 0; d < job->n; d++)
         if (strcasecmp(job->part[d].name, text) == 0) return refuse(job, "two parts of one name");
-    if (job->n == PARTS_MOST) return refuse(job, "more than 64 parts");
-    joint_part *part = &job->part[job->n++];
-    APSM_TRY(apsm_text_set(&part->name, text));
-    APSM_TRY(apsm_text_set(&part->what, equals + 1));
-    char *parts = apsm_path_join(job->settings->run.folder, "parts");
-    part->folder = parts ? apsm_path_join(parts, text) : NULL;
-    free(parts);
-    return part->folder ? APSM_OK : APSM_ERR_MEMORY;
+    return new_part(job, text, equals + 1);
 }
 
 static apsm_status split(joint_job *job, char *text)
@@ -95,15 +102,37 @@ static apsm_status parse_align(joint_job *job)
                      "--align-parts '%s': give global, apart, or the name of a part", align);
 }
 
+/* Without --parts: the domains of a project. */
+static apsm_status take_domains(joint_job *job)
+{
+    const apsm_run_settings *s = &job->settings->run;
+    apsm_project project = { 0 };
+    if (s->n_inputs != 1 || !apsm_is_project_file(s->inputs[0]))
+        return apsm_fail(job->ctx, APSM_ERR_ARG, "no parts given; say --parts NAME=WHAT,NAME=WHAT");
+    APSM_TRY(apsm_project_read(job->ctx, s->inputs[0], &project));
+    job->by_project = true;
+    apsm_status status = APSM_OK;
+    const char *domain;
+    for (size_t d = 0; status == APSM_OK && (domain = apsm_project_domain_name(&project, d)); d++)
+        status = new_part(job, domain, domain);
+    apsm_project_free(&project);
+    return status;
+}
+
+static apsm_status take_parts(joint_job *job)
+{
+    char *text = strdup(job->settings->parts);
+    const apsm_status status = text ? split(job, text) : APSM_ERR_MEMORY;
+    free(text);
+    return status;
+}
+
 apsm_status joint_parse(joint_job *job)
 {
-    if (!job->settings->parts)
-        return apsm_fail(job->ctx, APSM_ERR_ARG, "no parts given; say --parts NAME=WHAT,NAME=WHAT");
-    char *text = strdup(job->settings->parts);
     job->part = calloc(PARTS_MOST, sizeof *job->part);
-    const apsm_status status = text && job->part ? split(job, text) : APSM_ERR_MEMORY;
-    free(text);
-    return status == APSM_OK ? parse_align(job) : status;
+    if (!job->part) return APSM_ERR_MEMORY;
+    APSM_TRY(job->settings->parts ? take_parts(job) : take_domains(job));
+    return parse_align(job);
 }
 
 const char *joint_setting(const joint_job *job, const char *key)

@@ -700,7 +700,8 @@ static json_t *json_options(const writing *w)
 {
     const apsm_run_settings *s = &w->job->settings->run;
     const char *align = w->job->settings->align;
-    json_t *options = json_pack("{s:s, s:s}", "parts", w->job->settings->parts, "align_parts",
+    const char *parts = w->job->settings->parts;
+    json_t *options = json_pack("{s:s, s:s}", "parts", parts ? parts : "domains", "align_parts",
                                 align ? align : "global");
     for (size_t k = 0; k < s->n_set; k++)
         json_object_set_new(options, s->set[k][0], json_string(s->set[k][1]));

@@ -50,12 +50,12 @@ apsm_status apsm_project_init(apsm_context *ctx, const char *folder,
 void apsm_project_free(apsm_project *project);
 
 /* Reads a .swproj or .xlsx of ours or ShapeWorks' (also with segmentation_, mesh_ columns,
- * 12-number transforms, numbers instead of strings).  The domain is the first of the first subject;
- * others are kept.  Shapes with excluded = yes are set aside with a line in the log, and written in
- * their place again.  A `mirrored` of another program's groomed mesh is forgotten with a warning.
- * Empty names become the stem of the first file given, equal names
- * get _2, _3 ... in their order.  Errors name the file and line:column or data[i].key.  Any project
- * is first zeroed; on failure it stays so. */
+ * 12-number transforms, numbers instead of strings).  The domain is that of apsm.domain, else the
+ * first of the first subject; others are kept.  Shapes with excluded = yes are set aside with a
+ * line in the log, and written in their place again.  A `mirrored` of another program's groomed
+ * mesh is forgotten with a warning. Empty names become the stem of the first file given, equal
+ * names get _2, _3 ... in their order.  Errors name the file and line:column or data[i].key.  Any
+ * project is first zeroed; on failure it stays so. */
 apsm_status apsm_project_read(apsm_context *ctx, const char *path,
                               apsm_project *project) APSM_NODISCARD;
 /* Writes atomically, as .xlsx if path ends so (what cannot stand in a table is left out with a
@@ -71,8 +71,13 @@ apsm_status apsm_project_add(apsm_project *project, const char *name, const char
 void apsm_project_remove(apsm_project *project, size_t i);
 /* Makes names unique and fit for file names, as when reading; a changed one is logged. */
 apsm_status apsm_project_fix_names(apsm_context *ctx, apsm_project *project) APSM_NODISCARD;
+/* The same for a domain that is named; NULL: as above. */
+apsm_status apsm_project_read_domain(apsm_context *ctx, const char *path, const char *domain,
+                                     apsm_project *project) APSM_NODISCARD;
 /* How many domains the first subject has an input of. */
 size_t apsm_project_domains(const apsm_project *project);
+/* The name of the k-th of them (borrowed), in the order of the columns; NULL beyond the last. */
+const char *apsm_project_domain_name(const apsm_project *project, size_t k);
 /* Index of the subject of that name, or n. */
 size_t apsm_project_find(const apsm_project *project, const char *name);
 

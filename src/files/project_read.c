@@ -15,6 +15,7 @@
 typedef struct reading {
     apsm_context *ctx;
     const char *path;
+    const char *wanted; /* domain; NULL: the project's own choice */
     apsm_project *project;
 } reading;
 
@@ -197,17 +198,29 @@ static const char *suffix_after(const json_t *row, const char *prefix)
     return NULL;
 }
 
+/* What follows shape_, segmentation_ or mesh_ in a key, or NULL. */
+static const char *domain_of_key(const char *key)
+{
+    static const char *const prefixes[] = { "shape_", "segmentation_", "mesh_" };
+    for (size_t k = 0; k < sizeof prefixes / sizeof *prefixes; k++)
+        if (strncmp(key, prefixes[k], strlen(prefixes[k])) == 0) return key + strlen(prefixes[k]);
+    return NULL;
+}
+
+const char *apsm_project_domain_name(const apsm_project *project, size_t k)
+{
+    json_t *row = project->n > 0 ? project->subjects[0].row : NULL;
+    for (void *at = json_object_iter(row); at; at = json_object_iter_next(row, at)) {
+        const char *domain = domain_of_key(json_object_iter_key(at));
+        if (domain && *domain && k-- == 0) return domain;
+    }
+    return NULL;
+}
+
 size_t apsm_project_domains(const apsm_project *project)
 {
-    const json_t *row = project->n > 0 ? project->subjects[0].row : NULL;
-
     size_t n = 0;
-    for (void *at = json_object_iter((json_t *)row); at;
-         at = json_object_iter_next((json_t *)row, at)) {
-        const char *key = json_object_iter_key(at);
-        n += strncmp(key, "shape_", 6) == 0 || strncmp(key, "segmentation_", 13) == 0 ||
-             strncmp(key, "mesh_", 5) == 0;
-    }
+    while (apsm_project_domain_name(project, n)) n++;
     return n;
 }
 
@@ -216,7 +229,9 @@ static apsm_status read_domain(const reading *r, const json_t *data)
     static const char *const prefixes[] = { "shape_",   "segmentation_",    "mesh_",
                                             "groomed_", "local_particles_", "world_particles_" };
     const json_t *row = json_array_get(data, 0);
-    const char *domain = NULL;
+    const json_t *own = json_object_get(r->project->root, "apsm");
+    const char *chosen = json_string_value(json_object_get(own, "domain"));
+    const char *domain = r->wanted ? r->wanted : chosen && *chosen ? chosen : NULL;
     for (size_t i = 0; !domain && i < sizeof prefixes / sizeof *prefixes; i++)
         domain = suffix_after(row, prefixes[i]);
     if (domain && strlen(domain) > APSM_KEY_LENGTH / 2)
@@ -322,7 +337,13 @@ static apsm_status read_root(apsm_context *ctx, const char *path, json_t **root)
 
 apsm_status apsm_project_read(apsm_context *ctx, const char *path, apsm_project *project)
 {
-    const reading r = { .ctx = ctx, .path = path, .project = project };
+    return apsm_project_read_domain(ctx, path, NULL, project);
+}
+
+apsm_status apsm_project_read_domain(apsm_context *ctx, const char *path, const char *domain,
+                                     apsm_project *project)
+{
+    const reading r = { .ctx = ctx, .path = path, .wanted = domain, .project = project };
     *project = (apsm_project){ 0 };
     json_t *root;
     APSM_TRY(read_root(ctx, path, &root));

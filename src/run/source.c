@@ -96,11 +96,12 @@ static bool group_says(const apsm_project *p, const char *group, const char *key
            apsm_says_yes(json_string_value(value));
 }
 
-static void count_requests(const apsm_project *p, size_t count[REQUESTS])
+static void count_requests(const apsm_project *p, const char *domain, size_t count[REQUESTS])
 {
     for (size_t i = 0; i < p->n; i++) count_row(p, &p->subjects[i], count);
     count[LANDMARKS] += group_says(p, "optimize", "use_landmarks");
     count[NORMALS] += group_says(p, "optimize", "use_normals");
+    if (*domain) count[DOMAINS] = 0; /* one was chosen */
     count[REFLECT] += group_says(p, "groom", "reflect");
 }
 
@@ -129,7 +130,7 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
     char asked[640] = "", words[96] = "", left[640] = "";
     const char *ignore = apsm_run_text(run, "ignore");
     APSM_TRY(apsm_run_check_ignore(run->ctx, ignore));
-    count_requests(source, count);
+    count_requests(source, apsm_run_text(run, "domain"), count);
     for (size_t k = 0; k < REQUESTS; k++) {
         if (count[k] == 0) continue;
         const bool is = is_ignored(ignore, k);
@@ -151,13 +152,28 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
 
 /* ---- reading ---- */
 
+static apsm_status check_domain(apsm_run *run, const char *domain, apsm_project *source)
+{
+    const char *name, *first = apsm_project_domain_name(source, 0);
+    for (size_t k = 0; (name = apsm_project_domain_name(source, k)); k++)
+        if (strcmp(name, domain) == 0) return APSM_OK;
+    const apsm_status status =
+        apsm_fail(run->ctx, APSM_ERR_ARG, "%s: has no domain '%s'; the first is '%s'",
+                  run->inputs[0], domain, first ? first : "");
+    apsm_project_free(source);
+    return status;
+}
+
 apsm_status source_read(apsm_run *run, apsm_project *source, bool *own)
 {
     *source = (apsm_project){ 0 };
     *own = run->n_inputs == 0;
     if (*own) return APSM_OK;
     if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) return APSM_OK;
-    return apsm_project_read(run->ctx, run->inputs[0], source);
+    const char *domain = apsm_run_text(run, "domain");
+    if (!*domain) return apsm_project_read(run->ctx, run->inputs[0], source);
+    APSM_TRY(apsm_project_read_domain(run->ctx, run->inputs[0], domain, source));
+    return check_domain(run, domain, source);
 }
 
 static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)

@@ -84,8 +84,33 @@ cmp -s joint/model.json again/model.json || fail "resumed: another model"
 "$apsm" render joint -o pictures --quiet >said 2>&1 || fail "render: $(tail -n 1 said)"
 [ -s pictures/modes.png ] || fail "no picture of the joint"
 
+# The same joint from a project with two domains: the same bytes, its columns kept in the parts.
+{
+    printf '{"data": ['
+    comma=
+    for side in m1 m3 m5 s0 s2 s4; do
+        printf '%s{"name": "%s", "shape_cup": "shapes/%s_cup.ply", "shape_ball": "shapes/%s_ball.ply", "group_side": "%s"}' \
+            "$comma" $side $side $side ${side:0:1}
+        comma=', '
+    done
+    printf '], "groom": {}, "optimize": {}, "project": {}}'
+} >two.swproj
+"$apsm" run two.swproj -o project --align-parts cup --reflect-match ^m $fast --quiet 2>said ||
+    fail "project of two domains: $(tail -n 1 said)"
+"$apsm" run shapes -o six --exclude s9 $parts $fast --quiet 2>said || fail "six: $(tail -n 1 said)"
+for file in scores.csv poses.csv contacts.csv; do
+    cmp -s six/$file project/$file || fail "$file of the project is another"
+done
+grep -q '"group_side": "m"' project/parts/ball/project.swproj || fail "a column of the project is lost"
+"$apsm" run two.swproj -o ball --domain ball --reflect-match ^m $fast --quiet 2>said ||
+    fail "one domain: $(tail -n 1 said)"
+cmp -s ball/scores.csv project/parts/ball/scores.csv || fail "--domain ball is another model"
+"$apsm" evaluate ball --quiet 2>said || fail "evaluate of a domain: $(tail -n 1 said)"
+
 # What is wrong is said before the long part.
 refuse 2 "write --parts" shapes -o x --parts cup
+refuse 2 "has no domain 'foot'" two.swproj -o x --domain foot
+rm -rf x
 refuse 2 "two parts of one name" shapes -o x --parts a=_cup,A=_ball
 refuse 2 "is none of the parts" shapes -o x --parts cup=_cup,horn=_horn
 refuse 2 "is both" shapes -o x --parts cup=_cup,any=_
