@@ -26,8 +26,8 @@ typedef struct apsm_run_settings {
     size_t n_inputs;
     const char *const *inputs;
     /* Options in the order given: "preset", any name of apsm/options.h, or one of the texts
-     * "labels", "reflect_match", "exclude", "pattern", "ignore", "domain", "template" and "seed".  They go
-     * on top of those stored in the project. */
+     * "labels", "reflect_match", "exclude", "pattern", "ignore", "domain", "template" and "seed".
+     * They go on top of those stored in the project. */
     size_t n_set;
     const char *const (*set)[2];
     size_t memory;  /* bytes of resident memory to keep to, shapes being moved to a file in state/;
