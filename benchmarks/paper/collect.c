@@ -67,9 +67,11 @@ static void write_result(FILE *f, const char *run, const json_t *manifest, const
             number(surface, "max"));
     fprintf(f, ",%.4f,%.4f,%.4f", entry(evaluation, "compactness", 0),
             entry(evaluation, "generalization", 0), entry(evaluation, "specificity", 0));
-    fprintf(f, ",%g,%.5f,%.2f,%.1f\n", number(certificate, "certified"),
+    fprintf(f, ",%g,%.5f,%.2f,%.1f", number(certificate, "certified"),
             number(certificate, "mean_mismatched_1.5_2.0"), number(optimize, "cpu_seconds"),
             number(optimize, "peak_memory_mb"));
+    const json_t *others = json_object_get(surface, "other_templates");
+    fprintf(f, ",%.4f,%.4f\n", number(others, "mean"), number(others, "mean_max"));
 }
 
 static void write_shapes(FILE *f, const char *run, const json_t *evaluation)
@@ -117,7 +119,8 @@ int main(int argc, char **argv)
                        create(argv[1], "modes.csv") };
     fprintf(t.results, "cohort,setting,seed,method,particles,adaptivity,shapes,surface_mean,"
                        "surface_mean_max,surface_max,compactness_1,generalization_1,"
-                       "specificity_1,certified,mismatched,cpu_seconds,peak_mb\n");
+                       "specificity_1,certified,mismatched,cpu_seconds,peak_mb,"
+                       "other_mean,other_mean_max\n");
     fprintf(t.shapes, "cohort,setting,seed,name,mean,p95,max\n");
     fprintf(t.modes, "cohort,setting,seed,modes,compactness,generalization,specificity\n");
     for (int i = 2; i < argc; i++) collect(argv[1], argv[i], &t);
