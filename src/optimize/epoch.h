@@ -2,7 +2,6 @@
 #ifndef APSM_OPTIMIZE_EPOCH_H
 #define APSM_OPTIMIZE_EPOCH_H
 
-#include "optimize/eigenshape_loss.h"
 #include "optimize/workspace.h"
 
 /* The unclipped step (11) of shape batch[k] from the gradients (7), (8), (10) at P: to op->step.
@@ -16,10 +15,8 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker, void *user);
  * is at hand. */
 const double *optimizer_normals(const optimizer *op, size_t i);
 
-apsm_eigenshape_options eigenshape_options(const optimizer *op);
-
-/* Weight of the correspondence term in (11). */
-double correspondence_weight(const optimizer *op);
+/* Unit normals N at P; guess as in apsm_snap_closest. */
+void look_up_normals(const optimizer *op, size_t i, const double *P, uint32_t *guess, double *N);
 
 /* Whether a factor serves for several epochs. */
 bool keeps_factors(const optimizer *op);

@@ -13,6 +13,7 @@
  * own random stream, and sums over shapes run in the order of the shapes: neither the number of
  * threads nor an interruption changes a byte. */
 #include "optimize/optimizer.h"
+#include "optimize/terms.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -77,54 +78,18 @@ static void shuffle(optimizer *op)
     }
 }
 
-/* Y, its factor and the loss (9); the mean is the batch's own if the batch is the cohort. */
-static apsm_status eigenshape_of_batch(optimizer *op)
-{
-    const bool full = op->batch_size == op->I;
-    const bool needs_mean =
-        op->w.beta > 0 || (op->w.gamma > 0 && op->o->correspondence != APSM_CORRES_NEIGHBOURHOOD);
-    op->eigenshape = NAN;
-    if (!needs_mean) return APSM_OK;
-    for (size_t k = 0; k < op->batch_size; k++)
-        memcpy(op->Y + k * op->J * 3, particles(op, op->batch[k]), op->J * 3 * sizeof *op->Y);
-    if (full)
-        apsm_cohort_mean(op->batch_size, op->J, op->Y, op->mean);
-    else
-        memcpy(op->mean, op->state->mean, op->J * 3 * sizeof *op->mean);
-    if (!(op->w.beta > 0)) return APSM_OK;
-    apsm_cohort_centre(op->batch_size, op->J, op->Y, op->mean, op->Y);
-    const apsm_eigenshape_options eo = eigenshape_options(op);
-    const apsm_status status =
-        apsm_eigenshape_loss(op->batch_size, op->J, op->Y, &eo, &op->eigenshape, op->L, NULL);
-    if (status != APSM_ERR_SINGULAR) return status;
-    op->w.beta = 0; /* all shapes of the batch are equal: no variation to compress */
-    op->eigenshape = NAN;
-    return APSM_OK;
-}
-
-/* With template_gradient the template also feels what the others' terms ask of it. */
-static void pull_template(optimizer *op)
-{
-    if (!op->template_pull || !(op->w.gamma > 0)) return;
-    const bool scaled = op->o->step == APSM_STEP_SCALED;
-    const double weight = scaled ? correspondence_weight(op) : op->o->learning_rate * op->w.gamma;
-    for (size_t k = 0; k < op->batch_size; k++) {
-        if (op->batch[k] != op->cohort->template_index) continue;
-        double *step = op->step + k * op->J * 3;
-        for (size_t l = 0; l < op->batch_size; l++)
-            for (size_t x = 0; x < op->J * 3; x++)
-                step[x] -= weight * op->template_pull[l * op->J * 3 + x];
-    }
-}
-
 static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
 {
     op->batch = batch;
     op->batch_size = size;
     const weights w = op->w;
-    APSM_TRY(eigenshape_of_batch(op));
+    for (size_t t = 0; t < op->n_terms; t++)
+        if (op->terms[t]->prepare) APSM_TRY(op->terms[t]->prepare(op));
     APSM_TRY(apsm_parallel_for(op->ctx, size, gradients_of_shape, op, NULL));
-    pull_template(op);
+    for (size_t t = 0; t < op->n_terms; t++) {
+        if (op->terms[t]->finish) op->terms[t]->finish(op);
+        if (op->terms[t]->figure) op->figure[t] += op->terms[t]->figure(op);
+    }
     APSM_TRY(apsm_parallel_for(op->ctx, size, move_shape, op, NULL));
     op->w = w;
     return APSM_OK;
@@ -210,18 +175,13 @@ static void fill_record(const optimizer *op, apsm_epoch_record *r)
     r->beta = op->w.beta;
     r->gamma = op->w.gamma;
     r->c = op->w.c;
-    r->sampling = mean_over_shapes(op, offsetof(shape_record, sampling));
-    r->correspondence = mean_over_shapes(op, offsetof(shape_record, correspondence));
+    for (size_t t = 0; t < APSM_TERMS_MOST; t++) r->loss[t] = NAN;
+    for (size_t t = 0; t < op->n_terms; t++)
+        r->loss[t] = op->terms[t]->figure
+                         ? op->figure[t]
+                         : mean_over_shapes(op, offsetof(shape_record, loss) + t * sizeof(double));
     r->surface_error = sqrt(mean_over_shapes(op, offsetof(shape_record, error2))) / op->state->h;
     r->step = mean_over_shapes(op, offsetof(shape_record, step));
-}
-
-/* The batch's share in the mean of (9) over the shapes; of (9) itself, whatever its factor: a
- * cohort's size does not change the figure. */
-static double figure_of_batch(const optimizer *op)
-{
-    const double size = op->o->eigen_scale == 0 ? 3.0 * (double)(op->J * op->batch_size) : 1.0;
-    return op->eigenshape / size * ((double)op->batch_size / (double)op->I);
 }
 
 static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
@@ -232,7 +192,7 @@ static void tell_progress(const optimizer *op, const apsm_epoch_record *r)
     const apsm_progress p = { .stage = names[settling ? 0 : r->stage],
                               .done = (size_t)(r->epoch + 1 + before),
                               .total = (size_t)(settling ? before : op->schedule.epochs),
-                              .loss = { r->sampling, r->correspondence, r->eigenshape },
+                              .loss = { r->loss[0], r->loss[1], r->loss[2] },
                               .mismatched = r->mismatched };
     apsm_report_progress(op->ctx, &p);
 }
@@ -264,7 +224,7 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     apsm_optimizer_state *s = op->state;
     *r = (apsm_epoch_record){ .mismatched = NAN, .worst_mismatched = NAN };
     op->epoch_seed = s->epochs_run;
-    double eigenshape = 0;
+    memset(op->figure, 0, sizeof op->figure);
     APSM_TRY(freeze_template(op));
     if (pass_is_due(&op->schedule, s->epoch)) {
         APSM_TRY(run_pass(op, r));
@@ -277,12 +237,10 @@ static apsm_status run_epoch(optimizer *op, apsm_epoch_record *r)
     for (size_t b = 0, first = 0; first < op->I; b++) {
         const size_t next = batch_begin(op->I, op->K, b + 1);
         APSM_TRY(run_batch(op, op->order + first, next - first));
-        eigenshape += figure_of_batch(op);
         first = next;
     }
     if (op->K < op->I) apsm_cohort_mean(op->I, op->J, s->P, s->mean);
     fill_record(op, r);
-    r->eigenshape = eigenshape;
     s->epoch++;
     s->epochs_run++;
     return APSM_OK;
@@ -324,9 +282,7 @@ static apsm_status run_round(optimizer *op, apsm_epoch_record *r)
                               .beta = NAN,
                               .gamma = NAN,
                               .c = NAN,
-                              .sampling = NAN,
-                              .correspondence = NAN,
-                              .eigenshape = NAN,
+                              .loss = { NAN, NAN, NAN, NAN, NAN, NAN },
                               .surface_error = f.after,
                               .step = f.step,
                               .mismatched = NAN,
@@ -374,29 +330,35 @@ static apsm_status run_stages(optimizer *op, double *entry, apsm_epoch_fn on_epo
     return APSM_OK;
 }
 
-static apsm_status optimize(apsm_context *ctx, const apsm_cohort *cohort,
-                            const apsm_options *options, apsm_optimizer_state *state, bool quiet,
-                            apsm_epoch_fn on_epoch, void *user)
+/* Frees op. */
+static apsm_status optimize(optimizer *op, apsm_epoch_fn on_epoch, void *user)
 {
-    optimizer op;
-    APSM_TRY(optimizer_alloc(ctx, cohort, options, state, &op));
-    op.quiet = quiet;
+    apsm_optimizer_state *state = op->state;
     if (state->epochs_run == 0) apsm_cohort_mean(state->I, state->J, state->P, state->mean);
     double *entry = optimizer_doubles(state->I * state->J * 3);
-    const apsm_status status = entry ? run_stages(&op, entry, on_epoch, user) : APSM_ERR_MEMORY;
+    const apsm_status status = entry ? run_stages(op, entry, on_epoch, user) : APSM_ERR_MEMORY;
     free(entry);
-    optimizer_free(&op);
+    optimizer_free(op);
     return status;
+}
+
+apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
+                           const apsm_options *options, size_t n, const term *const *terms,
+                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
+{
+    optimizer op;
+    if (state->I != cohort->I || state->J < 7)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%zu shapes in the state, %zu in the cohort; at least 7 particles needed",
+                         state->I, cohort->I);
+    APSM_TRY(optimizer_alloc(ctx, cohort, options, n, terms, state, &op));
+    return optimize(&op, on_epoch, user);
 }
 
 apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
 {
-    if (state->I != cohort->I || state->J < 7)
-        return apsm_fail(ctx, APSM_ERR_ARG,
-                         "%zu shapes in the state, %zu in the cohort; at least 7 particles needed",
-                         state->I, cohort->I);
-    return optimize(ctx, cohort, options, state, false, on_epoch, user);
+    return optimize_terms(ctx, cohort, options, APSM_TERMS, standard_terms, state, on_epoch, user);
 }
 
 /* ---- spreading the particles of one shape ---- */
@@ -419,7 +381,12 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
     o.batch = 0;
     state.mean = optimizer_doubles(3 * J);
     if (!state.mean) return APSM_ERR_MEMORY;
-    const apsm_status status = optimize(ctx, &one, &o, &state, true, NULL, NULL);
+    optimizer op;
+    apsm_status status = optimizer_alloc(ctx, &one, &o, APSM_TERMS, standard_terms, &state, &op);
+    if (status == APSM_OK) {
+        op.quiet = true;
+        status = optimize(&op, NULL, NULL);
+    }
     free(state.mean);
     return status;
 }

@@ -54,19 +54,31 @@ apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,
                                        apsm_optimizer_state *state) APSM_NODISCARD;
 void apsm_optimizer_state_free(apsm_optimizer_state *state);
 
+/* The terms of the objective, in the order of their columns.  One list makes the enum and the table
+ * (optimize/terms.h). */
+#define APSM_TERM_LIST(X)                                                                          \
+    X(SAMPLING, sampling)                                                                          \
+    X(CORRESPONDENCE, correspondence)                                                              \
+    X(EIGENSHAPE, eigenshape)
+#define APSM_TERM_ENUM(upper, lower) APSM_TERM_##upper,
+enum { APSM_TERM_LIST(APSM_TERM_ENUM) APSM_TERMS, APSM_TERMS_MOST = 6 };
+#undef APSM_TERM_ENUM
+/* Of a column of history.csv: a constant text, NULL beyond the last. */
+const char *apsm_loss_name(size_t t);
+
 /* What an epoch did.  Means are over the shapes; mismatched is NaN in epochs without a pass of
  * Algorithm 1. */
 typedef struct apsm_epoch_record {
     long stage; /* no int: checkpoints hold these bytes, and padding is not ours to decide */
     long epoch; /* in its stage, from 0; below 0: settling, before stage 1 */
     double alpha, gamma, beta, c;
-    double sampling, correspondence, eigenshape; /* losses; NaN where switched off */
-    double surface_error;    /* root mean square of E over h; NaN while c = 0; in
-                                the fidelity stage mean two-way distance */
-    double step;             /* mean move of a particle, in h */
-    double mismatched;       /* mean share of particles, 1.5/2.0 */
-    double worst_mismatched; /* of the worst shape */
-    long walked;             /* particles that Algorithm 1 moved */
+    double loss[APSM_TERMS_MOST]; /* by term; NaN where switched off */
+    double surface_error;         /* root mean square of E over h; NaN while c = 0; in
+                                     the fidelity stage mean two-way distance */
+    double step;                  /* mean move of a particle, in h */
+    double mismatched;            /* mean share of particles, 1.5/2.0 */
+    double worst_mismatched;      /* of the worst shape */
+    long walked;                  /* particles that Algorithm 1 moved */
 } apsm_epoch_record;
 
 /* Called after every epoch from the calling thread; may save state.  A status other than

@@ -371,13 +371,12 @@ static void fill_record(const psm *p, apsm_epoch_record *r)
                               .alpha = 1,
                               .gamma = p->rel,
                               .beta = p->reg,
-                              .correspondence = p->value,
-                              .eigenshape = NAN,
+                              .loss = { 0, p->value, NAN, NAN, NAN, NAN },
                               .surface_error = NAN,
                               .mismatched = NAN,
                               .worst_mismatched = NAN };
     for (size_t i = 0; i < p->I; i++) {
-        r->sampling += (p->swept[i].log_density + 3 * log(h)) / (double)p->I;
+        r->loss[APSM_TERM_SAMPLING] += (p->swept[i].log_density + 3 * log(h)) / (double)p->I;
         r->step += p->swept[i].move / h / (double)p->I;
     }
 }
@@ -388,7 +387,7 @@ static void tell_progress(const psm *p, const apsm_epoch_record *r)
                                          r->stage == APSM_STAGE_1 ? "splitting" : "optimization",
                                      .done = (size_t)p->state->epoch,
                                      .total = (size_t)iterations_of_stage(p),
-                                     .loss = { r->sampling, r->correspondence, NAN },
+                                     .loss = { r->loss[0], r->loss[1], NAN },
                                      .mismatched = NAN };
     apsm_report_progress(p->ctx, &progress);
 }

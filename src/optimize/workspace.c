@@ -13,7 +13,7 @@ double *optimizer_doubles(size_t n)
     return malloc((n ? n : 1) * sizeof(double));
 }
 
-static bool worker_alloc(worker *w, size_t J, size_t R, size_t K)
+static bool worker_alloc(worker *w, size_t J, size_t R, size_t K, size_t terms)
 {
     const size_t point_arrays = 9;
     w->B = optimizer_doubles(point_arrays * R);
@@ -25,8 +25,8 @@ static bool worker_alloc(worker *w, size_t J, size_t R, size_t K)
         w->kbar = w->g + R;
         w->dL_df = w->kbar + R;
     }
-    w->gs = optimizer_doubles(9 * J);
-    if (w->gs) w->gc = w->gs + 3 * J, w->ge = w->gc + 3 * J;
+    w->gs = optimizer_doubles((3 + terms) * 3 * J);
+    if (w->gs) w->gc = w->gs + 3 * J, w->ge = w->gc + 3 * J, w->grad = w->ge + 3 * J;
     w->rbf_store = optimizer_doubles(apsm_rbf_store_size(J));
     w->factor_store = optimizer_doubles(apsm_polyharmonic_store_size(3 * J, false));
     const size_t fit_work = apsm_rbf_work_size(J), eval_work = apsm_rbf_eval_f32_work_size(J);
@@ -82,13 +82,16 @@ static size_t batch_limit(const apsm_options *o, size_t I)
 }
 
 apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *o,
-                            apsm_optimizer_state *state, optimizer *op)
+                            size_t n_terms, const term *const *terms, apsm_optimizer_state *state,
+                            optimizer *op)
 {
     const size_t I = cohort->I, J = state->J, K = batch_limit(o, I);
     *op = (optimizer){ .ctx = ctx,
                        .cohort = cohort,
                        .o = o,
                        .state = state,
+                       .n_terms = n_terms,
+                       .terms = terms,
                        .I = I,
                        .J = J,
                        .R = (size_t)ceil(o->points * (double)J),
@@ -112,7 +115,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
         op->h_j = op->tN + 3 * J;
         op->step = op->Y + K * J * 3;
         op->L = op->step + K * J * 3;
-        for (int k = 0; ok && k < op->workers; k++) ok = worker_alloc(&op->worker[k], J, op->R, K);
+        for (int k = 0; ok && k < op->workers; k++)
+            ok = worker_alloc(&op->worker[k], J, op->R, K, n_terms);
     }
     if (ok) return APSM_OK;
     optimizer_free(op);

@@ -10,15 +10,18 @@
 /* Scratch of one thread.  Point arrays have room for R points, particle arrays for J. */
 typedef struct worker {
     double *B, *D, *f, *E, *g, *kbar, *dL_df; /* R x 3, then R each */
-    double *gs, *gc, *ge;                     /* J x 3 each */
+    double *gs, *gc, *ge;                     /* J x 3 each: scratch */
+    double *grad;                             /* terms x J x 3 */
     double *rbf_store, *factor_store, *rbf_work, *sampling_work;
     double *eigen_work; /* K */
 } worker;
 
 /* What the losses of one shape came to in the current epoch. */
 typedef struct shape_record {
-    double sampling, correspondence, error2, step;
+    double loss[APSM_TERMS_MOST], error2, step;
 } shape_record;
+
+typedef struct term term; /* terms.h */
 
 /* The factor of a shape's RBF system at state->own, for the epochs that follow. */
 typedef struct kept_factor {
@@ -35,6 +38,9 @@ typedef struct optimizer {
     size_t I, J, R, K; /* K: most shapes in a batch */
     bool quiet;        /* no progress: a step of something larger */
     schedule schedule;
+    size_t n_terms;
+    const term *const *terms;       /* n_terms */
+    double figure[APSM_TERMS_MOST]; /* of the epoch so far, where a term has one of the batch */
     weights w;
     long epoch_seed; /* names the epoch's random streams */
     /* the template at the epoch's start */
@@ -59,9 +65,10 @@ typedef struct optimizer {
     worker *worker;
 } optimizer;
 
-/* Takes the memory for the cohort and state; on failure nothing is left to be freed. */
+/* Takes the memory for the cohort, state and terms; on failure nothing is left to be freed. */
 apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *o,
-                            apsm_optimizer_state *state, optimizer *op);
+                            size_t n_terms, const term *const *terms, apsm_optimizer_state *state,
+                            optimizer *op);
 void optimizer_free(optimizer *op);
 void optimizer_free_factors(optimizer *op);
 

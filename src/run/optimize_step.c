@@ -64,11 +64,12 @@ static void write_cell(apsm_writer *w, double x)
 
 static void write_record(apsm_writer *w, const apsm_epoch_record *r)
 {
-    const double cells[] = { r->alpha,    r->beta,           r->gamma,           r->c,
-                             r->sampling, r->correspondence, r->eigenshape,      r->surface_error,
-                             r->step,     r->mismatched,     r->worst_mismatched };
     apsm_writer_printf(w, "%ld,%ld", r->stage, r->epoch);
-    for (size_t k = 0; k < sizeof cells / sizeof cells[0]; k++) write_cell(w, cells[k]);
+    const double weights[] = { r->alpha, r->beta, r->gamma, r->c };
+    for (size_t k = 0; k < sizeof weights / sizeof weights[0]; k++) write_cell(w, weights[k]);
+    for (size_t t = 0; t < APSM_TERMS; t++) write_cell(w, r->loss[t]);
+    const double figures[] = { r->surface_error, r->step, r->mismatched, r->worst_mismatched };
+    for (size_t k = 0; k < sizeof figures / sizeof figures[0]; k++) write_cell(w, figures[k]);
     apsm_writer_printf(w, ",%ld\n", r->walked);
 }
 
@@ -81,8 +82,9 @@ static apsm_status write_history(const recorder *r)
     const apsm_status status = apsm_writer_open(r->run->ctx, path, &w);
     free(path);
     if (status != APSM_OK) return status;
-    apsm_writer_printf(w, "stage,epoch,alpha,beta,gamma,c,sampling,correspondence,eigenshape,"
-                          "surface_error,step,mismatched,worst_mismatched,walked\n");
+    apsm_writer_printf(w, "stage,epoch,alpha,beta,gamma,c");
+    for (size_t t = 0; t < APSM_TERMS; t++) apsm_writer_printf(w, ",%s", apsm_loss_name(t));
+    apsm_writer_printf(w, ",surface_error,step,mismatched,worst_mismatched,walked\n");
     for (size_t k = 0; k < r->n; k++) write_record(w, &r->records[k]);
     return apsm_writer_commit(w);
 }

@@ -671,7 +671,7 @@ static apsm_status stop_after(void *user, const apsm_optimizer_state *state,
 {
     stopper *s = user;
     assert_int_equal(state->stage, APSM_STAGE_FIDELITY);
-    assert_true(r->surface_error > 0 && isnan(r->alpha) && isnan(r->sampling));
+    assert_true(r->surface_error > 0 && isnan(r->alpha) && isnan(r->loss[APSM_TERM_SAMPLING]));
     if (state->epoch != s->wanted) return APSM_OK;
     memcpy(s->P, state->P, sizeof s->P);
     memcpy(s->own, state->own, sizeof s->own);

@@ -249,7 +249,8 @@ static apsm_status keep(void *user, const apsm_optimizer_state *state,
                         const apsm_epoch_record *record)
 {
     keeper *k = user;
-    if (!isfinite(record->sampling) || !isfinite(record->correspondence))
+    if (!isfinite(record->loss[APSM_TERM_SAMPLING]) ||
+        !isfinite(record->loss[APSM_TERM_CORRESPONDENCE]))
         fail_msg("record of epoch %ld is not finite", record->epoch);
     if (k->calls++ != k->wanted) return APSM_OK;
     k->kept = *state;

@@ -5,6 +5,7 @@
 #include "cmocka_all.h"
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
+#include "optimize/terms.h"
 #include "synthetic.h"
 
 static void batches_differ_by_one_shape_at_most(void **state)
@@ -65,7 +66,7 @@ static apsm_status take_figure(void *user, const apsm_optimizer_state *state,
                                const apsm_epoch_record *record)
 {
     (void)state;
-    *(double *)user = record->eigenshape;
+    *(double *)user = record->loss[APSM_TERM_EIGENSHAPE];
     return APSM_OK;
 }
 
@@ -78,6 +79,7 @@ static double figure_of_seed(apsm_context *ctx, const apsm_cohort *cohort, const
     o.stage1_epochs = o.burn_in = 0;
     o.stage2_epochs = 1;
     o.batch = 2;
+    o.beta = 0.05;
     o.alpha = o.gamma = o.learning_rate = o.fidelity = 0; /* nothing moves */
     o.step = APSM_STEP_LITERAL;
     o.snap = APSM_SNAP_NONE;
@@ -112,11 +114,92 @@ static void an_epochs_figure_is_the_mean_over_its_batches(void **state)
     apsm_context_free(ctx);
 }
 
+/* ---- a term of its own: one file's worth, one line in a table ---- */
+
+static bool always(const optimizer *op)
+{
+    (void)op;
+    return true;
+}
+
+static double tenth(const optimizer *op)
+{
+    (void)op;
+    return 0.1;
+}
+
+/* 1/2 |P|^2: towards the origin. */
+static apsm_status gradient_of_shrinking(const optimizer *op, size_t k, worker *w, double *loss,
+                                         double *g)
+{
+    const double *P = particles(op, op->batch[k]);
+    (void)w;
+    *loss = 0;
+    for (size_t x = 0; x < op->J * 3; x++) {
+        g[x] = P[x];
+        *loss += P[x] * P[x] / 2;
+    }
+    return APSM_OK;
+}
+
+static const term shrinking = {
+    .name = "shrinking", .is_on = always, .weight = tenth, .gradient = gradient_of_shrinking
+};
+
+static apsm_status take_losses(void *user, const apsm_optimizer_state *state,
+                               const apsm_epoch_record *record)
+{
+    (void)state;
+    memcpy(user, record->loss, sizeof record->loss);
+    return APSM_OK;
+}
+
+static void a_new_term_needs_no_more_than_its_entry(void **state)
+{
+    (void)state;
+    const term *const terms[] = { &term_sampling, &shrinking };
+    apsm_context *ctx = apsm_context_new();
+    apsm_cohort cohort;
+    apsm_optimizer_state s;
+    double P[I * J * 3], loss[APSM_TERMS_MOST], sum = 0;
+    apsm_options o = apsm_options_defaults();
+    o.stage1_epochs = o.burn_in = 0;
+    o.stage2_epochs = 1;
+    o.batch = 3;
+    o.alpha = o.beta = o.gamma = o.fidelity = o.step_clip = 0;
+    o.snap = APSM_SNAP_NONE;
+    make_cohort(ctx, &cohort, P);
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &s), APSM_OK);
+    memcpy(s.P, P, sizeof P);
+    assert_int_equal(optimize_terms(ctx, &cohort, &o, 2, terms, &s, take_losses, loss), APSM_OK);
+    for (size_t x = 0; x < I * J * 3; x++) {
+        assert_true(fabs(s.P[x] - 0.9 * P[x]) <= 1e-12 * (1 + fabs(P[x])));
+        sum += P[x] * P[x] / 2;
+    }
+    assert_true(isfinite(loss[0]) && fabs(loss[1] - sum / I) <= 1e-9 * sum);
+    assert_true(isnan(loss[2]));
+    apsm_optimizer_state_free(&s);
+    apsm_cohort_free(&cohort);
+    apsm_context_free(ctx);
+}
+
+static void columns_are_the_table(void **state)
+{
+    (void)state;
+    static const char *const names[] = { "sampling", "correspondence", "eigenshape" };
+    assert_int_equal(APSM_TERMS, 3);
+    for (size_t t = 0; t < APSM_TERMS; t++) assert_string_equal(apsm_loss_name(t), names[t]);
+    assert_null(apsm_loss_name(APSM_TERMS));
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(batches_differ_by_one_shape_at_most),
-                                        cmocka_unit_test(passes_are_counted_as_they_come),
-                                        cmocka_unit_test(
-                                            an_epochs_figure_is_the_mean_over_its_batches) };
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(batches_differ_by_one_shape_at_most),
+        cmocka_unit_test(passes_are_counted_as_they_come),
+        cmocka_unit_test(an_epochs_figure_is_the_mean_over_its_batches),
+        cmocka_unit_test(a_new_term_needs_no_more_than_its_entry),
+        cmocka_unit_test(columns_are_the_table),
+    };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
 }
