@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: all program deps configure test test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
+.PHONY: fuzz test-fuzz all program deps configure test test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -60,6 +60,14 @@ sanitize: deps ## all tests with address and undefined-behaviour sanitizers
 	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)
 	@cmake --build $(BUILD)-sanitize -j$(JOBS)
 	@cd $(BUILD)-sanitize && ctest -j2 --output-on-failure
+
+fuzz: deps ## readers on bytes that libFuzzer makes up, for a minute (needs clang)
+	@scripts/fuzz
+
+test-fuzz: deps ## readers on 10,000 damaged files, with sanitizers
+	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-sanitize -j$(JOBS) --target test_damaged
+	$(BUILD)-sanitize/test_damaged 700
 
 bench: deps ## the short set of benchmarks, one line of JSON each
 	@cmake -S . -B $(BUILD) -DAPSM_BENCHMARKS=ON $(CMAKE_FLAGS)

@@ -166,6 +166,7 @@ static void take_geometry(scan *s, dicom *d, uint32_t tag, size_t f, const unsig
 static void take(scan *s, dicom *d, const path *at, uint32_t tag, const unsigned char *p, size_t n)
 {
     const uint32_t top = at->depth ? at->sequence[0] : 0;
+    if (at->depth && at->item[0] == SIZE_MAX) return; /* in a sequence, but in none of its items */
     if (at->depth == 0) take_top(s, d, tag, p, n);
     if (at->depth == 0 || top == TAG(0x5200, 0x9229)) take_geometry(s, d, tag, 0, p, n);
     if (top == TAG(0x5200, 0x9230)) {

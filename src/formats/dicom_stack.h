@@ -2,7 +2,7 @@
 #ifndef APSM_FORMATS_DICOM_STACK_H
 #define APSM_FORMATS_DICOM_STACK_H
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "formats/dicom.h"
 #include "formats/image.h"
 

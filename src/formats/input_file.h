@@ -3,7 +3,7 @@
 #ifndef APSM_FORMATS_INPUT_FILE_H
 #define APSM_FORMATS_INPUT_FILE_H
 
-#include "apsm/files.h"
+#include "files/files.h"
 
 /* As apsm_read_file, without limit; refuses an empty file, a pointer of Git LFS and a web page. */
 apsm_status input_file_read(apsm_context *ctx, const char *path, char **bytes,

@@ -200,7 +200,7 @@ static void load(scan *s, const meta *h, image *m)
 
 void read_metaimage(scan *s, image *m)
 {
-    meta h = { .channels = 1, .binary = true, .unit = 1.0 };
+    meta h = { .channels = 1, .binary = true, .unit = 1.0, .file = { "", 0 } };
     m->type = SCALAR_U8;
     read_lines(s, &h, m);
     if (scan_ok(s)) check_sizes(s, &h, m);

@@ -336,7 +336,7 @@ static void load(scan *s, const nrrd *h, image *m)
 
 void read_nrrd(scan *s, image *m)
 {
-    nrrd h = { .flip = { 1, 1, 1 }, .unit = 1.0 };
+    nrrd h = { .flip = { 1, 1, 1 }, .unit = 1.0, .file = { "", 0 } };
     int axis[3] = { 0, 1, 2 }, list = -1;
     read_lines(s, &h, m);
     if (scan_ok(s)) sort_axes(s, &h, m, axis, &list);

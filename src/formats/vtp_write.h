@@ -2,7 +2,7 @@
 #ifndef APSM_FORMATS_VTP_WRITE_H
 #define APSM_FORMATS_VTP_WRITE_H
 
-#include "apsm/files.h"
+#include "files/files.h"
 
 /* Points P (points x 3) and `cells` triangles; cell NULL: each point is a cell.  Ends w. */
 apsm_status vtp_write(apsm_context *ctx, const char *path, apsm_writer *w, size_t points,

@@ -7,13 +7,16 @@
 
 #include <cmocka.h>
 #include <math.h>
+#include <sys/stat.h>
+#include <time.h>
 
 #include "apsm/formats.h"
 #include "core/random.h"
 #include "scratch.h"
 #include "shapes.h"
 
-enum { ROUNDS = 300 };
+static uint64_t rounds = 60; /* of each file; `make test-fuzz` does more */
+enum { MOST_SECONDS = 5 };
 
 typedef struct fixture {
     apsm_context *ctx;
@@ -80,6 +83,7 @@ static void read_and_check(fixture *f, const char *path, bool is_mesh)
     apsm_volume volume = { 0 };
     const apsm_status status =
         is_mesh ? apsm_read_mesh(f->ctx, path, &mesh) : apsm_read_volume(f->ctx, path, &volume);
+    if (clock() - start > MOST_SECONDS * CLOCKS_PER_SEC) fail_msg("%s: takes too long", path);
     if (status != APSM_OK) {
         expect_failure(f->ctx, status, status, strrchr(path, '/'), "");
         assert_true(!mesh.V && !volume.label);
@@ -100,7 +104,7 @@ static void survive_damage(fixture *f, const char *name, bool is_mesh)
     size_t size;
     char *const bytes = scratch_read(path, &size), *const out = malloc(size);
     char bad[SCRATCH_LENGTH * 2];
-    for (uint64_t round = 0; round < ROUNDS; round++) {
+    for (uint64_t round = 0; round < rounds; round++) {
         snprintf(bad, sizeof bad, "%s/bad%u-%s", f->folder, (unsigned)round, name);
         apsm_random rng = apsm_random_stream(strlen(name), APSM_STREAM_TEST, round, 0);
         scratch_write(bad, out, damage(&rng, bytes, size, out));
@@ -169,12 +173,62 @@ static void damaged_volumes_are_survived(void **state)
     }
 }
 
-int main(void)
+/* The files that people brought, and a DICOM segmentation in a folder of its own. */
+static void damaged_cases_are_survived(void **state)
 {
+    fixture *const f = *state;
+    const struct {
+        const char *from, *name;
+    } files[] = { { "/cases/vtp/m2_c1_h0_b1.vtp", "a.vtp" },
+                  { "/cases/vtp/m3_c0_h1_b1.vtp", "b.vtp" },
+                  { "/cases/qsform/a_both.nii.gz", "c.nii.gz" },
+                  { "/cases/segnrrd/p01.seg.nrrd", "d.seg.nrrd" } };
+    for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
+        char path[512];
+        size_t size;
+        snprintf(path, sizeof path, APSM_TEST_DATA "%s", files[k].from);
+        char *const bytes = scratch_read(path, &size);
+        scratch_write(scratch_path(f->folder, files[k].name), bytes, size);
+        free(bytes);
+        survive_damage(f, files[k].name, k < 2);
+    }
+}
+
+static void damaged_dicom_is_survived(void **state)
+{
+    fixture *const f = *state;
+    size_t size;
+    char *const bytes = scratch_read(APSM_TEST_DATA "/cases/seg/h_seg_gap/seg.dcm", &size);
+    char *const out = malloc(size), folder[SCRATCH_LENGTH * 2];
+    snprintf(folder, sizeof folder, "%s/dicom", f->folder);
+    assert_int_equal(mkdir(folder, 0777), 0);
+    for (uint64_t round = 0; round < rounds; round++) {
+        apsm_random rng = apsm_random_stream(11, APSM_STREAM_TEST, round, 0);
+        apsm_volume v = { 0 };
+        /* The tree of elements ends before the pixels. */
+        memcpy(out, bytes, size);
+        for (int k = 0; k < 3; k++)
+            out[132 + apsm_random_below(&rng, 3000)] = (char)apsm_random_below(&rng, 256);
+        scratch_write(scratch_path(folder, "s.dcm"), out,
+                      apsm_random_below(&rng, 4) ? size : apsm_random_below(&rng, size));
+        const apsm_status status = apsm_read_dicom(f->ctx, folder, &v);
+        if (status != APSM_OK) expect_failure(f->ctx, status, status, f->folder, "");
+        assert_true(status == APSM_OK ? v.label != NULL : v.label == NULL);
+        apsm_volume_free(&v);
+    }
+    free(bytes);
+    free(out);
+}
+
+int main(int argc, char **argv)
+{
+    if (argc > 1) rounds = strtoull(argv[1], NULL, 10);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(damaged_meshes_are_survived),
         cmocka_unit_test(damaged_text_is_survived),
         cmocka_unit_test(damaged_volumes_are_survived),
+        cmocka_unit_test(damaged_cases_are_survived),
+        cmocka_unit_test(damaged_dicom_is_survived),
     };
     return cmocka_run_group_tests_name("damaged", tests, setup, teardown);
 }
