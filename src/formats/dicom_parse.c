@@ -55,6 +55,8 @@ static void copy_text(char *out, size_t room, const unsigned char *p, size_t n)
 {
     const word w = trimmed(p, n);
     snprintf(out, room, "%.*s", (int)(w.length < room ? w.length : room - 1), w.text);
+    for (; *out; out++)
+        if ((unsigned char)*out < ' ' || *out == '\x7f') *out = '?'; /* it may be shown */
 }
 
 /* Decimal strings, "1.5\0.5\2"; false if there are not n numbers. */

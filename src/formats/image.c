@@ -56,10 +56,12 @@ void image_load_data(scan *s, image *m, const char *name)
 {
     char *const folder = apsm_path_folder(s->path);
     char *const path = folder ? apsm_path_join(folder, name) : NULL;
+    char shown[WORD_SHOWN];
     if (!path)
         scan_no_memory(s);
     else if (!apsm_file_exists(path))
-        scan_refuse(s, APSM_ERR_FORMAT, "its data file '%s' is not there; copy both files", name);
+        scan_refuse(s, APSM_ERR_FORMAT, "its data file '%s' is not there; copy both files",
+                    word_show((word){ name, strlen(name) }, shown));
     else if (input_file_read(s->ctx, path, &m->detached, &m->size) != APSM_OK)
         refuse_data(s);
     m->data = (const unsigned char *)m->detached;

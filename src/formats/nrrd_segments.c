@@ -39,6 +39,8 @@ static void set_name(scan *s, apsm_segment *segment, word value)
     }
     memcpy(name, value.text, value.length);
     name[value.length] = '\0';
+    for (char *c = name; *c; c++)
+        if ((unsigned char)*c < ' ' || *c == '\x7f') *c = '?'; /* it may be shown */
     free(segment->name);
     segment->name = name;
 }

@@ -81,6 +81,7 @@ static void read_and_check(fixture *f, const char *path, bool is_mesh)
 {
     apsm_mesh mesh = { 0 };
     apsm_volume volume = { 0 };
+    const clock_t start = clock();
     const apsm_status status =
         is_mesh ? apsm_read_mesh(f->ctx, path, &mesh) : apsm_read_volume(f->ctx, path, &volume);
     if (clock() - start > MOST_SECONDS * CLOCKS_PER_SEC) fail_msg("%s: takes too long", path);
@@ -199,7 +200,7 @@ static void damaged_dicom_is_survived(void **state)
     fixture *const f = *state;
     size_t size;
     char *const bytes = scratch_read(APSM_TEST_DATA "/cases/seg/h_seg_gap/seg.dcm", &size);
-    char *const out = malloc(size), folder[SCRATCH_LENGTH * 2];
+    char *const out = malloc(size), folder[SCRATCH_LENGTH + 8];
     snprintf(folder, sizeof folder, "%s/dicom", f->folder);
     assert_int_equal(mkdir(folder, 0777), 0);
     for (uint64_t round = 0; round < rounds; round++) {
