@@ -29,10 +29,10 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 
 apsm_verdict_options apsm_verdict_defaults(void)
 {
-    return (apsm_verdict_options){ .slip_excess = 2.0,
-                                   .slip_size = 0.1,
-                                   .reach_excess = 4.0,
-                                   .reach_size = 0.5,
+    return (apsm_verdict_options){ .slip_excess = 1.5,
+                                   .slip = 0.75,
+                                   .reach_excess = 4.5,
+                                   .reach_size = 0.35,
                                    .off = 2.5,
                                    .off_excess = 5.0,
                                    .size = 1.3,
@@ -58,7 +58,8 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     if (doubts) return doubts;
     doubts |= compare(f->agreement, &f->turn[0], o->likely, APSM_DOUBT_TURNED, APSM_DOUBT_POSE);
     doubts |= compare(f->agreement, &f->turn[1], o->likely, APSM_DOUBT_MIRRORED, APSM_DOUBT_HAND);
-    if (f->slip > o->slip_excess && f->slip_size > o->slip_size) doubts |= 1u << APSM_DOUBT_SLIP;
+    if (f->slip > o->slip_excess && f->slip * f->slip_size > o->slip)
+        doubts |= 1u << APSM_DOUBT_SLIP;
     if (f->reach_excess > o->reach_excess && f->reach > o->reach_size)
         doubts |= 1u << APSM_DOUBT_ENDS;
     doubts |= (unsigned)(f->opposed > 0) << APSM_DOUBT_SIDE;

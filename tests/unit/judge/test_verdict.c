@@ -1,0 +1,264 @@
+/* Judging: kernels against closed forms, faults that are planted in a cohort of known shapes, and
+ * silence about the cohort without them. */
+#include "cmocka_all.h"
+
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "core/random.h"
+#include "core/robust.h"
+#include "geometry/form.h"
+#include "judge/left_out.h"
+#include "judge/verdict.h"
+#include "shapes.h"
+
+enum { I = 8, J = 96 };
+
+/* A lopsided body without symmetry; every shape a little another one. */
+static void body(size_t i, const double u[3], double x[3])
+{
+    apsm_random rng = apsm_random_stream(11, APSM_STREAM_TEST, i, 0);
+    double k[4];
+    for (int c = 0; c < 4; c++) k[c] = 1 + 0.08 * apsm_random_normal(&rng);
+    const double bump = exp(-8 * (1 - (0.6 * u[0] + 0.48 * u[1] + 0.64 * u[2])));
+    const double dent = exp(-6 * (1 - (-0.8 * u[0] + 0.6 * u[1])));
+    const double r = 1 + 0.4 * k[3] * bump - 0.25 * dent + 0.15 * u[0] * u[1];
+    shape_set3(x, 30 * k[0] * r * u[0], 20 * k[1] * r * u[1], 14 * k[2] * r * u[2]);
+}
+
+static void spiral(size_t j, double u[3])
+{
+    const double z = 1 - (2.0 * (double)j + 1) / J, r = sqrt(1 - z * z);
+    u[0] = r * cos(2.399963229728653 * (double)j);
+    u[1] = r * sin(2.399963229728653 * (double)j);
+    u[2] = z;
+}
+
+typedef struct scene {
+    apsm_context *ctx;
+    apsm_cohort cohort;
+    double P[I * J * 3];
+} scene;
+
+static void open_scene(scene *s)
+{
+    static const char *const names[I] = { "a", "b", "c", "d", "e", "f", "g", "h" };
+    apsm_mesh mesh[I];
+    double M[16 * I];
+    s->ctx = apsm_context_new();
+    for (size_t i = 0; i < I; i++) {
+        mesh[i] = shape_icosphere(4);
+        for (size_t v = 0; v < mesh[i].nv; v++) {
+            const double u[3] = { mesh[i].V[3 * v], mesh[i].V[3 * v + 1], mesh[i].V[3 * v + 2] };
+            body(i, u, mesh[i].V + 3 * v);
+        }
+        apsm_affine_identity(M + 16 * i);
+        for (size_t j = 0; j < J; j++) {
+            double u[3];
+            spiral(j, u);
+            body(i, u, s->P + 3 * (J * i + j));
+        }
+    }
+    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, 0, 0, 0, &s->cohort), APSM_OK);
+    for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
+}
+
+static void close_scene(scene *s)
+{
+    apsm_cohort_free(&s->cohort);
+    apsm_context_free(s->ctx);
+}
+
+static void judge(scene *s, unsigned doubts[I])
+{
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    apsm_judgement g;
+    assert_int_equal(apsm_judge(s->ctx, &s->cohort, J, s->P, &g), APSM_OK);
+    for (size_t i = 0; i < I; i++) doubts[i] = apsm_verdict_doubts(&g.shape[i], &options);
+    apsm_judgement_free(&g);
+}
+
+static void right_shapes_pass(void **state)
+{
+    (void)state;
+    static scene s;
+    unsigned doubts[I];
+    open_scene(&s);
+    judge(&s, doubts);
+    for (size_t i = 0; i < I; i++)
+        if (doubts[i]) fail_msg("shape %zu is doubted: %x", i, doubts[i]);
+    close_scene(&s);
+}
+
+/* Shape 3's particles are those of a body that was moved by A: particle j lies where A u_j is. */
+static void misplace(scene *s, const double A[9])
+{
+    for (size_t j = 0; j < J; j++) {
+        double u[3], v[3];
+        spiral(j, u);
+        for (size_t c = 0; c < 3; c++)
+            v[c] = A[3 * c] * u[0] + A[3 * c + 1] * u[1] + A[3 * c + 2] * u[2];
+        body(3, v, s->P + 3 * (J * 3 + j));
+    }
+}
+
+static void only_shape_3(scene *s, unsigned any_of)
+{
+    unsigned doubts[I];
+    judge(s, doubts);
+    if (!(doubts[3] & any_of)) fail_msg("the fault is not found: %x", doubts[3]);
+    for (size_t i = 0; i < I; i++)
+        if (i != 3 && doubts[i]) fail_msg("shape %zu is doubted: %x", i, doubts[i]);
+    close_scene(s);
+}
+
+static void half_turn_is_found(void **state)
+{
+    (void)state;
+    static scene s;
+    const double about_z[9] = { -1, 0, 0, 0, -1, 0, 0, 0, 1 };
+    open_scene(&s);
+    misplace(&s, about_z);
+    only_shape_3(&s, 1u << APSM_DOUBT_TURNED | 1u << APSM_DOUBT_FORM);
+}
+
+static void mirror_image_is_found(void **state)
+{
+    (void)state;
+    static scene s;
+    const double through_x[9] = { -1, 0, 0, 0, 1, 0, 0, 0, 1 };
+    open_scene(&s);
+    misplace(&s, through_x);
+    only_shape_3(&s, 1u << APSM_DOUBT_MIRRORED | 1u << APSM_DOUBT_FORM);
+}
+
+/* A region of shape 3 moves along the surface by about a spacing, fading out. */
+static void slip_is_found(void **state)
+{
+    (void)state;
+    static scene s;
+    const double at[3] = { 0, 1, 0 };
+    open_scene(&s);
+    for (size_t j = 0; j < J; j++) {
+        double u[3], norm = 0;
+        spiral(j, u);
+        const double near = u[0] * at[0] + u[1] * at[1] + u[2] * at[2];
+        u[0] += 0.4 * fmax(near, 0) * fmax(near, 0);
+        for (int c = 0; c < 3; c++) norm += u[c] * u[c];
+        for (int c = 0; c < 3; c++) u[c] /= sqrt(norm);
+        body(3, u, s.P + 3 * (J * 3 + j));
+    }
+    only_shape_3(&s, 1u << APSM_DOUBT_SLIP);
+}
+
+/* The particles keep away from one end of shape 3. */
+static void missed_end_is_found(void **state)
+{
+    (void)state;
+    static scene s;
+    unsigned doubts[I];
+    open_scene(&s);
+    for (size_t j = 0; j < J; j++) {
+        double u[3], norm = 0;
+        spiral(j, u);
+        u[0] = u[0] > 0 ? 0.6 * u[0] : u[0];
+        for (int c = 0; c < 3; c++) norm += u[c] * u[c];
+        for (int c = 0; c < 3; c++) u[c] /= sqrt(norm);
+        body(3, u, s.P + 3 * (J * 3 + j));
+    }
+    judge(&s, doubts);
+    assert_true(doubts[3] & (1u << APSM_DOUBT_ENDS));
+    close_scene(&s);
+}
+
+static void size_of_a_stranger_is_found(void **state)
+{
+    (void)state;
+    apsm_findings f = { .agreement = 1.5, .off = 1.0, .size = 2.0, .size_excess = 12.0 };
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    f.turn[0].agreement = f.turn[1].agreement = 0.5;
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_SIZE);
+    f.size_excess = 2.0; /* the others differ as much */
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 0);
+    f.turn[1].agreement = 1.48;
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_HAND);
+    f.turn[1].agreement = 1.6;
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_MIRRORED);
+}
+
+/* What grooming doubted is settled where form speaks clearly. */
+static void form_settles_notes(void **state)
+{
+    (void)state;
+    apsm_findings f = { .agreement = 1.5 };
+    f.turn[0].agreement = f.turn[1].agreement = 0.5;
+    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE), 0);
+    f.turn[0].agreement = 1.4;
+    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note(NULL, APSM_ASPECT_HAND), 1u << APSM_DOUBT_MIRRORED);
+}
+
+/* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
+ * unit depends on the pose. */
+static void heights_on_a_sphere(void **state)
+{
+    (void)state;
+    apsm_mesh mesh = shape_sphere(5, 20);
+    double *faces = malloc(mesh.nf * APSM_FORM_FACE * sizeof *faces), height[APSM_FORM_SCALES];
+    const double p[3] = { 0, 0, 20 }, n[3] = { 0, 0, 1 }, h = 2;
+    assert_non_null(faces);
+    apsm_form_faces(&mesh, faces);
+    apsm_form_heights(mesh.nf, faces, 1, p, n, h, height);
+    for (int s = 0; s < APSM_FORM_SCALES; s++) {
+        const double r = apsm_form_radius[s] * h, expected = -r / (4 * 20);
+        if (!(fabs(height[s] - expected) < 0.15 * fabs(expected)))
+            fail_msg("scale %d: %g, expected %g", s, height[s], expected);
+    }
+    free(faces);
+    apsm_mesh_free(&mesh);
+}
+
+static void medians_leave_one_out(void **state)
+{
+    (void)state;
+    const double X[5] = { 5, 1, 2, 9, 4 };
+    double out[5], column[5];
+    const double expected[5] = { 3, 4.5, 4.5, 3, 3.5 };
+    robust_left_out_medians(5, 1, X, out, column);
+    for (int i = 0; i < 5; i++) assert_true(out[i] == expected[i]);
+    const double Y[4] = { 1, 2, 3, 100 }, others[4] = { 3, 3, 2, 2 };
+    robust_left_out_medians(4, 1, Y, out, column);
+    for (int i = 0; i < 4; i++) assert_true(out[i] == others[i]);
+    assert_true(robust_excess(4, Y, 3, 0.1, column) > 50);
+}
+
+/* Shapes on a line in shape space are predicted without a rest; one off it is not. */
+static void usual_variation_leaves_no_rest(void **state)
+{
+    (void)state;
+    enum { n = 6, points = 8 };
+    double P[n * points * 3], r[points * 3], most = 0;
+    double *work = malloc(apsm_left_out_work_size(points) * sizeof *work);
+    assert_non_null(work);
+    for (int i = 0; i < n; i++)
+        for (int k = 0; k < points * 3; k++) P[i * points * 3 + k] = k + i * ((k * 7) % 5);
+    assert_int_equal(apsm_left_out_residual(n, points, P, 2, r, work), APSM_OK);
+    for (int k = 0; k < points * 3; k++) most = fmax(most, fabs(r[k]));
+    assert_true(most < 1e-9);
+    P[2 * points * 3 + 4] += 1;
+    assert_int_equal(apsm_left_out_residual(n, points, P, 2, r, work), APSM_OK);
+    assert_true(fabs(r[4]) > 0.8);
+    free(work);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(right_shapes_pass),     cmocka_unit_test(half_turn_is_found),
+        cmocka_unit_test(mirror_image_is_found), cmocka_unit_test(slip_is_found),
+        cmocka_unit_test(missed_end_is_found),   cmocka_unit_test(size_of_a_stranger_is_found),
+        cmocka_unit_test(form_settles_notes),    cmocka_unit_test(heights_on_a_sphere),
+        cmocka_unit_test(medians_leave_one_out), cmocka_unit_test(usual_variation_leaves_no_rest),
+    };
+    return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
+}
