@@ -330,8 +330,8 @@ static json_t *json_thresholds(void)
     return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
                      "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
                      o.off_surface, "coincident", o.coincident, "slip_excess", v.slip_excess,
-                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size,
-                     "off", v.off, "off_excess", v.off_excess, "size", v.size, "size_excess",
+                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size, "off",
+                     v.off, "off_excess", v.off_excess, "size", v.size, "size_excess",
                      v.size_excess, "as_likely", v.likely, "least_shapes", (int)APSM_LEAST_JUDGED);
 }
 
