@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "geometry/vec3.h"
 #include "groom/repair.h"
 
 apsm_groom_options apsm_groom_defaults(void)
@@ -74,6 +75,48 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_rep
                  r->genus == 1 ? "" : "s");
 }
 
+static double half_edge_length(const apsm_mesh *m, size_t h)
+{
+    const uint32_t a = m->F[h], b = m->F[h % 3 == 2 ? h - 2 : h + 1];
+    return sqrt(vec3_distance2(m->V + 3 * a, m->V + 3 * b));
+}
+
+/* Whether one vertex is at the end of all edges longer than half of the longest (out). */
+static bool is_spike(const apsm_mesh *m, uint32_t *vertex, double *most)
+{
+    size_t at = 0;
+    for (size_t h = 1; h < 3 * m->nf; h++)
+        if (half_edge_length(m, h) > half_edge_length(m, at)) at = h;
+    const uint32_t end[2] = { m->F[at], m->F[at % 3 == 2 ? at - 2 : at + 1] };
+    bool all[2] = { true, true };
+    *most = half_edge_length(m, at);
+    for (size_t h = 0; h < 3 * m->nf; h++)
+        for (int k = 0; k < 2; k++)
+            all[k] &= m->F[h] == end[k] || m->F[h % 3 == 2 ? h - 2 : h + 1] == end[k] ||
+                      half_edge_length(m, h) <= 0.5 * *most;
+    *vertex = end[all[0] ? 0 : 1];
+    return all[0] || all[1];
+}
+
+static apsm_status refuse_remesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh,
+                                 apsm_status status)
+{
+    uint32_t v;
+    double most;
+    if (status != APSM_ERR_GEOMETRY)
+        return apsm_fail(ctx, status, "%s: %s", name, apsm_status_text(status));
+    if (!is_spike(mesh, &v, &most))
+        return apsm_fail(ctx, status,
+                         "%s: cannot be remeshed: it consists of needles, triangles far longer "
+                         "than wide; remesh the file with another program, or use --no-remesh",
+                         name);
+    return apsm_fail(ctx, status,
+                     "%s: cannot be remeshed: edges %.3g times as long as the mean one end at a "
+                     "stray vertex near %.6g %.6g %.6g; remove it",
+                     name, most / apsm_mesh_mean_edge(mesh), mesh->V[3 * v], mesh->V[3 * v + 1],
+                     mesh->V[3 * v + 2]);
+}
+
 apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
                          const apsm_remesh_options *opt, apsm_remesh_report *report)
 {
@@ -84,9 +127,7 @@ apsm_status groom_remesh(apsm_context *ctx, const char *name, apsm_mesh *mesh,
     apsm_bvh_free(tree);
     if (status != APSM_OK) {
         *mesh = fine; /* the caller frees it */
-        return apsm_fail(ctx, status, "%s: %s", name,
-                         status == APSM_ERR_MEMORY ? apsm_status_text(status)
-                                                   : "remeshing failed; try fewer or more faces");
+        return refuse_remesh(ctx, name, mesh, status);
     }
     apsm_mesh_free(&fine);
     return APSM_OK;

@@ -30,6 +30,9 @@ static const double lenience = 3.0;                /* of fidelity for slivers */
 static const double split_reach = 0.2; /* a split edge's middle is projected within this length */
 static const double facing_cos = 0.2;  /* projection accepts normals within 78 degrees */
 enum { MOST_VALENCE = 10, RECOVERIES = 2 };
+/* Splitting comes to two or three times the faces wanted at most, but for spikes and needles, of
+ * which it could make faces without end. */
+enum { MOST_BY_TARGET = 8, MOST_BY_INPUT = 2 };
 
 apsm_remesh_options apsm_remesh_defaults(void)
 {
@@ -47,7 +50,8 @@ typedef struct job {
     const apsm_bvh *original;
     const double *original_size; /* of the original's vertices */
     apsm_remesh_options opt;
-    double scale; /* of all sizes, to meet the number of faces */
+    double scale;      /* of all sizes, to meet the number of faces */
+    size_t most_faces; /* that splitting may come to */
 } job;
 
 static double edge_length2(const surgery *s, uint32_t h)
@@ -109,7 +113,9 @@ static apsm_status split_long(job *j)
         for (uint32_t h = 0; h < end; h++) {
             if (!he_live(s, h) || h > s->twin[h]) continue;
             const double most = ldexp(longest * edge_size_at(j, h), k);
-            if (edge_length2(s, h) > most * most) APSM_TRY(split_edge(j, h));
+            if (edge_length2(s, h) <= most * most) continue;
+            if (s->live_f > j->most_faces) return APSM_ERR_GEOMETRY;
+            APSM_TRY(split_edge(j, h));
         }
     }
     return APSM_OK;
@@ -463,6 +469,7 @@ apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     APSM_TRY(check_mesh(ctx, mesh));
     const apsm_mesh *from = apsm_bvh_mesh(original);
     const size_t faces = !o->refine && mesh->nf < o->target_faces ? mesh->nf : o->target_faces;
+    j.most_faces = MOST_BY_TARGET * faces + MOST_BY_INPUT * mesh->nf;
     double common, *size = malloc(from->nv * sizeof *size);
     if (!size) return APSM_ERR_MEMORY;
     j.original_size = size;

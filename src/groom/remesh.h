@@ -45,7 +45,8 @@ typedef struct apsm_remesh_report {
  * hold it without loss.  opt NULL: defaults; report NULL: not wanted (saves the measuring).
  * Scaling mesh by a power of two scales the result exactly.
  *
- * APSM_ERR_GEOMETRY if mesh is not a closed connected manifold.  O(nf log nf) time, O(nf) memory.
+ * APSM_ERR_GEOMETRY if mesh is not a closed connected manifold, or if spikes or needles would need
+ * many times the faces wanted.  O(nf log nf) time, O(nf) memory.
  * Source: Botsch & Kobbelt, "A remeshing approach to multiresolution modeling", SGP 2004;
  * sizes as in Dunyach et al., "Adaptive remeshing for real-time mesh deformation", 2013. */
 apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *original,

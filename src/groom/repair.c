@@ -19,6 +19,8 @@
 
 /* A closed surface with less volume than this, over area^(3/2), is a sheet (a ball has 0.094). */
 static const double least_volume = 1e-6;
+/* Farther out than so many times what is usual, no vertex of a shape is. */
+static const double stray = 1000.0;
 
 void sets_init(uint32_t *parent, size_t n)
 {
@@ -87,6 +89,53 @@ static apsm_status check_input(const repair *r)
     return APSM_OK;
 }
 
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* Median of n values, which are sorted. */
+static double median(double *x, size_t n)
+{
+    qsort(x, n, sizeof *x, by_value);
+    return x[n / 2];
+}
+
+/* The corner farthest from the corners' middle (out), how far that is, and what is usual. */
+static double farthest_corner(const apsm_mesh *m, double *scratch, double *usual,
+                              uint32_t *farthest)
+{
+    const size_t n = 3 * m->nf;
+    double middle[3], most = 0.0;
+    for (size_t c = 0; c < 3; c++) {
+        for (size_t h = 0; h < n; h++) scratch[h] = m->V[3 * m->F[h] + c];
+        middle[c] = median(scratch, n);
+    }
+    for (size_t h = 0; h < n; h++) {
+        scratch[h] = sqrt(vec3_distance2(m->V + 3 * m->F[h], middle));
+        if (scratch[h] > most) most = scratch[h], *farthest = m->F[h];
+    }
+    *usual = median(scratch, n);
+    return most;
+}
+
+/* Beside a vertex so far away all others would count as one. */
+static apsm_status refuse_stray(const repair *r)
+{
+    const apsm_mesh *m = &r->mesh;
+    double usual, *scratch = malloc(3 * m->nf * sizeof *scratch);
+    uint32_t v = 0;
+    if (!scratch) return APSM_ERR_MEMORY;
+    const double most = farthest_corner(m, scratch, &usual, &v);
+    free(scratch);
+    if (!(most > stray * usual) || !(usual > 0.0)) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                     "%s: vertex %u, at %.6g %.6g %.6g, lies %.2g times as far from the middle of "
+                     "the shape as is usual; remove it, or export the mesh again",
+                     r->name, v, m->V[3 * v], m->V[3 * v + 1], m->V[3 * v + 2], most / usual);
+}
+
 static apsm_status something_left(const repair *r)
 {
     if (r->mesh.nf > 0) return APSM_OK;
@@ -137,6 +186,7 @@ static apsm_status check_result(repair *r)
 static apsm_status run(repair *r)
 {
     APSM_TRY(check_input(r));
+    APSM_TRY(refuse_stray(r));
     APSM_TRY(repair_weld(r));
     APSM_TRY(repair_faces(r));
     APSM_TRY(something_left(r));

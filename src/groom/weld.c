@@ -1,4 +1,4 @@
-/* Vertices that coincide, by hashing cells of a grid, and faces that degenerate or occur twice. */
+/* Vertices that coincide, by hashing cells of a grid. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -89,85 +89,4 @@ apsm_status repair_weld(repair *r)
     free(g.next);
     free(same);
     return ok ? APSM_OK : APSM_ERR_MEMORY;
-}
-
-/* A face by its corners in ascending order. */
-typedef struct named_face {
-    uint32_t corner[3], face;
-    int even; /* 1 if the corners were an even permutation of the ascending order, else -1 */
-} named_face;
-
-static named_face name_face(const uint32_t *F, uint32_t f)
-{
-    named_face n = { { F[3 * f], F[3 * f + 1], F[3 * f + 2] }, f, 1 };
-    for (int pass = 0; pass < 2; pass++)
-        for (int k = 0; k < 2; k++)
-            if (n.corner[k] > n.corner[k + 1]) {
-                const uint32_t t = n.corner[k];
-                n.corner[k] = n.corner[k + 1];
-                n.corner[k + 1] = t;
-                n.even = -n.even;
-            }
-    return n;
-}
-
-static int by_corners(const void *a, const void *b)
-{
-    const named_face *p = a, *q = b;
-    for (int k = 0; k < 3; k++)
-        if (p->corner[k] != q->corner[k]) return p->corner[k] < q->corner[k] ? -1 : 1;
-    return p->face < q->face ? -1 : p->face > q->face;
-}
-
-/* Of equal faces that face the same way one stays; a pair back to back encloses nothing and goes
- * altogether. */
-static size_t mark_duplicates(const named_face *list, size_t n, unsigned char *drop)
-{
-    size_t dropped = 0;
-    for (size_t i = 0, end; i < n; i = end) {
-        int balance = 0;
-        for (end = i; end < n && !memcmp(list[end].corner, list[i].corner, sizeof list[i].corner);
-             end++)
-            balance += list[end].even;
-        bool kept = balance == 0 && end - i > 1;
-        for (size_t k = i; k < end; k++) {
-            if (!kept && (balance >= 0) == (list[k].even > 0)) {
-                kept = true;
-                continue;
-            }
-            drop[list[k].face] = 1;
-            dropped++;
-        }
-    }
-    return dropped;
-}
-
-apsm_status repair_faces(repair *r)
-{
-    apsm_mesh *m = &r->mesh;
-    const size_t nv = m->nv;
-    unsigned char *drop = calloc(m->nf, 1);
-    named_face *list = malloc(m->nf * sizeof *list);
-    apsm_status status = drop && list ? APSM_OK : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        size_t n = 0, repeated = 0;
-        for (uint32_t f = 0; f < m->nf; f++) {
-            list[n] = name_face(m->F, f);
-            const uint32_t *c = list[n].corner;
-            if (c[0] == c[1] || c[1] == c[2]) {
-                drop[f] = 1;
-                repeated++;
-            } else {
-                n++;
-            }
-        }
-        qsort(list, n, sizeof *list, by_corners);
-        r->report->degenerate_faces += repeated;
-        r->report->duplicate_faces += mark_duplicates(list, n, drop);
-        status = repair_drop(m, drop);
-        r->report->unused_vertices = nv - m->nv - r->report->merged_vertices;
-    }
-    free(drop);
-    free(list);
-    return status;
 }

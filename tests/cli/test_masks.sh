@@ -36,4 +36,22 @@ grep -qE '"cropped": 0\.0[,}]?$' forced/manifest.json && fail "--cuts crop: says
 [ "$(grep -c 'cropped to what all shapes hold' forced/manifest.json)" = 3 ] ||
     fail "--cuts crop: not three notes"
 
+# ---- 500 faces on both sides: counted once, and by a divergence sum over the unique faces ----
+volume=$(awk 'BEGIN { n = 0 } /^end_header/ { body = 1; next } /^element vertex/ { nv = $3 } !body { next }
+    n < nv { x[n] = $1; y[n] = $2; z[n] = $3; n++; next }
+    { a = $2; b = $3; c = $4; lo = a < b ? a : b; lo = lo < c ? lo : c
+      hi = a > b ? a : b; hi = hi > c ? hi : c; key = lo " " a + b + c - lo - hi " " hi
+      if (key in seen) next
+      seen[key] = 1
+      v += x[a] * (y[b] * z[c] - y[c] * z[b]) + y[a] * (z[b] * x[c] - z[c] * x[b]) \
+         + z[a] * (x[b] * y[c] - x[c] * y[b]) }
+    END { printf "%.6f", v / 6 }' "$cases/dup_reversed.ply")
+expect 0 "500 duplicate faces dropped" groom "$cases/dup_reversed.ply" -o doubled --no-remesh
+awk -F '[:,]' -v is="$volume" '/"volume"/ { found = 1; if ($2 / is > 1.0001 || $2 / is < .9999) exit 1 }
+    END { if (!found) exit 1 }' doubled/manifest.json || fail "doubled faces: volume is not $volume"
+
+# ---- a vertex far away: one line, soon ----
+expect 1 "stray vertex near 1000" check "$cases/one_1000.vtk"
+[ "$(wc -l <said)" -le 2 ] || fail "one far vertex: $(cat said)"
+
 exit $failed
