@@ -128,8 +128,7 @@ static apsm_status decide_pairs(const apsm_mesh *m, unsigned char *fate)
         sets_init(patch, m->nf);
         weigh_patches(edge, list_edges(m, fate, edge), fate, patch, balance);
         for (uint32_t f = 0; f < m->nf; f++)
-            if (fate[f] == PAIRED)
-                fate[f] = all || balance[sets_root(patch, f)] > 0 ? STAYS : GOES;
+            if (fate[f] == PAIRED) fate[f] = all || balance[sets_root(patch, f)] > 0 ? STAYS : GOES;
     }
     free(edge);
     free(patch);
