@@ -11,9 +11,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/points_file.h"
-#include "apsm/warp.h"
+#include "apsm/particles.h"
 #include "geometry/vec3.h"
+#include "model/warp.h"
 #include "truth_world.h"
 
 typedef struct model {

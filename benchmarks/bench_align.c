@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "groom/align.h"
 #include "shapes.h"
 

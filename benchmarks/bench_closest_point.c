@@ -1,8 +1,8 @@
 /* Closest points and rays on a torus of 10,080 and of 50,904 faces.  Limit of a query: the bytes of
  * one way down the tree (a node of 128 bytes a level, two leaves of 608) at the rate of memory; for
  * comparison the same by trying all triangles. */
-#include "apsm/bvh.h"
 #include "bench.h"
+#include "geometry/bvh.h"
 #include "shapes.h"
 
 enum { QUERIES = 20000, FEW = 50 };

@@ -9,9 +9,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "apsm/metrics.h"
-#include "apsm/particles_file.h"
 #include "apsm/run.h"
+#include "evaluate/metrics.h"
+#include "files/particles_file.h"
 #include "optimize/fidelity.h"
 #include "optimize/reseat.h"
 #include "run/certify.h"

@@ -3,8 +3,8 @@
  * time different from I = 8, J = 128, R/J = 16, 10,242 vertices and one thread.  One line of JSON a
  * run: CPU milliseconds of a shape's epoch in either stage (Algorithm 1 included), and wall time.
  */
-#include "apsm/affine.h"
 #include "bench.h"
+#include "geometry/affine.h"
 #include "optimize/optimizer.h"
 #include "synthetic.h"
 

@@ -5,11 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
-#include "apsm/input.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "groom/align.h"
+#include "input/input.h"
 
 enum { POINTS = 400 };
 

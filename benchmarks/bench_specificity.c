@@ -3,8 +3,8 @@
  * organs, 0 (all alike) the worst case of the search for the nearest shape.  Limits: the distances
  * of every sample to every shape, 6 J operations each, for one mode, and the Gram matrix of the
  * shapes, both at dgemm's rate. */
-#include "apsm/metrics.h"
 #include "bench.h"
+#include "evaluate/metrics.h"
 
 enum { SAMPLES = 1000 };
 

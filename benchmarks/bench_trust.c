@@ -13,12 +13,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
-#include "apsm/points_file.h"
+#include "apsm/particles.h"
 #include "core/random.h"
+#include "files/particles_file.h"
 #include "folder/model_folder.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "judge/judge.h"
 #include "optimize/correspondence_loss.h"

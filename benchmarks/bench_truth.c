@@ -19,8 +19,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/metrics.h"
-#include "apsm/points_file.h"
+#include "apsm/particles.h"
+#include "evaluate/metrics.h"
 #include "geometry/vec3.h"
 #include "optimize/correspondence_loss.h"
 #include "synthetic.h"

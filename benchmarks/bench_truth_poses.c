@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 #include "truth_world.h"
 
 /* present (nv): whether the vertex is on the groomed mesh, and not where the shape was cut off. */

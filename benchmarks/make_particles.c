@@ -7,8 +7,8 @@
 #include <stdlib.h>
 
 #include "apsm/context.h"
-#include "apsm/particles_file.h"
 #include "bench.h"
+#include "files/particles_file.h"
 
 /* J places on an ellipsoid, spread by the golden angle. */
 static void place(size_t J, double *x)

@@ -3,8 +3,8 @@
 #ifndef APSM_BENCHMARKS_SURFACE_SCENE_H
 #define APSM_BENCHMARKS_SURFACE_SCENE_H
 
-#include "apsm/bvh.h"
 #include "bench.h"
+#include "geometry/bvh.h"
 #include "initialize/farthest_point.h"
 #include "shapes.h"
 

@@ -5,9 +5,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
-#include "apsm/project.h"
+#include "files/project.h"
+#include "geometry/affine.h"
 
 /* Ends the program if something failed. */
 static inline void must(apsm_context *ctx, apsm_status status)

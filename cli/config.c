@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/input.h"
+#include "files/files.h"
+#include "input/input.h"
 #include "options_table.h"
 
 /* What the manifest notes beside options. */

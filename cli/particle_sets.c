@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
-#include "apsm/input.h"
-#include "apsm/points_file.h"
-#include "apsm/project.h"
+#include "apsm/particles.h"
+#include "files/files.h"
+#include "files/project.h"
+#include "geometry/affine.h"
+#include "input/input.h"
 
 static apsm_status out_of_memory(apsm_context *ctx)
 {

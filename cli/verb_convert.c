@@ -7,9 +7,9 @@
 #include <strings.h>
 #include <sys/stat.h>
 
-#include "apsm/files.h"
-#include "apsm/points_file.h"
-#include "apsm/project.h"
+#include "apsm/particles.h"
+#include "files/files.h"
+#include "files/project.h"
 #include "particle_sets.h"
 #include "verbs.h"
 

@@ -7,11 +7,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
 #include "apsm/formats.h"
-#include "apsm/metrics.h"
 #include "apsm/options.h"
-#include "apsm/points_file.h"
+#include "apsm/particles.h"
+#include "evaluate/metrics.h"
+#include "geometry/bvh.h"
 #include "particle_sets.h"
 #include "verbs.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/render.h"
+#include "files/files.h"
 #include "verbs.h"
 
 /* ---- Options ---- */

@@ -2,8 +2,8 @@
 #include <stdint.h>
 #include <stdlib.h>
 
-#include "apsm/files.h"
 #include "apsm/statistics.h"
+#include "files/files.h"
 #include "verbs.h"
 
 /* *n <- a whole number from least to most. */

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "assemble/job.h"
+#include "files/files.h"
 #include "folder/names.h"
 
 /* ---- the folder ---- */

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/project.h"
 #include "assemble/job.h"
+#include "files/files.h"
+#include "files/project.h"
 
 static bool is_separator(char c)
 {

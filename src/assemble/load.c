@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
 #include "assemble/job.h"
+#include "files/files.h"
+#include "files/particles_file.h"
 #include "files/project_columns.h"
+#include "geometry/affine.h"
 
 apsm_parts joint_parts(const joint_cohort *cohort)
 {

@@ -4,9 +4,9 @@
 #include <string.h>
 #include <strings.h>
 
-#include "apsm/files.h"
-#include "apsm/project.h"
 #include "assemble/job.h"
+#include "files/files.h"
+#include "files/project.h"
 
 enum { PARTS_MOST = 64, NAME_MOST = 40 };
 

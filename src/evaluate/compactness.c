@@ -1,6 +1,6 @@
 /* Compactness: share of the variance that the first m modes have (ShapeWorks' and the paper's
  * definition agree). */
-#include "apsm/metrics.h"
+#include "evaluate/metrics.h"
 
 void apsm_compactness(const apsm_shape_model *model, double *compactness)
 {

@@ -1,7 +1,7 @@
 /* The named definitions of the metrics. */
 #include <stdint.h>
 
-#include "apsm/metrics.h"
+#include "evaluate/metrics.h"
 
 typedef struct definition {
     const char *name, *text, *warning;

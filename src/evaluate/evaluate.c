@@ -1,7 +1,7 @@
 /* All metrics of a cohort in one call. */
 #include <stdlib.h>
 
-#include "apsm/metrics.h"
+#include "evaluate/metrics.h"
 
 void apsm_evaluation_free(apsm_evaluation *e)
 {

@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/metrics.h"
 #include "evaluate/blocks.h"
 #include "evaluate/downdate.h"
+#include "evaluate/metrics.h"
 #include "linalg/linalg.h"
 
 enum { SLAB = 4 }; /* blocks of particles in one product */

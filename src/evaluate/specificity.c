@@ -12,9 +12,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/metrics.h"
 #include "core/random.h"
 #include "evaluate/blocks.h"
+#include "evaluate/metrics.h"
 #include "linalg/linalg.h"
 
 enum { CHUNK = 10 }; /* samples of a task: fixed, so that sums do not depend on threads */

@@ -3,7 +3,7 @@
  * are those of ShapeWorks' correspondence report (2026): a vertex of the shape stands for a third
  * of the area of its triangles, and disagreement shows on the shape what a pull alone can only show
  * on the reconstruction. */
-#include "apsm/surface_distance.h"
+#include "evaluate/surface_distance.h"
 
 #include <math.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
 /* Particle files: parsed line by line, strictly, so that a broken one never passes for a shorter
  * one (ShapeWorks' reader stops silently at the first thing it cannot read). */
-#include "apsm/particles_file.h"
+#include "files/particles_file.h"
 
 #include <errno.h>
 #include <math.h>

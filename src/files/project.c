@@ -1,6 +1,6 @@
 /* Projects in memory. */
 #define _DEFAULT_SOURCE /* strcasecmp */
-#include "apsm/project.h"
+#include "files/project.h"
 
 #include <errno.h>
 #include <stdio.h>

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/particles_file.h"
 #include "files/io.h"
+#include "files/particles_file.h"
 #include "files/project_columns.h"
 
 typedef struct checking {

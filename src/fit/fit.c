@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/topology.h"
 #include "evaluate/surface_distance.h"
 #include "fit/landmarks.h"
 #include "fit/part.h"
 #include "fit/tail.h"
+#include "geometry/affine.h"
+#include "geometry/topology.h"
 #include "groom/groom.h"
 #include "optimize/fidelity_shape.h"
 

@@ -5,11 +5,11 @@
 
 #include "apsm/fit.h"
 #include "apsm/options.h"
-#include "apsm/shape_model.h"
 #include "fit/posterior.h"
 #include "groom/align.h"
 #include "groom/registration.h"
 #include "initialize/cohort.h"
+#include "model/shape_model.h"
 #include "optimize/fidelity.h"
 
 enum {

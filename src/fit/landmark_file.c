@@ -6,7 +6,7 @@
 #include <string.h>
 #include <strings.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 
 enum { MOST_BYTES = 1 << 26, FIELDS = 16 };
 

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "fit/rigid.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"
 #include "optimize/fidelity_shape.h"

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "files/checkpoint_file.h"
+#include "files/files.h"
 
 enum { VERSION = 1, SIZES = 6 };
 static const char kind[16] = "apsm-fit-model";

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/statistics.h"
 #include "core/random.h"
+#include "files/files.h"
 #include "fit/norm_model.h"
 #include "fit/tail.h"
 #include "folder/model_folder.h"

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
-#include "apsm/particles_file.h"
+#include "files/files.h"
+#include "files/particles_file.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "optimize/fidelity_shape.h"
 

@@ -4,9 +4,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "fit/part.h"
 #include "fit/rigid.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 enum { POSES = 5, FIRST_ROUNDS = 8, LAST_ROUNDS = 14 };

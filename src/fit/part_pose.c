@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "fit/part.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 enum {

@@ -3,7 +3,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 
 size_t fit_rigid_size(const posterior_model *m)
 {

@@ -3,13 +3,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/input.h"
-#include "apsm/points_file.h"
-#include "apsm/topology.h"
+#include "apsm/particles.h"
+#include "files/files.h"
 #include "fit/landmark_file.h"
 #include "fit/outputs.h"
+#include "geometry/topology.h"
 #include "groom/groom.h"
+#include "input/input.h"
 
 typedef struct session {
     const apsm_fit_settings *settings;

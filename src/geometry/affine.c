@@ -7,7 +7,7 @@
  *   M x = s R (x - mx) + my
  * SVD (Hestenes 1958): rotate pairs of columns of A until all are orthogonal; their lengths are
  * the singular values.  Small singular values keep their relative accuracy. */
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 
 #include <float.h>
 #include <math.h>

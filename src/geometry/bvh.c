@@ -13,15 +13,15 @@
  * Signs: Baerentzen & Aanaes, "Signed distance computation using the angle weighted
  * pseudonormal", IEEE TVCG 11, 2005.  Rays: Woop, Benthin & Wald, "Watertight ray/triangle
  * intersection", JCGT 2, 2013: no ray slips through an edge. */
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 #include <float.h>
 #include <string.h>
 
-#include "apsm/topology.h"
 #include "core/kernel.h"
 #include "geometry/bvh_guess.h"
 #include "geometry/bvh_tree.h"
+#include "geometry/topology.h"
 #include "geometry/vec3.h"
 
 enum { STACK = 256, WAIT = 24 };

@@ -13,10 +13,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/topology.h"
 #include "core/kernel.h"
 #include "geometry/bvh_tree.h"
 #include "geometry/stored.h"
+#include "geometry/topology.h"
 #include "geometry/vec3.h"
 
 enum { BINS = 16, FEW = 32, DEEP = 40 };

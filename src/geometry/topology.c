@@ -4,7 +4,7 @@
  * lie side by side, and such a run is an edge with all its faces.  Two counting passes sort them
  * in O(nv + nf).  Faces with a repeated corner enclose nothing; they take no part, so their
  * neighbours meet across them. */
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 
 #include <stdlib.h>
 #include <string.h>

@@ -13,8 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/bvh.h"
+#include "geometry/affine.h"
+#include "geometry/bvh.h"
 
 /* Whether the row at y, z has the projected edge a b (of vertices i, j) on its right. */
 static bool is_left_of(const double *V, uint32_t i, uint32_t j, double y, double z)

@@ -14,8 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/robust.h"
+#include "geometry/affine.h"
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 #include "groom/align.h"

@@ -14,10 +14,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "apsm/bvh.h"
 #include "apsm/context.h"
 #include "apsm/mesh.h"
 #include "apsm/options.h" /* APSM_ALIGN_RIGID, ..., APSM_MIRROR_WARN, ... */
+#include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "geometry/face.h"
 #include "groom/align.h"
 #include "groom/icp.h"

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 static const double cosine_same = 0.8660; /* two cuts of one end: 30 degrees */

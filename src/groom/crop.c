@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "geometry/vec3.h"
 #include "groom/common_ends.h"
 #include "groom/repair.h"

@@ -18,7 +18,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "groom/align.h"
 #include "groom/icp.h"

@@ -31,8 +31,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/kernel.h"
+#include "geometry/affine.h"
 #include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"

@@ -12,7 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "groom/align.h"
 #include "groom/icp.h"

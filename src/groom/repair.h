@@ -3,8 +3,8 @@
 #ifndef APSM_GROOM_REPAIR_H
 #define APSM_GROOM_REPAIR_H
 
-#include "apsm/topology.h"
 #include "geometry/face.h"
+#include "geometry/topology.h"
 #include "groom/groom.h"
 
 typedef struct repair {

@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/isosurface.h"
 #include "groom/agreement.h"
 #include "groom/antialias.h"

@@ -7,7 +7,7 @@
 
 #include <stdbool.h>
 
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 
 typedef struct surgery {
     size_t nv, nf;       /* in use, removed ones included */

@@ -2,12 +2,12 @@
 #ifndef APSM_COHORT_H
 #define APSM_COHORT_H
 
-#include "apsm/bvh.h"
 #include "apsm/mesh.h"
-#include "apsm/topology.h"
 #include "files/store.h"
+#include "geometry/bvh.h"
 #include "geometry/distance_field.h"
 #include "geometry/geodesic.h"
+#include "geometry/topology.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -3,7 +3,7 @@
 #ifndef APSM_PROJECTION_H
 #define APSM_PROJECTION_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 #include "groom/registration.h"
 
 #ifdef __cplusplus

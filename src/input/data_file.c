@@ -6,8 +6,8 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "apsm/input.h"
 #include "files/io.h"
+#include "input/input.h"
 
 enum { LINE = 4096, MOST_LINES = 1000 };
 

@@ -1,6 +1,6 @@
 /* INPUT arguments to cases.  The order of cases is that of their names, so that a folder, its
  * files one by one, and any order of these on the command line are the same study. */
-#include "apsm/input.h"
+#include "input/input.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -13,7 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "input/names.h"
 #include "input/search.h"
 

@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/input.h"
 #include "geometry/isosurface.h"
+#include "input/input.h"
 
 /* What the values look like. */
 typedef struct survey {

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <strings.h>
 
-#include "apsm/files.h"
-#include "apsm/input.h"
+#include "files/files.h"
+#include "input/input.h"
 
 void apsm_labels_free(apsm_labels *labels)
 {

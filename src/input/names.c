@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 
 /* A path as its components, the last without its extension. */
 typedef struct parts {

@@ -3,7 +3,7 @@
 #ifndef APSM_INPUT_NAMES_H
 #define APSM_INPUT_NAMES_H
 
-#include "apsm/input.h"
+#include "input/input.h"
 
 /* Gives every case of the list that has none its name (malloc'ed).  subject01/seg.nii.gz,
  * subject02/seg.nii.gz: subject01, subject02; left/p1.ply, right/p1.ply: left_p1, right_p1.  They

@@ -1,5 +1,5 @@
 /* Particle sets by the extension of their file. */
-#include "apsm/points_file.h"
+#include "apsm/particles.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -7,7 +7,7 @@
 #include <strings.h>
 
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
+#include "files/particles_file.h"
 #include "files/point_formats.h"
 
 typedef apsm_status (*read_fn)(apsm_context *, const char *, size_t *, double **);

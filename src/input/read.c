@@ -2,7 +2,7 @@
 #include <stdlib.h>
 
 #include "apsm/formats.h"
-#include "apsm/input.h"
+#include "input/input.h"
 
 void apsm_input_shape_free(apsm_input_shape *shape)
 {

@@ -11,7 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "input/glob.h"
 
 enum { DEEPEST = 32, MOST_LOOKED_AT_BELOW = 20000 };

@@ -2,7 +2,7 @@
 #ifndef APSM_INPUT_SEARCH_H
 #define APSM_INPUT_SEARCH_H
 
-#include "apsm/input.h"
+#include "input/input.h"
 
 typedef struct search_hit {
     char *path;    /* folder/within */

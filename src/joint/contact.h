@@ -2,7 +2,7 @@
 #ifndef APSM_JOINT_CONTACT_H
 #define APSM_JOINT_CONTACT_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 typedef struct apsm_contact {
     double gap; /* least distance of a vertex of either from the other's surface; 0 if they touch */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "model/procrustes.h"
 
 void apsm_parts_take(const apsm_parts *parts, size_t d, size_t I, const double *P, double *X)

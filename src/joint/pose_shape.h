@@ -4,8 +4,8 @@
 #ifndef APSM_JOINT_POSE_SHAPE_H
 #define APSM_JOINT_POSE_SHAPE_H
 
-#include "apsm/shape_model.h"
 #include "joint/parts.h"
+#include "model/shape_model.h"
 
 /* Of I subjects with n parts and J particles in all.  Owns everything; zero-initialise with {0},
  * apsm_pose_shape_free leaves it so.  Lengths in the unit of the particles. */

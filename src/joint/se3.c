@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 /* Largest of the four squares first: no cancellation. */

@@ -12,7 +12,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 

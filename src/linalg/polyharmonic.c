@@ -13,7 +13,7 @@
  * Half the work of LU, and no pivoting.  A' = A - V W^T - W V^T with W = Z - V S/2, Z = A V T,
  * S = T^T V^T Z.  A is swept twice, for A V and for A', and each time made anew row by row: square
  * roots cost less than memory. */
-#include "apsm/polyharmonic.h"
+#include "linalg/polyharmonic.h"
 
 #include <math.h>
 #include <string.h>

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 
 apsm_procrustes_options apsm_procrustes_defaults(void)
 {

@@ -3,7 +3,7 @@
  *   G = Y Y^T = Q diag(s^2) Q^T   (I x I)
  *   mode_k = s_k^-1 (row k of Q^T) Y,   variance_k = s_k^2 / (I - 1),   score_ik = s_k Q_ik
  * so the 3J x 3J covariance is never made. */
-#include "apsm/shape_model.h"
+#include "model/shape_model.h"
 
 #include <math.h>
 #include <stdlib.h>

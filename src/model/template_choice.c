@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
-#include "apsm/warp.h"
+#include "geometry/bvh.h"
 #include "geometry/vec3.h"
 #include "groom/align.h"
 #include "groom/registration.h"
 #include "initialize/projection.h"
+#include "model/warp.h"
 
 enum { CANDIDATES = 10, OTHERS = 6, MOST = CANDIDATES + OTHERS };
 enum { POINTS = 128, VERTICES = 500 };

@@ -3,7 +3,7 @@
  * positions of the warped vertices are W times the target's particles; an affine part makes W
  * reproduce the identity.  Particles that coincide are one centre, whose column is shared equally
  * among them. */
-#include "apsm/warp.h"
+#include "model/warp.h"
 
 #include <math.h>
 #include <stdlib.h>

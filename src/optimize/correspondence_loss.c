@@ -14,7 +14,7 @@
 
 #include "geometry/vec3.h"
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 
 enum { Q = APSM_NEIGHBOURS };
 

@@ -2,7 +2,7 @@
 #ifndef APSM_OPTIMIZE_FIDELITY_SHAPE_H
 #define APSM_OPTIMIZE_FIDELITY_SHAPE_H
 
-#include "apsm/warp.h"
+#include "model/warp.h"
 #include "optimize/certificate.h"
 #include "optimize/fidelity.h"
 

@@ -8,7 +8,7 @@
 #ifndef APSM_GEODESIC_CORRESPONDENCE_H
 #define APSM_GEODESIC_CORRESPONDENCE_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 #include "geometry/geodesic.h"
 
 #ifdef __cplusplus

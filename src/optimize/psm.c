@@ -29,7 +29,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "model/procrustes.h"
 #include "optimize/psm_entropy.h"

@@ -5,7 +5,7 @@
 #ifndef APSM_RBF_SHAPE_H
 #define APSM_RBF_SHAPE_H
 
-#include "apsm/polyharmonic.h"
+#include "linalg/polyharmonic.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -14,8 +14,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/warp.h"
 #include "geometry/vec3.h"
+#include "model/warp.h"
 
 enum { MOST_SHAPES = 64, SWEEPS = 40 };
 static const double most_contrast = 8; /* of g against its mean */

@@ -2,7 +2,7 @@
 #ifndef APSM_SNAP_H
 #define APSM_SNAP_H
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -2,7 +2,7 @@
 #ifndef APSM_OPTIMIZE_WORKSPACE_H
 #define APSM_OPTIMIZE_WORKSPACE_H
 
-#include "apsm/polyharmonic.h"
+#include "linalg/polyharmonic.h"
 #include "optimize/fidelity.h"
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"

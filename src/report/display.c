@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/surface_distance.h"
+#include "evaluate/surface_distance.h"
 #include "report/template_surface.h"
 
 /* Faces that are shown: of all shapes together about this many, which a browser draws smoothly

@@ -2,8 +2,8 @@
 #ifndef APSM_REPORT_DISPLAY_H
 #define APSM_REPORT_DISPLAY_H
 
-#include "apsm/warp.h"
 #include "folder/model_folder.h"
+#include "model/warp.h"
 
 /* One shape and its reconstruction: the template's mesh warped to the shape's particles. */
 typedef struct display_shape {

@@ -5,7 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 
 struct json_t;
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "report/text.h"
 
 apsm_status picture_make(apsm_context *ctx, size_t width, size_t height, picture *p)

@@ -4,9 +4,9 @@
 #ifndef APSM_REPORT_TEMPLATE_SURFACE_H
 #define APSM_REPORT_TEMPLATE_SURFACE_H
 
-#include "apsm/bvh.h"
-#include "apsm/warp.h"
 #include "folder/model_folder.h"
+#include "geometry/bvh.h"
+#include "model/warp.h"
 
 /* Owns everything but m.  Zero-initialise with {0}; template_surface_free leaves it so. */
 typedef struct template_surface {

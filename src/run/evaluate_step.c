@@ -5,11 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
+#include "files/particles_file.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
+#include "geometry/affine.h"
 #include "run/certify.h"
 #include "run/guard.h"
 #include "run/manifest.h"

@@ -3,7 +3,7 @@
 #ifndef APSM_RUN_INPUT_CHECK_H
 #define APSM_RUN_INPUT_CHECK_H
 
-#include "apsm/input.h"
+#include "input/input.h"
 #include "run/session.h"
 
 /* An input of the manifest, and what is there now.  Texts are borrowed from the manifest; those

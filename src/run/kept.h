@@ -5,8 +5,8 @@
 #ifndef APSM_RUN_KEPT_H
 #define APSM_RUN_KEPT_H
 
-#include "apsm/input.h"
 #include "groom/groom.h"
+#include "input/input.h"
 #include "run/session.h"
 
 /* With --resume, before options are settled: if grooming was under way, its options are the

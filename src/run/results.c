@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "run/session.h"
 
 void run_forget_results(apsm_run *run)

@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
 #include "files/stored.h"
+#include "geometry/affine.h"
 #include "geometry/stored.h"
 #include "run/kept.h"
 #include "run/session.h"

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/shape_model.h"
 #include "linalg/linalg.h"
+#include "model/shape_model.h"
 
 enum { LEAST = 4 };
 static const double kept_share = 0.9;

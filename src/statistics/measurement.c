@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
-#include "apsm/files.h"
 #include "apsm/options.h"
+#include "files/files.h"
+#include "geometry/bvh.h"
 #include "geometry/vec3.h"
 #include "statistics/primitive.h"
 

@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/particles.h"
+#include "files/files.h"
 
 void particle_files_free(particle_files *files)
 {

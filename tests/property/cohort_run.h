@@ -2,8 +2,8 @@
 #ifndef APSM_TEST_COHORT_RUN_H
 #define APSM_TEST_COHORT_RUN_H
 
-#include "apsm/affine.h"
 #include "cmocka_all.h"
+#include "geometry/affine.h"
 #include "optimize/optimizer.h"
 #include "synthetic.h"
 

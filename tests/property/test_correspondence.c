@@ -1,7 +1,7 @@
 /* The optimisation finds the correspondence of cohorts where it is known, and every part that
  * claims to help does. */
-#include "apsm/metrics.h"
 #include "cohort_run.h"
+#include "evaluate/metrics.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -7,10 +7,10 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "apsm/files.h"
-#include "apsm/points_file.h"
-#include "apsm/project.h"
+#include "apsm/particles.h"
 #include "core/random.h"
+#include "files/files.h"
+#include "files/project.h"
 #include "folder.h"
 
 static const char *const extensions[] = { ".particles", ".lpts",     ".wpts", ".csv",

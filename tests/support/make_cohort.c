@@ -16,8 +16,8 @@
 
 #include "anatomy.h"
 #include "apsm/context.h"
-#include "apsm/files.h"
 #include "apsm/formats.h"
+#include "files/files.h"
 #include "make_cohort.h"
 #include "mesh_mask.h"
 #include "mesh_mess.h"

@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/volume.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 
 /* Signed distance at x, negative inside (exact near the surface). */
 typedef double (*solid_fn)(const double x[3]);

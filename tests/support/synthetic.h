@@ -7,7 +7,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 #include "shapes.h"
 
 typedef enum synthetic_kind {

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/metrics.h"
 #include "core/random.h"
+#include "evaluate/metrics.h"
 
 /* I shapes of J particles about a mean away from the origin, from `modes` random modes whose
  * standard deviations are 5 k^-1, k = 1, 2, ...  The caller frees. */

@@ -10,8 +10,8 @@
 #include <string.h>
 #include <sys/resource.h>
 
-#include "apsm/files.h"
 #include "files/checkpoint_file.h"
+#include "files/files.h"
 #include "folder.h"
 
 static apsm_context *ctx;

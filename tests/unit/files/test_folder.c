@@ -6,7 +6,7 @@
 
 #include <cmocka.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder.h"
 
 static apsm_context *ctx;

@@ -10,7 +10,7 @@
 #include <string.h>
 #include <sys/resource.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "files/journal.h"
 #include "folder.h"
 

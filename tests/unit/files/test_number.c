@@ -11,9 +11,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/particles_file.h"
 #include "core/random.h"
+#include "files/files.h"
+#include "files/particles_file.h"
 #include "folder.h"
 #include "locale_comma.h"
 

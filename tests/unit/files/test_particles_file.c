@@ -9,8 +9,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/particles_file.h"
+#include "files/files.h"
+#include "files/particles_file.h"
 #include "folder.h"
 
 static apsm_context *ctx;

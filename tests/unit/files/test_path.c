@@ -10,7 +10,7 @@
 #include <sys/wait.h>
 #include <time.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder.h"
 
 static apsm_context *ctx;

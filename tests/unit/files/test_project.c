@@ -9,9 +9,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/files.h"
-#include "apsm/particles_file.h"
-#include "apsm/project.h"
+#include "files/files.h"
+#include "files/particles_file.h"
+#include "files/project.h"
 #include "folder.h"
 
 static apsm_context *ctx;

@@ -8,7 +8,7 @@
 
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder.h"
 
 static void digest(const char *text, size_t size, size_t step, char hex[65])

@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "core/random.h"
+#include "files/files.h"
 #include "files/sheets.h"
 #include "folder.h"
 

@@ -12,7 +12,7 @@
 #include <sys/resource.h>
 #include <sys/wait.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder.h"
 
 static apsm_context *ctx;

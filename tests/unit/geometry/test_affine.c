@@ -2,8 +2,8 @@
 
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 
 static void random_matrix(apsm_random *rng, double A[9])
 {

@@ -1,8 +1,8 @@
 #include "cmocka_all.h"
 
-#include "apsm/affine.h"
-#include "apsm/bvh.h"
 #include "core/random.h"
+#include "geometry/affine.h"
+#include "geometry/bvh.h"
 #include "geometry/bvh_guess.h"
 #include "shapes.h"
 

@@ -1,7 +1,7 @@
 #include "cmocka_all.h"
 
-#include "apsm/affine.h"
 #include "apsm/mesh.h"
+#include "geometry/affine.h"
 #include "shapes.h"
 
 static const double pi = 3.14159265358979323846;

@@ -1,6 +1,6 @@
 #include "cmocka_all.h"
 
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "shapes.h"
 
 static apsm_mesh_defects inspect(const apsm_mesh *mesh)

@@ -2,9 +2,9 @@
 #ifndef APSM_TEST_ALIGN_SHAPES_H
 #define APSM_TEST_ALIGN_SHAPES_H
 
-#include "apsm/affine.h"
 #include "cmocka_all.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "groom/align.h"
 #include "shapes.h"
 

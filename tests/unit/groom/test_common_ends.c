@@ -1,6 +1,6 @@
 /* Shapes cut off at different places: where all of them still are, and cropping to it. */
 #include "align_shapes.h"
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "groom/common_ends.h"
 
 enum { SHAPES = 6 };

@@ -7,7 +7,7 @@
 
 #include <cmocka.h>
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 #include "groom/registration.h"
 #include "shapes.h"
 

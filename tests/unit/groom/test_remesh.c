@@ -1,7 +1,7 @@
 /* Remeshing: what must hold on shapes with sharp tips, thin sheets, handles, slivers. */
 #include "cmocka_all.h"
 
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "groom/remesh.h"
 #include "shapes.h"
 

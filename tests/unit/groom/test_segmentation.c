@@ -1,8 +1,8 @@
 /* Segmentations of known bodies, voxels long and short, mirrored and turned. */
 #include "cmocka_all.h"
 
-#include "apsm/bvh.h"
-#include "apsm/topology.h"
+#include "geometry/bvh.h"
+#include "geometry/topology.h"
 #include "groom/groom.h"
 #include "solids.h"
 

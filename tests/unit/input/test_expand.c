@@ -8,7 +8,7 @@
 #include <unistd.h>
 
 #include "apsm/formats.h"
-#include "apsm/input.h"
+#include "input/input.h"
 #include "scratch.h"
 #include "shapes.h"
 

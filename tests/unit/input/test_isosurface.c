@@ -8,8 +8,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/topology.h"
 #include "geometry/isosurface.h"
+#include "geometry/topology.h"
 
 enum { N = 41 };
 static const size_t n[3] = { N, N + 2, N + 4 };

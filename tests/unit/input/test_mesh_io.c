@@ -8,7 +8,7 @@
 #include <math.h>
 
 #include "apsm/formats.h"
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "scratch.h"
 #include "shapes.h"
 

@@ -3,7 +3,7 @@
 #include "cmocka_all.h"
 
 #include "apsm/formats.h"
-#include "apsm/points_file.h"
+#include "apsm/particles.h"
 #include "check.h"
 #include "folder.h"
 #include "locale_comma.h"

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "joint/pose_shape.h"
 #include "joint/se3.h"
 

@@ -7,9 +7,9 @@
 
 #include <math.h>
 
-#include "apsm/polyharmonic.h"
 #include "check.h"
 #include "golden.h"
+#include "linalg/polyharmonic.h"
 
 /* A factor with its memory. */
 typedef struct fit {

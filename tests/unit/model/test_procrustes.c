@@ -7,8 +7,8 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
+#include "geometry/affine.h"
 #include "model/procrustes.h"
 
 enum { I = 6, J = 20, N = 3 * J };

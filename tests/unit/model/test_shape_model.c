@@ -6,9 +6,9 @@
 
 #include <cmocka.h>
 
-#include "apsm/shape_model.h"
 #include "core/random.h"
 #include "golden.h"
+#include "model/shape_model.h"
 
 static apsm_context *ctx;
 

@@ -9,7 +9,7 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "model/template_choice.h"
 #include "synthetic.h"
 

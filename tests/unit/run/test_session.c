@@ -3,8 +3,8 @@
 
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/run.h"
+#include "files/files.h"
 #include "folder.h"
 #include "locale_comma.h"
 #include "run/session.h"
