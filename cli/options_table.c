@@ -55,7 +55,10 @@ static const cli_option own[] = {
       "table of the subjects (.csv, .tsv): a header, then a line each, first the shape's name",
       NULL },
     { "on", 0, CLI_ON, CLI_GROUP_INPUT, CLI_TEST, "WORD", NULL, NULL,
-      "form (shape and size), shape (size taken out), size or modes (default form)", NULL },
+      "form (shape and size), shape (size taken out), size, modes, or a column of numbers such as "
+      "a "
+      "measurement (default form)",
+      NULL },
     { "within", 0, CLI_WITHIN, CLI_GROUP_INPUT, CLI_TEST, "COLUMN", NULL, NULL,
       "who was measured repeatedly: compares within each of its levels only", NULL },
     { "permutations", 0, CLI_PERMUTATIONS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,

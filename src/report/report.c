@@ -11,6 +11,7 @@
 #include "apsm/files.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"
+#include "report/answers.h"
 #include "report/colours.h"
 #include "report/display.h"
 #include "report/pack.h"
@@ -256,9 +257,11 @@ static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
     apsm_writer *out = NULL;
     char *title = title_of(c->m->path);
     if (!title) return APSM_ERR_MEMORY;
-    json_t *root = compose(c, title);
+    json_t *root = compose(c, title), *answers = NULL;
     free(title);
-    apsm_status status = apsm_writer_open(ctx, path, &out);
+    apsm_status status = answers_read(ctx, c->m, &answers);
+    if (answers) json_object_set_new(root, "answers", answers);
+    if (status == APSM_OK) status = apsm_writer_open(ctx, path, &out);
     if (status == APSM_OK) {
         status = write_page(ctx, c, root, out);
         if (status == APSM_OK)

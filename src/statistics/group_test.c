@@ -9,6 +9,7 @@
 #include "apsm/files.h"
 #include "apsm/statistics.h"
 #include "folder/model_folder.h"
+#include "folder/names.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 #include "statistics/classify.h"
@@ -19,14 +20,15 @@
 enum { TEST_VERSION = 1, PERMUTATIONS = 10000, BOOTSTRAPS = 1000, NEIGHBOURS = 6, FOLDS = 10 };
 static const double alpha = 0.05, power = 0.8, modes_share = 0.95;
 
-typedef enum test_on { ON_FORM, ON_SHAPE, ON_SIZE, ON_MODES, ON_COUNT } test_on;
-static const char *const on_words[] = { "form", "shape", "size", "modes" };
+typedef enum test_on { ON_FORM, ON_SHAPE, ON_SIZE, ON_MODES, ON_COLUMN, ON_COUNT } test_on;
+static const char *const on_words[] = { "form", "shape", "size", "modes", "column" };
 static const char *const on_texts[] = {
     "form: particles as the model has them, size included",
     "shape: particles scaled to one centroid size and aligned by generalised Procrustes",
     "size: centroid size, the root of the sum of squared distances of the particles from their "
     "centroid",
-    "modes: scores of the modes that hold 95 % of the variance"
+    "modes: scores of the modes that hold 95 % of the variance",
+    "column: a column of numbers of the table"
 };
 
 /* An effect that is told: a name and a contrast of the tested coefficients. */
@@ -43,8 +45,8 @@ typedef struct group_test {
     model_folder m;
     apsm_table table;
     apsm_formula formula;
-    const apsm_column *within;
-    size_t N, *row; /* subjects that are used */
+    const apsm_column *within, *response; /* of --on COLUMN; NULL else */
+    size_t N, *row;                       /* subjects that are used */
     size_t *block, *stratum;
     apsm_design design;
     size_t V, w;
@@ -62,15 +64,23 @@ typedef struct group_test {
 
 /* ---- what is given ---- */
 
-static apsm_status take_on(group_test *t)
+/* A word that is none of ours may be a column of numbers: find_response looks. */
+static void take_on(group_test *t)
 {
     const char *word = t->s->on ? t->s->on : on_words[ON_FORM];
-    for (int k = 0; k < ON_COUNT; k++)
-        if (strcmp(word, on_words[k]) == 0) {
-            t->on = (test_on)k;
-            return APSM_OK;
-        }
-    return apsm_fail(t->ctx, APSM_ERR_ARG, "--on '%s': give form, shape, size or modes", word);
+    t->on = ON_COLUMN;
+    for (int k = 0; k < ON_COLUMN; k++)
+        if (strcmp(word, on_words[k]) == 0) t->on = (test_on)k;
+}
+
+static apsm_status find_response(group_test *t)
+{
+    if (t->on != ON_COLUMN) return APSM_OK;
+    t->response = apsm_table_find(&t->table, t->s->on);
+    if (t->response && !t->response->category) return APSM_OK;
+    return apsm_fail(t->ctx, APSM_ERR_ARG,
+                     "--on '%s': give form, shape, size or modes, or a column of numbers",
+                     t->s->on);
 }
 
 /* Centroid sizes, which are a column too. */
@@ -91,17 +101,17 @@ static apsm_status add_sizes(group_test *t)
 
 static apsm_status read_all(group_test *t)
 {
-    APSM_TRY(take_on(t));
+    take_on(t);
     if (!t->s->formula || !*t->s->formula)
         return apsm_fail(t->ctx, APSM_ERR_ARG,
                          "no formula; say what to test, such as --formula \"~ group + age\"");
     APSM_TRY(model_folder_read(
         t->ctx, t->s->folder,
         FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_CERTIFIED, &t->m));
-    APSM_TRY(apsm_table_from_project(t->ctx, &t->m.project, &t->table));
+    APSM_TRY(apsm_table_gather(t->ctx, t->s->folder, t->s->subjects, &t->m.project, t->m.names,
+                               &t->table));
     APSM_TRY(add_sizes(t));
-    if (t->s->subjects)
-        APSM_TRY(apsm_table_read(t->ctx, t->s->subjects, t->m.I, t->m.names, &t->table));
+    APSM_TRY(find_response(t));
     APSM_TRY(apsm_formula_parse(t->ctx, t->s->formula, t->s->of, &t->table, &t->formula));
     if (!t->s->within) return APSM_OK;
     t->within = apsm_table_find(&t->table, t->s->within);
@@ -132,7 +142,11 @@ static const apsm_column *tested_category(const group_test *t)
 
 static apsm_status choose_rows(group_test *t)
 {
+    size_t N = 0;
     APSM_TRY(apsm_formula_rows(&t->formula, t->within, &t->table, &t->row, &t->N));
+    for (size_t i = 0; i < t->N; i++)
+        if (!t->response || !isnan(t->response->value[t->row[i]])) t->row[N++] = t->row[i];
+    t->N = N;
     if (t->N < t->m.I)
         apsm_log(t->ctx, APSM_LOG_WARNING,
                  "%zu of %zu shapes are left out: a value of the formula is unknown for them",
@@ -184,21 +198,22 @@ static apsm_status take_numbers(group_test *t)
 {
     const apsm_shape_model *m = &t->m.model;
     t->w = 1;
-    t->V = t->on == ON_SIZE ? 1 : modes_tested(m);
+    t->V = t->on == ON_MODES ? modes_tested(m) : 1;
     if (t->V == 0) return apsm_fail(t->ctx, APSM_ERR_STATE, "%s: has no modes", t->s->folder);
     t->Y = malloc((t->N * t->V + 1) * sizeof *t->Y);
     if (!t->Y) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < t->N; i++)
         for (size_t v = 0; v < t->V; v++)
-            t->Y[i * t->V + v] =
-                t->on == ON_SIZE ? t->size[t->row[i]] : m->score[t->row[i] * m->modes + v];
+            t->Y[i * t->V + v] = t->response        ? t->response->value[t->row[i]]
+                                 : t->on == ON_SIZE ? t->size[t->row[i]]
+                                                    : m->score[t->row[i] * m->modes + v];
     return APSM_OK;
 }
 
 static apsm_status take_variables(group_test *t)
 {
     APSM_TRY(take_particles(t));
-    if (t->on == ON_SIZE || t->on == ON_MODES) return take_numbers(t);
+    if (t->on != ON_FORM && t->on != ON_SHAPE) return take_numbers(t);
     t->w = 3;
     t->V = t->m.J;
     t->Y = t->P;
@@ -345,6 +360,12 @@ static apsm_status classify(group_test *t)
 
 /* ---- results ---- */
 
+/* What was tested, in one word. */
+static const char *on_word(const group_test *t)
+{
+    return t->response ? t->response->name : on_words[t->on];
+}
+
 static json_t *json_effects(const group_test *t)
 {
     json_t *list = json_array();
@@ -398,17 +419,18 @@ static json_t *json_detectable(const group_test *t)
                      apsm_detectable_shift(n[0], n[1], alpha / (double)t->V, power));
 }
 
-static json_t *json_result(const group_test *t)
+static json_t *json_result(const group_test *t, const char *model_sha256)
 {
     const apsm_permutation_result *r = &t->result;
     char of[200];
     apsm_term_name(&t->formula.term[t->formula.of], sizeof of, of);
     json_t *root = json_pack("{s:s, s:i, s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:b}", "format",
                              "apsm-test", "version", TEST_VERSION, "formula", t->s->formula, "of",
-                             of, "on", on_words[t->on], "on_text", on_texts[t->on], "subjects",
+                             of, "on", on_word(t), "on_text", on_texts[t->on], "subjects",
                              (json_int_t)t->N, "coefficients", (json_int_t)t->design.q,
                              "permutations", (json_int_t)r->permutations, "exact", r->exact);
     if (!root) return NULL;
+    json_object_set_new(root, "model_sha256", json_string(model_sha256));
     json_object_set_new(root, "within", t->s->within ? json_string(t->s->within) : json_null());
     json_object_set_new(root, "left_out", json_names(t, false, false));
     json_object_set_new(root, "not_certified", json_names(t, true, true));
@@ -456,7 +478,7 @@ static void write_numbers(apsm_writer *csv, const group_test *t, size_t v)
 
 static apsm_status write_csv(const group_test *t, const char *path)
 {
-    static const char *const first[] = { "particle", "particle", "size", "mode" };
+    static const char *const first[] = { "particle", "particle", "size", "mode", "column" };
     apsm_writer *csv = NULL;
     APSM_TRY(apsm_writer_open(t->ctx, path, &csv));
     apsm_writer_printf(csv, "%s%s,statistic,p,p_familywise,q,p_cluster,share", first[t->on],
@@ -482,19 +504,28 @@ static apsm_status write_csv(const group_test *t, const char *path)
     return apsm_writer_commit(csv);
 }
 
+static apsm_status hash_model(const group_test *t, char hex[65])
+{
+    char *path = model_folder_path(&t->m, FOLDER_MODEL);
+    const apsm_status status = path ? apsm_sha256_file(t->ctx, path, hex) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
+}
+
 /* Only files of ours are replaced: the folder is the model's own, or the user's to name. */
 static apsm_status write_results(const group_test *t)
 {
-    char of[120], name[200];
+    char of[120], name[200], sha256[65] = "";
     char *folder = t->s->out ? strdup(t->s->out) : apsm_path_join(t->s->folder, "statistics");
     apsm_term_name(&t->formula.term[t->formula.of], sizeof of, of);
-    for (char *c = of; *c; c++)
-        if (*c == '/' || *c == ':' || *c == '.') *c = '_';
     apsm_status status = folder ? apsm_make_folder(t->ctx, folder) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = hash_model(t, sha256);
     for (int k = 0; k < 2 && status == APSM_OK; k++) {
-        snprintf(name, sizeof name, "%s_%s.%s", of, on_words[t->on], k ? "csv" : "json");
+        snprintf(name, sizeof name, "%s_%.60s.%s", of, on_word(t), k ? "csv" : "json");
+        for (char *c = name; c < strrchr(name, '.'); c++)
+            if (*c == '/' || *c == ':' || *c == '.') *c = '_';
         char *path = apsm_path_join(folder, name);
-        json_t *root = k == 0 ? json_result(t) : NULL;
+        json_t *root = k == 0 ? json_result(t, sha256) : NULL;
         status = !path    ? APSM_ERR_MEMORY
                  : k == 0 ? apsm_json_write(t->ctx, path, root)
                           : write_csv(t, path);
@@ -521,7 +552,7 @@ static void tell(const group_test *t)
     apsm_log(t->ctx, APSM_LOG_INFO,
              "%s on %s of %zu subjects: p = %.4g (%s%zu orders), %.1f %% of the variance that the "
              "other terms leave",
-             of, on_words[t->on], t->N, r->p_ratio, r->exact ? "all " : "", r->permutations,
+             of, on_word(t), t->N, r->p_ratio, r->exact ? "all " : "", r->permutations,
              100 * r->ratio / (1 + r->ratio));
     if (t->V > 1)
         apsm_log(t->ctx, APSM_LOG_INFO,
@@ -571,6 +602,8 @@ apsm_status apsm_statistics_test(apsm_context *ctx, const apsm_test_settings *se
     if (status == APSM_OK) status = measure_effects(&t);
     if (status == APSM_OK) status = classify(&t);
     if (status == APSM_OK) status = write_results(&t);
+    if (status == APSM_OK && settings->subjects && !settings->out)
+        status = apsm_table_keep(ctx, settings->folder, settings->subjects, t.m.I, t.m.names);
     if (status == APSM_OK) tell(&t);
     group_test_free(&t);
     return status;

@@ -410,8 +410,8 @@ static apsm_status read_all(measuring *w)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "measure: no model folder or no definition");
     APSM_TRY(model_folder_read(w->ctx, s->folder,
                                FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED, &w->m));
-    APSM_TRY(apsm_table_from_project(w->ctx, &w->m.project, &w->table));
-    if (s->subjects) APSM_TRY(apsm_table_read(w->ctx, s->subjects, w->m.I, w->m.names, &w->table));
+    APSM_TRY(
+        apsm_table_gather(w->ctx, s->folder, s->subjects, &w->m.project, w->m.names, &w->table));
     APSM_TRY(measurement_list_read(w->ctx, s->definition, &w->m, &w->list));
     return particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->more);
 }

@@ -350,3 +350,71 @@ apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const
     free(data);
     return status;
 }
+
+/* ---- kept in a model folder ---- */
+
+static const char kept_name[] = "statistics/subjects.csv";
+
+apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I,
+                                 const char *const *names, apsm_table *table)
+{
+    char *path = apsm_path_join(folder, kept_name);
+    if (!path) return APSM_ERR_MEMORY;
+    const apsm_status status =
+        apsm_file_exists(path) ? apsm_table_read(ctx, path, I, names, table) : APSM_OK;
+    free(path);
+    return status;
+}
+
+static void write_value(apsm_writer *csv, const apsm_column *c, size_t i)
+{
+    apsm_writer_printf(csv, ",");
+    if (isnan(c->value[i])) return;
+    if (c->category)
+        apsm_writer_csv(csv, c->level[(size_t)c->value[i]]);
+    else
+        apsm_writer_number(csv, c->value[i]);
+}
+
+static apsm_status write_table(apsm_context *ctx, const char *path, const char *const *names,
+                               const apsm_table *table)
+{
+    apsm_writer *csv = NULL;
+    APSM_TRY(apsm_writer_open(ctx, path, &csv));
+    apsm_writer_printf(csv, "name");
+    for (size_t k = 0; k < table->n; k++) {
+        apsm_writer_printf(csv, ",");
+        apsm_writer_csv(csv, table->column[k].name);
+    }
+    apsm_writer_printf(csv, "\n");
+    for (size_t i = 0; i < table->I; i++) {
+        apsm_writer_csv(csv, names[i]);
+        for (size_t k = 0; k < table->n; k++) write_value(csv, &table->column[k], i);
+        apsm_writer_printf(csv, "\n");
+    }
+    return apsm_writer_commit(csv);
+}
+
+apsm_status apsm_table_keep(apsm_context *ctx, const char *folder, const char *subjects, size_t I,
+                            const char *const *names)
+{
+    apsm_table table = { .I = I };
+    char *path = apsm_path_join(folder, kept_name), *inner = apsm_path_join(folder, "statistics");
+    apsm_status status = path && inner ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_make_folder(ctx, inner);
+    if (status == APSM_OK) status = apsm_table_read(ctx, subjects, I, names, &table);
+    if (status == APSM_OK) status = write_table(ctx, path, names, &table);
+    apsm_table_free(&table);
+    free(inner);
+    free(path);
+    return status;
+}
+
+apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char *subjects,
+                              const apsm_project *project, const char *const *names,
+                              apsm_table *table)
+{
+    APSM_TRY(apsm_table_from_project(ctx, project, table));
+    if (subjects) return apsm_table_read(ctx, subjects, project->n, names, table);
+    return apsm_table_read_kept(ctx, folder, project->n, names, table);
+}

@@ -36,6 +36,18 @@ apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *proje
 apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
                             apsm_table *table) APSM_NODISCARD;
 
+/* The table that an earlier test or measurement was given, or nothing: statistics/subjects.csv of a
+ * model folder, which this reads and the next writes. */
+apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I,
+                                 const char *const *names, apsm_table *table) APSM_NODISCARD;
+/* Keeps the columns that the file `subjects` has, for the report and the next test. */
+apsm_status apsm_table_keep(apsm_context *ctx, const char *folder, const char *subjects, size_t I,
+                            const char *const *names) APSM_NODISCARD;
+/* What commands do: the project's columns, and those of the file, or of the one that was kept. */
+apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char *subjects,
+                              const apsm_project *project, const char *const *names,
+                              apsm_table *table) APSM_NODISCARD;
+
 /* Adds a column of numbers (I, copied); one of that name is replaced. */
 apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value) APSM_NODISCARD;
 

@@ -102,6 +102,12 @@ awk -v g="$got" -v w="$want" 'BEGIN { d = g - w; exit !(d * d < 1e-10 * w * w) }
 # A table for test: volumes of the groups differ by 1.2^3.
 "$apsm" test model --subjects model/statistics/measurements.csv --formula '~ volume + age' \
     --permutations 200 --quiet || fail "a measurement is no column"
+"$apsm" test model --formula '~ group' --on volume --quiet || fail "a measurement cannot be tested"
+p=$(number model/statistics/group_volume.json p) # the table is kept in the folder
+awk -v p="$p" 'BEGIN { exit !(p < 0.01) }' || fail "volumes that differ by 1.7: p = $p"
+"$apsm" report model --quiet || fail "no report"
+sed -i 's/"model_sha256": "[0-9a-f]*/&0/' model/statistics/group_volume.json
+"$apsm" report model 2>&1 | grep -q "is of another model" || fail "results of another model are shown"
 rm -r model/statistics
 "$apsm" measure model define.json --quiet && "$apsm" verify model >said 2>&1 ||
     fail "verify does not know measurements: $(tail -n 1 said)"

@@ -32,6 +32,11 @@ function makeModel() {
   c.per_shape[3]["mismatched_1.5_2.0"] = [5];
   Object.assign(c, { verdict: "needs review", certified: 7 });
   writeFileSync(path, JSON.stringify(c));
+  // A table whose texts are as strange as the names, and a test by it.
+  const table = join(folder, "table.csv"), quoted = (text) => `"${text.replaceAll('"', '""')}"`;
+  const names = JSON.parse(readFileSync(join(model, "project.swproj"), "utf8")).data.map((row) => row.name);
+  writeFileSync(table, ["name,side,age", ...names.map((n, i) => `${quoted(n)},${quoted(i % 2 ? "left" : HARM)},${20 + ((i * 5) % 7)}`)].join("\n"));
+  run("test", model, "--subjects", table, "--formula", "~ side + age", "--permutations", "200", "--bootstraps", "50", "-q");
   run("report", model, "-q");
   const before = readFileSync(join(model, "report.html"));
   run("report", model, "-q", "--threads", "1");
@@ -254,6 +259,23 @@ const tests = {
     assert.equal(await page.locator("#quality svg .point").count(), 8);
     await page.locator("#quality svg .point").nth(3).press("Enter");
     assert.equal(await page.evaluate(() => apsmReport.state.chosen), 3);
+  },
+  async "a test is told, drawn, cut off at a threshold, and moves from group to group"(page) {
+    const canvas = "#answers canvas";
+    await show(page, canvas);
+    assert.match(await page.textContent("#answers"), /side: p = /);
+    assert.ok((await page.textContent("#answers")).includes(HARM));
+    assert.equal(await page.evaluate(() => window.harmed), undefined);
+    const all = await look(page, canvas);
+    assert.ok(all.vivid > 0.02, "no effect to be seen");
+    await page.locator("#answers input[type=range]").first().fill("-4");
+    await settle(page);
+    assert.ok((await look(page, canvas)).vivid < 0.02, "coloured beyond the threshold");
+    await page.getByRole("button", { name: "left", exact: true }).click();
+    await settle(page);
+    assert.match(await page.textContent("#answers .split"), /mean of left/);
+    assert.equal(await page.locator("#answers .wide circle.point").count(), 8);
+    assert.equal(await page.locator("#answers .wide svg > path[style*=stroke]").count(), 2);
   },
   async "a click in the certificate goes to the place"(page) {
     await page.getByTitle("show particle 7 on c", { exact: true }).click();

@@ -83,7 +83,7 @@ export function histogram({ series, hi, bins = 40 }) {
 }
 
 /** points: [{name, x, y, title, chosen, always}]; names are placed where they collide with nothing. */
-export function scatter({ title, points, xLabel, yLabel, onpick, ring }) {
+export function scatter({ title, points, xLabel, yLabel, onpick, ring, under = null }) {
   const reach = Math.max(ring, ...points.map((p) => Math.max(Math.abs(p.x), Math.abs(p.y)))) * 1.08;
   const width = W - LEFT - RIGHT, height = H - TOP - BOTTOM, unit = Math.min(width, height) / (2 * reach);
   const wide = reach * (width / Math.min(width, height)), high = reach * (height / Math.min(width, height));
@@ -111,10 +111,37 @@ export function scatter({ title, points, xLabel, yLabel, onpick, ring }) {
     { title, x, y, xLabel, yLabel, xTicks: ticks(-wide, wide, 6), yTicks: ticks(-high, high) },
     svg("circle", { class: "axis", cx: x(0), cy: y(0), r: ring * unit, "stroke-dasharray": "3 4" }),
     svg("path", { class: "mesh", d: `M${x(0)} ${TOP}V${H - BOTTOM}` }),
+    under?.(x, y),
     points.map((p) =>
       svg("circle",
-        { class: p.chosen ? "point chosen" : "point", cx: x(p.x), cy: y(p.y), r: 5, tabindex: 0, role: "button", "aria-label": p.title, onclick: pick(p), onkeydown: pick(p) },
-        svg("title", {}, p.title))),
+        { class: p.chosen ? "point chosen" : "point", style: p.colour && `fill:${p.colour}${p.colour === "transparent" ? ";stroke:var(--control)" : ""}`, cx: x(p.x), cy: y(p.y), r: 5, tabindex: 0, role: "button", "aria-label": p.title, onclick: pick(p), onkeydown: pick(p) },
+        svg("title", { style: p.colour && "fill:var(--text)" }, p.title))),
     ordered.map(label),
   );
+}
+
+/** The path of the ellipse that holds 95 % of a normal distribution with the points' mean and covariance. */
+function ellipse(points, x, y) {
+  const n = points.length, reach = Math.sqrt(5.991);
+  if (n < 3) return null;
+  const mx = points.reduce((a, p) => a + p.x, 0) / n, my = points.reduce((a, p) => a + p.y, 0) / n;
+  let xx = 0, xy = 0, yy = 0;
+  for (const p of points) { xx += (p.x - mx) ** 2; xy += (p.x - mx) * (p.y - my); yy += (p.y - my) ** 2; }
+  const a = Math.sqrt(xx / (n - 1)), b = a > 0 ? xy / (n - 1) / a : 0, c = Math.sqrt(Math.max(yy / (n - 1) - b * b, 0));
+  const at = (k) => {
+    const u = reach * Math.cos((k * Math.PI) / 36), v = reach * Math.sin((k * Math.PI) / 36);
+    return `${x(mx + a * u).toFixed(1)} ${y(my + b * u + c * v).toFixed(1)}`;
+  };
+  return `M${Array.from({ length: 72 }, (_, k) => at(k)).join("L")}Z`;
+}
+
+/** scatter with a colour for every point, and an ellipse for every group that has one. */
+export function colourScatter({ points, ellipses, ...rest }) {
+  const groups = new Map();
+  for (const p of points) if (p.group !== null && p.group !== undefined) groups.set(p.group, [...(groups.get(p.group) ?? []), p]);
+  const under = (x, y) => [...groups.values()].map((g) => {
+    const d = ellipse(g, x, y);
+    return d && svg("path", { d, style: `fill:none;stroke:${g[0].colour};stroke-width:1.5` });
+  });
+  return scatter({ points, ...rest, under: ellipses ? under : null });
 }

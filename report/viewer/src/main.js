@@ -4,6 +4,7 @@ import { median, normalsAt, outliers, readModel, vertexNormals } from "./data.js
 import { cssGradient, palettes, particleColours } from "./colors.js";
 import * as gl from "./gl.js";
 import { curve, histogram, scatter } from "./charts.js";
+import { fillAnswers } from "./answers.js";
 
 const state = {
   chosen: 0, // shape
@@ -628,6 +629,7 @@ async function start() {
   const tiles = fillCohort(findOutliers());
   fidelity = fillFidelity();
   fillQuality();
+  fillAnswers(model, { makeView, legend, shorts, choose: (i) => chooseShape(i, { go: true }), surfaceGeometry: gl.surfaceGeometry });
   fillCertificate();
   fillProvenance();
   chooseShape(worstShape());

@@ -1,0 +1,231 @@
+// What tests have found: sentences, tables, maps on the mean surface, and the scores coloured by what is
+// known of the subjects.  All figures come from the results of `apsm test`; nothing is tested here.
+import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
+import { vertexNormals } from "./data.js";
+import { colourAt, cssGradient, palettes } from "./colors.js";
+import { colourScatter } from "./charts.js";
+
+const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a1f1f", "#5b3a8c"];
+const pText = (p) => (p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
+
+// ---- from particles to the surface ----
+
+/** Weights of the eight nearest particles at every vertex, falling off with the spacing. */
+function weightsAt(V, P) {
+  const n = V.length / 3, J = P.length / 3, K = Math.min(8, J);
+  const index = new Uint32Array(n * K), weight = new Float32Array(n * K), d2 = new Float64Array(J);
+  const order = new Uint32Array(J);
+  for (let v = 0; v < n; v++) {
+    for (let j = 0; j < J; j++) {
+      const x = V[3 * v] - P[3 * j], y = V[3 * v + 1] - P[3 * j + 1], z = V[3 * v + 2] - P[3 * j + 2];
+      d2[j] = x * x + y * y + z * z;
+      order[j] = j;
+    }
+    for (let k = 0; k < K; k++) { // the K least, in place
+      let best = k;
+      for (let j = k + 1; j < J; j++) if (d2[order[j]] < d2[order[best]]) best = j;
+      [order[k], order[best]] = [order[best], order[k]];
+    }
+    const reach = 0.35 * d2[order[K - 1]] || 1;
+    let sum = 0;
+    for (let k = 0; k < K; k++) sum += weight[v * K + k] = Math.exp(-(d2[order[k]] - d2[order[0]]) / reach);
+    for (let k = 0; k < K; k++) { weight[v * K + k] /= sum; index[v * K + k] = order[k]; }
+  }
+  const spread = (values, width, out) => {
+    out.fill(0);
+    for (let v = 0; v < n; v++)
+      for (let k = 0; k < K; k++)
+        for (let c = 0; c < width; c++) out[v * width + c] += weight[v * K + k] * values[index[v * K + k] * width + c];
+    return out;
+  };
+  return { spread, nearest: (v) => index[v * K] };
+}
+
+// ---- one test ----
+
+const correction = { p_familywise: "family-wise", p_cluster: "by clusters", q: "false discovery rate", p_uncorrected: "uncorrected" };
+
+function sentence(t) {
+  const what = { form: "form (shape and size)", shape: "shape (size taken out)", size: "size", modes: "modes" }[t.on] ?? t.on;
+  const strength = t.p <= 0.05 ? "goes with" : "is not shown to go with";
+  return `${what[0].toUpperCase()}${what.slice(1)} ${strength} ${t.of}: p = ${pText(t.p)}, ${percent(t.share_of_variance)} of the variance that the other terms leave.`;
+}
+const orders = (t) => t.exact ? `all ${t.permutations.toLocaleString("en")} orders of the subjects` : `${t.permutations.toLocaleString("en")} random orders of the subjects`;
+
+function methods(t) {
+  const many = t.statistic.length > 1, particles = t.p_cluster !== undefined;
+  return `The effect of ${t.of} on ${t.on_text} was tested in ${t.subjects} subjects with the linear model ${t.formula}` +
+    `${t.within ? `, within ${t.within},` : ""} by permutation (Freedman and Lane), with ${orders(t)}` +
+    `${t.exact ? "" : ` (standard error of p ${show(t.p_standard_error, 2)})`}. ` +
+    "All variables together were tested by the ratio of explained to residual sums of squares. " +
+    (particles ? "Single particles were tested by Lawley and Hotelling\u2019s trace of their three coordinates, " : many ? "Single variables were tested by the same ratio, " : "") +
+    (many ? "corrected for their number by the largest of all (family-wise) and by Benjamini and Hochberg\u2019s false discovery rate" : "") +
+    (particles ? ", and with threshold-free cluster enhancement over the graph of the six nearest particles" : "") + (many ? ". " : "") +
+    (t.effects[0]?.low ? "Bands of effects are 95 % percentile bootstrap intervals. " : "") +
+    (t.classification ? `Groups were told apart with ${t.classification.folds}-fold cross-validation, all steps within the folds, and DeLong\u2019s interval. ` : "") +
+    (t.left_out.length ? `${plural(t.left_out.length, "subject")} with unknown values ${t.left_out.length === 1 ? "was" : "were"} left out. ` : "") +
+    "Computed with apsm.";
+}
+
+function copyButton(text, label = "Copy") {
+  const button = el("button", { type: "button", onclick: async () => {
+    try {
+      await navigator.clipboard.writeText(text());
+      button.textContent = "Copied";
+    } catch (error) {
+      button.textContent = "Your browser does not let pages copy: select and copy by hand";
+    }
+    setTimeout(() => (button.textContent = label), 2500);
+  } }, label);
+  return button;
+}
+
+function figuresOf(t) {
+  const rows = [["p, all together", pText(t.p)], ["share of variance", percent(t.share_of_variance)], ["subjects", String(t.subjects)], ["orders", `${t.permutations.toLocaleString("en")}${t.exact ? ", all" : ""}`]];
+  const unit = t.p_cluster ? "particles" : "variables";
+  if (t.statistic.length > 1)
+    for (const [key, word] of Object.entries(correction))
+      if (t[key]) rows.push([`${unit} at 5 %, ${word}`, `${t[key].filter((p) => p <= 0.05).length} of ${t[key].length}`]);
+  const c = t.classification, d = t.detectable;
+  if (c) rows.push(["area under the ROC curve", `${show(c.auc, 2)} (95 %: ${show(c.auc_low, 2)} to ${show(c.auc_high, 2)})`]);
+  if (d) rows.push(["shift found 4 times in 5", `${show(d.one_variable, 2)} sd of one variable, ${show(d.any_of_all, 2)} of any`]);
+  if (t.statistic.length === 1 && t.effects.length)
+    for (const e of t.effects)
+      rows.push([e.name, `${show(e.along_normal[0])}${e.low ? ` (95 %: ${show(e.low[0])} to ${show(e.high[0])})` : ""}`]);
+  return rows;
+}
+
+/** The mean surface with a test's map on it, and a slider from group to group. */
+function mapOf(t, stage) {
+  const { V0, F, N0, at, tools } = stage;
+  const V = V0.slice(), N = N0.slice(), value = new Float32Array(V.length / 3), D = new Float32Array(V.length), one = new Float32Array(V.length / 3);
+  const surface = tools.surfaceGeometry(V, F, N, value);
+  const { view, box } = tools.makeView(`mean surface with the effect of ${t.of}`);
+  const state = { effect: 0, what: "along", by: t.p_cluster ? "p_cluster" : "p_familywise", limit: 1, amount: 0 };
+  const key = el("div"), told = el("p", { class: "small soft", "aria-live": "polite" }), ends = el("span", { class: "value" });
+  const difference = / minus /.test(t.effects[0].name) && !/mean of all/.test(t.effects[0].name);
+  const signedOf = (e) => e.along_normal, maps = {
+    along: ["effect along the normal", signedOf, "signed"], standardised: ["effect in standard deviations", (e) => e.standardised, "heat"],
+    share: ["share of variance", () => t.share, "heat"], p: ["\u2212log10 p", () => t[state.by].map((p) => -Math.log10(Math.max(p, 1e-12))), "heat"],
+  };
+  const draw = () => {
+    const e = t.effects[state.effect], [word, values, palette] = maps[state.what], x = values(e), p = t[state.by];
+    at.spread(x, 1, one);
+    let most = 0, kept = 0;
+    for (const v of x) most = Math.max(most, Math.abs(v));
+    most = most || 1;
+    for (let v = 0; v < one.length; v++) value[v] = p[at.nearest(v)] <= state.limit ? one[v] : 0;
+    kept = p.filter((q) => q <= state.limit).length;
+    at.spread(e.effect.flat(), 3, D);
+    for (let k = 0; k < V.length; k++) V[k] = V0[k] + state.amount * D[k];
+    vertexNormals(V, F, N);
+    for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
+    view.set({ surface, particles: null, palette, range: palette === "signed" ? [-most, most] : [0, most] });
+    key.replaceChildren(tools.legend(palette, palette === "signed" ? [`\u2212${show(most)} inward`, "0", `+${show(most)} outward`] : ["0", word, show(most)]));
+    told.textContent = state.limit >= 1 ? `All ${p.length} particles are coloured.` : `${kept} of ${p.length} particles have p \u2264 ${show(state.limit, 2)} (${correction[state.by]}); elsewhere the surface is plain.`;
+    const [a, b] = difference ? e.name.split(" minus ") : ["", ""];
+    ends.textContent = difference ? (Math.abs(state.amount) < 0.01 ? "between both" : state.amount === 0.5 ? `mean of ${a}` : state.amount === -0.5 ? `mean of ${b}` : `${show(2 * Math.abs(state.amount), 2)} \u00d7 towards ${state.amount > 0 ? a : b}`)
+      : `${state.amount < 0 ? "\u2212" : "+"}${show(Math.abs(state.amount), 2)} \u00d7 the effect`;
+  };
+  const limit = el("input", { type: "range", min: -4, max: 0, step: 0.01, value: 0, "aria-label": "threshold of p", oninput: () => { state.limit = Number(limit.value) >= 0 ? 1 : 10 ** Number(limit.value); draw(); } });
+  const reach = difference ? 2 : Math.max(1, Math.abs(stage.scaleOf(t)));
+  const amount = el("input", { type: "range", min: -reach, max: reach, step: reach / 200, value: 0, "aria-label": "along the effect", oninput: () => { state.amount = Number(amount.value); if (difference && Math.abs(Math.abs(state.amount) - 0.5) < 0.03) state.amount = Math.sign(state.amount) / 2; draw(); } });
+  const only = (keys) => keys.filter((k) => t[k]).map((k) => [k, correction[k]]);
+  const node = el("div", { class: "split" },
+    el("div", { class: "main" }, box, key, told),
+    el("div", {},
+      el("div", { class: "tools" },
+        t.effects.length > 1 && choice("Effect", t.effects.map((e, k) => [String(k), e.name]), "0", (v) => { state.effect = Number(v); draw(); }),
+        choice("Colour", Object.entries(maps).map(([k, m]) => [k, m[0]]), "along", (v) => { state.what = v; draw(); }),
+        choice("p", only(["p_cluster", "p_familywise", "q", "p_uncorrected"]), state.by, (v) => { state.by = v; draw(); }),
+        el("button", { type: "button", onclick: () => { limit.value = Math.log10(0.05); state.limit = 0.05; draw(); } }, "Only p \u2264 0.05"),
+        el("button", { type: "button", onclick: () => { limit.value = 0; state.limit = 1; draw(); } }, "All")),
+      el("label", { class: "stack" }, "Threshold of p: from 0.0001 to all", limit),
+      el("label", { class: "stack" }, difference ? `From ${t.effects[0].name.split(" minus ")[1]} to ${t.effects[0].name.split(" minus ")[0]}: ` : "Mean surface along the effect: ", ends, amount),
+      difference && el("div", { class: "tools" }, [[-0.5, t.effects[0].name.split(" minus ")[1]], [0, "between"], [0.5, t.effects[0].name.split(" minus ")[0]]].map(([s, word]) =>
+        el("button", { type: "button", onclick: () => { amount.value = s; state.amount = s; draw(); } }, word))),
+      stage.tableOf(t)));
+  draw();
+  return { node, state, draw };
+}
+
+function showTest(t, stage) {
+  const mapped = t.p_cluster !== undefined && t.effects.length > 0 && t.effects[0].effect.length === stage.J;
+  const tableOf = () => el("div", {}, table(["figure", "value"], figuresOf(t)), copyButton(() => figuresOf(t).map((r) => r.join("\t")).join("\n"), "Copy the table"));
+  const map = mapped ? mapOf(t, { ...stage, tableOf }) : null;
+  const modes = !mapped && t.statistic.length > 1 && el("details", {}, el("summary", {}, `Every mode (${t.statistic.length})`),
+    table(["mode", "p", "p family-wise", "q", "share of variance"], t.statistic.map((_, k) => [String(k + 1), pText(t.p_uncorrected[k]), pText(t.p_familywise[k]), pText(t.q[k]), percent(t.share[k])]), [0, 1, 2, 3, 4]));
+  return el("article", { class: "test" }, el("h3", {}, `${t.of} on ${t.on}: ${t.formula}`), el("p", {}, sentence(t)),
+    t.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${t.not_certified.slice(0, 8).join(", ")}${t.not_certified.length > 8 ? " and more" : ""}. Look at them before you trust this.`),
+    t.left_out.length > 0 && el("p", { class: "soft" }, `Left out for unknown values: ${t.left_out.slice(0, 8).join(", ")}${t.left_out.length > 8 ? ` and ${t.left_out.length - 8} more` : ""}.`),
+    map ? map.node : tableOf(), modes,
+    el("details", {}, el("summary", {}, "Methods, for the manuscript"), el("p", {}, methods(t)), copyButton(() => methods(t), "Copy the text")));
+}
+
+// ---- scores by columns ----
+
+function showScores(model, columns, tools) {
+  const K = model.mean.modes.length, sd = model.variances.map(Math.sqrt), total = model.variances.reduce((a, b) => a + b, 0) || 1;
+  if (K < 2 || columns.length === 0) return null;
+  const state = { column: 0, p: 0, q: 1, ellipses: true }, plot = el("figure", { class: "chart wide" });
+  const draw = () => {
+    const c = columns[state.column], { p, q } = state, known = c.values.filter((v) => v !== null);
+    const lo = Math.min(...known), hi = Math.max(...known);
+    const css = (v) => `rgb(${colourAt(palettes.heat, 0.15 + (0.75 * (v - lo)) / (hi - lo || 1)).map(Math.round).join(" ")})`;
+    const colour = (v) => (v === null ? "transparent" : c.category ? GROUPS[v % GROUPS.length] : css(v));
+    const points = model.shapes.map((s, i) => ({
+      index: i, name: tools.shorts[i], x: s.scores[p] / sd[p], y: s.scores[q] / sd[q], colour: colour(c.values[i]), group: c.category ? c.values[i] : null,
+      title: `${s.name}: ${c.name} ${c.values[i] === null ? "unknown" : c.category ? c.levels[c.values[i]] : show(c.values[i])}`, chosen: false, always: false,
+    }));
+    plot.replaceChildren(el("h4", {}, `Scores, coloured by ${c.name}`),
+      colourScatter({ title: `scores of modes ${p + 1} and ${q + 1} by ${c.name}`, ring: 2, onpick: tools.choose, points, ellipses: state.ellipses && c.category,
+        xLabel: `mode ${p + 1} (${percent(model.variances[p] / total)}), sd`, yLabel: `mode ${q + 1} (${percent(model.variances[q] / total)}), sd` }),
+      c.category
+        ? el("p", { class: "keys" }, c.levels.map((word, k) => [el("span", { class: "key", style: `background:${GROUPS[k % GROUPS.length]}` }), ` ${word} (${c.values.filter((v) => v === k).length})  `]))
+        : el("div", { class: "legend" }, Object.assign(el("div", { class: "strip" }), { style: `background:${cssGradient(palettes.heat)}` }), el("div", { class: "ends" }, el("span", {}, show(lo)), el("span", {}, c.name), el("span", {}, show(hi)))),
+      el("p", {}, `${c.category ? "Ellipses: where 95 % of a group's shapes are expected (normal distribution, three shapes at least). " : ""}${c.values.some((v) => v === null) ? "Empty circles: unknown. " : ""}Dashed: two standard deviations of all.`));
+  };
+  const modes = model.mean.modes.map((_, m) => [String(m), `mode ${m + 1}`]);
+  draw();
+  return el("article", { class: "test" },
+    el("div", { class: "tools" },
+      choice("Colour by", columns.map((c, k) => [String(k), c.name]), "0", (v) => { state.column = Number(v); draw(); }),
+      choice("across", modes, "0", (v) => { state.p = Number(v); draw(); }), choice("up", modes, "1", (v) => { state.q = Number(v); draw(); }),
+      checkbox("Ellipses", true, (on) => { state.ellipses = on; draw(); })), plot);
+}
+
+/** Fills the section if there is something to tell; tools are main.js's. */
+export function fillAnswers(model, tools) {
+  const section = byId("answers"), answers = model.answers;
+  const columns = (answers?.columns ?? []).filter((c) => c.values.some((v) => v !== null) && !(c.category && c.levels.length < 2));
+  if (!answers || (answers.tests.length === 0 && columns.length === 0)) {
+    section.hidden = true;
+    document.querySelector('nav a[href="#answers"]').hidden = true;
+    return;
+  }
+  const V0 = model.array(model.mean.vertices, "positions"), F = model.array(model.mean.faces, "integers"), P0 = model.array(model.mean.particles, "positions");
+  const scaleOf = (t) => {
+    const values = columns.find((c) => c.name === t.of && !c.category)?.values.filter((v) => v !== null);
+    return values ? 2 * Math.max(...values.map((v) => Math.abs(v - values.reduce((a, b) => a + b, 0) / values.length))) : 1;
+  };
+  let at = null;
+  const body = section.querySelector(".body");
+  body.append(el("p", { class: "soft" }, answers.tests.length > 0
+    ? "What apsm test has found in this model. Begin with p of all together: if that is large, do not go looking among particles."
+    : "What is known of the subjects. apsm test asks whether shape goes with it."));
+  if (answers.tests.some((t) => t.p_cluster)) at = weightsAt(V0, P0);
+  const stage = { V0, F, N0: vertexNormals(V0, F), at, tools, J: model.J, scaleOf };
+  // What has a map comes first; all but the first test are folded.
+  const rank = (t) => (t.p_cluster ? 0 : 1);
+  const tests = [...answers.tests].sort((a, b) => rank(a) - rank(b));
+  const nodes = [];
+  tests.forEach((t, k) => {
+    if (k === 0) return nodes.push(showTest(t, stage));
+    const fold = el("details", { ontoggle: () => { if (fold.open && fold.children.length === 1) fold.append(showTest(t, stage)); } },
+      el("summary", {}, `${t.of} on ${t.on}: p = ${pText(t.p)} (${t.formula})`));
+    nodes.push(fold);
+  });
+  body.append(...nodes);
+  const scores = showScores(model, columns, tools);
+  if (scores) body.append(scores);
+}
