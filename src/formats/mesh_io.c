@@ -48,10 +48,13 @@ static void refuse_no_faces(scan *s, const soup *m)
         scan_refuse(s, APSM_ERR_FORMAT, "has no faces; export it as a surface");
 }
 
-static void *shrunk(void *array, size_t size)
+static void *shrunk(scan *s, void *array, size_t size)
 {
     void *smaller = realloc(array, size);
-    if (!smaller) smaller = array;
+    if (!smaller) {
+        scan_no_memory(s);
+        smaller = array;
+    }
     return smaller;
 }
 
@@ -60,11 +63,10 @@ static void make_mesh(scan *s, soup *m, apsm_mesh *mesh)
 {
     if (m->points > MOST || m->polygons > MOST)
         scan_refuse(s, APSM_ERR_FORMAT, "is larger than 2^30 points or faces; decimate it first");
+    if (scan_ok(s)) m->point = shrunk(s, m->point, 3 * m->points * sizeof *m->point);
+    if (scan_ok(s)) m->corner = shrunk(s, m->corner, m->corners * sizeof *m->corner);
     if (!scan_ok(s)) return;
-    *mesh = (apsm_mesh){ .nv = m->points,
-                         .nf = m->polygons,
-                         .V = shrunk(m->point, 3 * m->points * sizeof *m->point),
-                         .F = shrunk(m->corner, m->corners * sizeof *m->corner) };
+    *mesh = (apsm_mesh){ .nv = m->points, .nf = m->polygons, .V = m->point, .F = m->corner };
     m->point = NULL;
     m->corner = NULL;
 }
