@@ -78,6 +78,8 @@ install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
 
 package: all ## build/apsm_VERSION_ARCH.deb
+	@command -v dpkg-shlibdeps >/dev/null && command -v file >/dev/null || { \
+	    echo "make package: needs dpkg-shlibdeps and file; run scripts/setup --package" >&2; exit 1; }
 	@cd $(BUILD) && cpack -G DEB
 
 clean: ## remove everything that was built
