@@ -3,12 +3,14 @@
 #define _DEFAULT_SOURCE /* getopt_long, _SC_NPROCESSORS_ONLN */
 #include "args.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <getopt.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "apsm/files.h"
@@ -48,16 +50,22 @@ static apsm_status take_threads(parsing *p, const char *text)
     return APSM_OK;
 }
 
-/* 2G, 500M, 1.5T: units of 1024. */
+/* What may follow the unit's letter: 2G, 2GB and 2GiB are the same. */
+static bool ends_unit(const char *text)
+{
+    return !*text || strcasecmp(text, "B") == 0 || strcasecmp(text, "iB") == 0;
+}
+
+/* 2G, 500M, 1.5T, 2GB, 2GiB: units of 1024. */
 static apsm_status take_memory(parsing *p, const char *text)
 {
     static const char units[] = "KMGT";
     char *end;
     const double n = strtod(text, &end);
-    const char *unit = *end ? strchr(units, *end) : NULL;
+    const char *unit = *end ? strchr(units, toupper((unsigned char)*end)) : NULL;
     double bytes = n;
     for (const char *u = units; unit && u <= unit; u++) bytes *= 1024;
-    if (end == text || !unit || end[1] || !(bytes >= 0x1p26) || !(bytes < 0x1p60))
+    if (end == text || !unit || !ends_unit(end + 1) || !(bytes >= 0x1p26) || !(bytes < 0x1p60))
         return apsm_fail(p->ctx, APSM_ERR_ARG,
                          "--memory %s: give a number with a unit, like 2G or 500M; 64M at least",
                          text);
@@ -425,6 +433,10 @@ static apsm_status take_verb(parsing *p)
         word = p->argv[2];
     }
     p->args->verb = cli_find_verb(word);
+    if (!p->args->verb && strcmp(word, "version") == 0 && p->argc == 2)
+        return p->args->version = true, p->argc = 1, APSM_OK;
+    if (!p->args->verb && cli_verb_hint(word))
+        return apsm_fail(p->ctx, APSM_ERR_ARG, "unknown verb '%s'; %s", word, cli_verb_hint(word));
     if (!p->args->verb)
         return apsm_fail(p->ctx, APSM_ERR_ARG, "unknown verb '%s'; the nearest is '%s'", word,
                          cli_nearest_verb(word));

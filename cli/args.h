@@ -36,6 +36,8 @@ typedef struct cli_verb_info {
 /* By name; NULL if there is none. */
 const cli_verb_info *cli_find_verb(const char *name);
 const char *cli_nearest_verb(const char *word);
+/* What to do instead, for verbs that other programs have; NULL: no word of that. */
+const char *cli_verb_hint(const char *word);
 /* All, in the order of the work; *n is how many. */
 const cli_verb_info *cli_verbs(size_t *n);
 

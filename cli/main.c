@@ -7,6 +7,8 @@
 
 #include "apsm/files.h"
 #include "help.h"
+#include "plain.h"
+#include "room.h"
 #include "signals.h"
 #include "verbs.h"
 
@@ -96,6 +98,21 @@ static void tell_failure(apsm_context *ctx, apsm_status status, const cli_args *
         cli_error(ui, status, *line ? line : apsm_status_text(status));
 }
 
+static bool computes(const cli_args *args)
+{
+    return !(args->verb->verb & (CLI_INFO | CLI_VERIFY | CLI_CONVERT | CLI_EXPORT));
+}
+
+/* Ends the program at once: OpenBLAS would wait for memory at its end, too. */
+static void refuse_small_room(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    const apsm_status status = cli_check_room(ctx, args->threads);
+    if (status == APSM_OK) return;
+    tell_failure(ctx, status, args, ui);
+    fflush(NULL);
+    _Exit(exit_code(status));
+}
+
 static int work(apsm_context *ctx, const cli_args *args)
 {
     cli_ui *ui = cli_ui_new(args->progress, args->quiet, stdout, stderr, cli_clock);
@@ -104,6 +121,7 @@ static int work(apsm_context *ctx, const cli_args *args)
     apsm_context_set_threads(ctx, args->threads);
     apsm_context_set_interrupt(ctx, cli_catch_signals());
     apsm_status status = cli_args_check_inputs(ctx, args);
+    if (status == APSM_OK && computes(args)) refuse_small_room(ctx, args, ui);
     if (status == APSM_OK) status = call_verb(ctx, args, ui);
     if (status != APSM_OK) tell_failure(ctx, status, args, ui);
     cli_ui_free(ui);
@@ -112,7 +130,7 @@ static int work(apsm_context *ctx, const cli_args *args)
 
 static int refuse_usage(apsm_context *ctx, apsm_status status, const cli_args *args)
 {
-    fprintf(stderr, "apsm: %s\n", apsm_error_text(ctx));
+    cli_put_plain(stderr, "apsm: ", apsm_error_text(ctx));
     if (args->verb) fprintf(stderr, "Try: apsm %s --help\n", args->verb->name);
     return exit_code(status);
 }
@@ -128,7 +146,7 @@ static int flush_output(int code)
     return code ? code : EXIT_FAILURE;
 }
 
-int main(int argc, char **argv)
+static int run_program(int argc, char **argv)
 {
     cli_args args;
     apsm_context *ctx = apsm_context_new();
@@ -149,4 +167,9 @@ int main(int argc, char **argv)
     cli_args_free(&args);
     apsm_context_free(ctx);
     return flush_output(code);
+}
+
+int main(int argc, char **argv)
+{
+    return cli_with_stack(run_program, argc, argv);
 }

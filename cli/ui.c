@@ -2,6 +2,7 @@
  * object for every report.  The time left is that of the stage at its mean rate so far. */
 #define _DEFAULT_SOURCE /* TIOCGWINSZ */
 #include "ui.h"
+#include "plain.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -268,7 +269,7 @@ void cli_ui_log(void *user, apsm_log_level level, const char *line)
     }
     wipe_bar(ui);
     fflush(ui->err);
-    fprintf(warning ? ui->err : ui->out, "%s%s\n", warning ? "warning: " : "", line);
+    cli_put_plain(warning ? ui->err : ui->out, warning ? "warning: " : "", line);
     fflush(warning ? ui->err : ui->out);
     if (drawn) draw_bar(ui);
 }
@@ -285,7 +286,7 @@ void cli_say(cli_ui *ui, const char *format, ...)
         return;
     }
     wipe_bar(ui);
-    fprintf(ui->out, "%s\n", line);
+    cli_put_plain(ui->out, "", line);
 }
 
 void cli_error(cli_ui *ui, apsm_status status, const char *line)
@@ -295,7 +296,7 @@ void cli_error(cli_ui *ui, apsm_status status, const char *line)
         put_json(ui, json_pack("{s:s, s:s, s:o}", "event", "error", "kind",
                                apsm_status_text(status), "text", json_text(line)));
     fflush(ui->out);
-    fprintf(ui->err, "apsm: %s\n", line);
+    cli_put_plain(ui->err, "apsm: ", line);
 }
 
 void cli_ui_free(cli_ui *ui)

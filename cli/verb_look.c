@@ -1,4 +1,5 @@
 /* check, verify and info: look at inputs, a model folder or one file; write nothing. */
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -95,7 +96,13 @@ static apsm_status info_mesh(apsm_context *ctx, const char *path, cli_ui *ui)
     apsm_mesh mesh = { 0 };
     apsm_mesh_defects defects;
     APSM_TRY(apsm_read_mesh(ctx, path, &mesh));
-    const apsm_status status = apsm_mesh_inspect(&mesh, &defects);
+    apsm_status status = apsm_mesh_inspect(&mesh, &defects);
+    if (status == APSM_OK &&
+        !(isfinite(apsm_mesh_area(&mesh)) && isfinite(apsm_mesh_volume(&mesh))))
+        status = apsm_fail(ctx, APSM_ERR_NONFINITE,
+                           "%s: its coordinates are so large that area and volume are no numbers; "
+                           "is it damaged?",
+                           path);
     if (status == APSM_OK) say_mesh(ui, &mesh, &defects);
     apsm_mesh_free(&mesh);
     return status;

@@ -104,6 +104,22 @@ const cli_verb_info *cli_find_verb(const char *name)
     return NULL;
 }
 
+const char *cli_verb_hint(const char *word)
+{
+    static const char *const hints[][2] = {
+        { "analyze", "evaluate makes model and figures, report shows them, test compares groups" },
+        { "analyse", "evaluate makes model and figures, report shows them, test compares groups" },
+        { "view", "report makes a page to look at, render makes pictures" },
+        { "show", "report makes a page to look at, render makes pictures" },
+        { "studio", "report makes a page to look at, render makes pictures" },
+        { "resume", "go on with run --resume -o MODEL_DIR" },
+        { "version", "apsm --version tells it" }
+    };
+    for (size_t k = 0; k < sizeof hints / sizeof *hints; k++)
+        if (strcmp(hints[k][0], word) == 0) return hints[k][1];
+    return NULL;
+}
+
 const char *cli_nearest_verb(const char *word)
 {
     size_t best = 0, least = SIZE_MAX;

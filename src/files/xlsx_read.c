@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "files/io.h"
 #include "files/sheets.h"
@@ -447,7 +448,9 @@ static void reading_free(reading *r)
 apsm_status workbook_read(apsm_context *ctx, const char *path, workbook *w)
 {
     *w = (workbook){ 0 };
-    if (!apsm_file_exists(path)) return apsm_fail_errno(ctx, path, "cannot be read", ENOENT);
+    int fd;
+    APSM_TRY(apsm_open_regular(ctx, path, &fd)); /* minizip would wait for a pipe */
+    close(fd);
     reading r = { .ctx = ctx, .path = path, .archive = unzOpen64(path) };
     if (!r.archive)
         return apsm_fail(ctx, APSM_ERR_FORMAT,

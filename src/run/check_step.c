@@ -5,7 +5,9 @@
 
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
+#include "run/compare_inputs.h"
 #include "run/groom_inputs.h"
+#include "run/guard.h"
 #include "run/manifest.h"
 #include "run/session.h"
 #include "run/source.h"
@@ -13,6 +15,19 @@
 /* ---- check ---- */
 
 typedef void (*problem_fn)(void *user, const char *line);
+
+typedef struct problem_count {
+    problem_fn report;
+    void *user;
+    size_t *problems;
+} problem_count;
+
+static void count_problem(void *user, const char *line)
+{
+    const problem_count *count = user;
+    count->report(count->user, line);
+    ++*count->problems;
+}
 
 static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, size_t *problems)
 {
@@ -25,6 +40,8 @@ static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, si
         report(user, in.problem[i]);
         ++*problems;
     }
+    problem_count count = { report, user, problems };
+    if (status == APSM_OK) status = compare_inputs(&in, count_problem, &count);
     groom_inputs_free(&in);
     return status;
 }
@@ -213,22 +230,36 @@ static void describe_plan(const apsm_run *run, size_t shapes)
                  o->fidelity > 0 ? o->fidelity_rounds : 0, run->folder);
 }
 
+/* Fails where the run would before its long part, and where it would in reading. */
+static apsm_status look_ahead(apsm_run *run, groom_inputs *in)
+{
+    size_t template_index;
+    run->last = "report";
+    APSM_TRY(guard_model(run));
+    APSM_TRY(groom_inputs_list(run, in));
+    if (!run->resume) APSM_TRY(guard_files(run, "groom", &in->list));
+    APSM_TRY(groom_inputs_template(run, in, &template_index));
+    return groom_inputs_try(run, in);
+}
+
+static void list_cases(apsm_context *ctx, const apsm_input_list *list)
+{
+    for (size_t i = 0; i < list->n; i++)
+        apsm_log(ctx, APSM_LOG_INFO, "%s: %s%s", list->cases[i].name, list->cases[i].path,
+                 list->cases[i].reflect ? " (to be mirrored)" : "");
+}
+
 apsm_status apsm_run_dry(apsm_run *run)
 {
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: there are no files to look at");
     groom_inputs in = { 0 };
-    apsm_context *ctx = run->ctx;
-    const apsm_status status = groom_inputs_list(run, &in);
-    if (status != APSM_OK) {
-        groom_inputs_free(&in);
-        return status;
+    const apsm_status status = look_ahead(run, &in);
+    if (status == APSM_OK) {
+        list_cases(run->ctx, &in.list);
+        describe_plan(run, in.list.n);
+        forecast(run, in.list.n);
     }
-    for (size_t i = 0; i < in.list.n; i++)
-        apsm_log(ctx, APSM_LOG_INFO, "%s: %s%s", in.list.cases[i].name, in.list.cases[i].path,
-                 in.list.cases[i].reflect ? " (to be mirrored)" : "");
-    describe_plan(run, in.list.n);
-    forecast(run, in.list.n);
     groom_inputs_free(&in);
-    return APSM_OK;
+    return status;
 }

@@ -1,11 +1,13 @@
 #include "run/groom_inputs.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "apsm/affine.h"
 #include "files/stored.h"
 #include "geometry/stored.h"
+#include "groom/align.h"
 #include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"
@@ -46,6 +48,18 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
         APSM_TRY(list_files(run, &in->list));
     }
     return refuse_labels_of_meshes(run, in);
+}
+
+apsm_status groom_inputs_template(apsm_run *run, const groom_inputs *in, size_t *index)
+{
+    const char *name = apsm_run_text(run, "template");
+    *index = APSM_TEMPLATE_AUTO;
+    if (!*name || strcmp(name, "auto") == 0) return APSM_OK;
+    for (size_t i = 0; i < in->list.n; i++)
+        if (strcmp(in->list.cases[i].name, name) == 0) return *index = i, APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_ARG,
+                     "template '%s' is none of the %zu shapes; the first is called '%s'", name,
+                     in->list.n, in->list.cases[0].name);
 }
 
 apsm_status groom_inputs_compare(apsm_run *run)
@@ -104,6 +118,8 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
                      ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
                      : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options, out, r);
     in->is_mask[i] = !shape.is_mesh;
+    const double *s = shape.volume.spacing;
+    in->voxel[i] = shape.is_mesh ? 0 : cbrt(fabs(s[0] * s[1] * s[2]));
     apsm_input_shape_free(&shape);
     return status;
 }
@@ -224,16 +240,61 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
     in->notes = calloc(n, sizeof *in->notes);
     in->picked = calloc(n, sizeof *in->picked);
     in->recalled = calloc(n, sizeof *in->recalled);
+    in->voxel = calloc(n, sizeof *in->voxel);
     in->report = calloc(n, sizeof *in->report);
     in->is_mask = calloc(n, sizeof *in->is_mask);
     in->cropped = calloc(n, sizeof *in->cropped);
     if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
-        !in->problem || !in->notes || !in->picked || !in->recalled || !in->report || !in->is_mask ||
-        !in->cropped)
+        !in->problem || !in->notes || !in->picked || !in->recalled || !in->voxel || !in->report ||
+        !in->is_mask || !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
     const apsm_status status = apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
     return status == APSM_OK ? compare_picked(run, in) : status;
+}
+
+static apsm_status try_case(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const groom_task *t = user;
+    groom_inputs *in = t->in;
+    apsm_input_shape shape = { 0 };
+    in->status[i] = apsm_input_read(ctx, &in->list.cases[i], &in->labels, &shape);
+    apsm_input_shape_free(&shape);
+    if (in->status[i] == APSM_OK) return APSM_OK;
+    return apsm_text_set(&in->problem[i], apsm_error_text(ctx));
+}
+
+apsm_status groom_inputs_try(apsm_run *run, groom_inputs *in)
+{
+    const size_t n = in->list.n;
+    in->status = calloc(n, sizeof *in->status);
+    in->problem = calloc(n, sizeof *in->problem);
+    if (!in->status || !in->problem) return APSM_ERR_MEMORY;
+    groom_task t = { run, in };
+    APSM_TRY(apsm_parallel_for(run->ctx, n, try_case, &t, NULL));
+    return groom_inputs_refuse_bad(run, in);
+}
+
+apsm_status groom_inputs_refuse_bad(apsm_run *run, const groom_inputs *in)
+{
+    enum { MOST_TOLD = 10 };
+    size_t bad = 0, first = 0;
+    for (size_t i = 0; i < in->list.n; i++) {
+        if (in->status[i] == APSM_OK) continue;
+        if (in->status[i] == APSM_ERR_INTERRUPTED) return APSM_ERR_INTERRUPTED;
+        if (bad++ == 0) first = i;
+    }
+    if (bad == 0) return APSM_OK;
+    for (size_t i = 0, told = 0; bad > 1 && i < in->list.n && told < MOST_TOLD; i++)
+        if (in->status[i] != APSM_OK) {
+            apsm_log(run->ctx, APSM_LOG_WARNING, "%s", in->problem[i]);
+            told++;
+        }
+    if (bad == 1) return apsm_fail(run->ctx, in->status[first], "%s", in->problem[first]);
+    return apsm_fail(run->ctx, in->status[first],
+                     "%zu of %zu shapes cannot be used (`apsm check` tells all): %s", bad,
+                     in->list.n, in->problem[first]);
 }
 
 void groom_inputs_free(groom_inputs *in)
@@ -252,6 +313,7 @@ void groom_inputs_free(groom_inputs *in)
     free(in->status);
     free(in->problem);
     free(in->recalled);
+    free(in->voxel);
     free(in->report);
     free(in->is_mask);
     free(in->cropped);

@@ -28,6 +28,7 @@ typedef struct groom_inputs {
     char **notes;   /* what of a header had to be decided (apsm_volume), else NULL */
     char **picked;  /* names of the labels taken (apsm_volume), else NULL */
     bool *recalled; /* groomed before an interruption */
+    double *voxel;  /* mean edge of a voxel; 0: a mesh, or recalled */
 } groom_inputs;
 
 /* Lists the cases of run's inputs; a project among them stands for the shapes it names. */
@@ -37,6 +38,12 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in);
 apsm_status groom_inputs_compare(apsm_run *run);
 /* Reads and grooms all; failures are in status and problem, and do not end the call. */
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in);
+/* Reads all and grooms none: what fails here fails in groom. */
+apsm_status groom_inputs_try(apsm_run *run, groom_inputs *in);
+/* Refuses shapes that cannot be used: every one is told, not only the first. */
+apsm_status groom_inputs_refuse_bad(apsm_run *run, const groom_inputs *in);
+/* *index <- the shape that option template names, or APSM_TEMPLATE_AUTO. */
+apsm_status groom_inputs_template(apsm_run *run, const groom_inputs *in, size_t *index);
 void groom_inputs_free(groom_inputs *in);
 
 /* SHA-256 of a file, or of a folder with a DICOM series. */

@@ -8,6 +8,7 @@
 #include "apsm/formats.h"
 #include "groom/align.h"
 #include "model/template_choice.h"
+#include "run/compare_inputs.h"
 #include "run/crop_ends.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
@@ -25,28 +26,6 @@ typedef struct groom_work {
     apsm_alignment alignment;
 } groom_work;
 
-/* Every bad shape is told, not only the first. */
-static apsm_status refuse_bad_shapes(const groom_work *w)
-{
-    enum { MOST_TOLD = 10 };
-    size_t bad = 0, first = 0;
-    for (size_t i = 0; i < w->in.list.n; i++) {
-        if (w->in.status[i] == APSM_OK) continue;
-        if (w->in.status[i] == APSM_ERR_INTERRUPTED) return APSM_ERR_INTERRUPTED;
-        if (bad++ == 0) first = i;
-    }
-    if (bad == 0) return APSM_OK;
-    for (size_t i = 0, told = 0; bad > 1 && i < w->in.list.n && told < MOST_TOLD; i++)
-        if (w->in.status[i] != APSM_OK) {
-            apsm_log(w->run->ctx, APSM_LOG_WARNING, "%s", w->in.problem[i]);
-            told++;
-        }
-    if (bad == 1) return apsm_fail(w->run->ctx, w->in.status[first], "%s", w->in.problem[first]);
-    return apsm_fail(w->run->ctx, w->in.status[first],
-                     "%zu of %zu shapes cannot be used (`apsm check` tells all): %s", bad,
-                     w->in.list.n, w->in.problem[first]);
-}
-
 static void tell_recalled(const groom_work *w)
 {
     size_t recalled = 0;
@@ -56,6 +35,11 @@ static void tell_recalled(const groom_work *w)
                  w->in.list.n);
 }
 
+static void warn(void *ctx, const char *line)
+{
+    apsm_log(ctx, APSM_LOG_WARNING, "%s", line);
+}
+
 /* Each is kept as soon as it is groomed; then so are the poses. */
 static apsm_status read_inputs(groom_work *w)
 {
@@ -63,25 +47,14 @@ static apsm_status read_inputs(groom_work *w)
     APSM_TRY(kept_begin(w->run));
     APSM_TRY(kept_add_job(w->run, &w->in.list));
     APSM_TRY(groom_inputs_read(w->run, &w->in));
-    APSM_TRY(refuse_bad_shapes(w));
+    APSM_TRY(groom_inputs_refuse_bad(w->run, &w->in));
+    APSM_TRY(compare_inputs(&w->in, warn, w->run->ctx));
     tell_recalled(w);
     kept_pieces_of_inputs(w->run, &w->in.list, w->in.sha256);
     return APSM_OK;
 }
 
 /* ---- the cohort ---- */
-
-static apsm_status find_template(const groom_work *w, size_t *index)
-{
-    const char *name = apsm_run_text(w->run, "template");
-    *index = APSM_TEMPLATE_AUTO;
-    if (!*name || strcmp(name, "auto") == 0) return APSM_OK;
-    for (size_t i = 0; i < w->in.list.n; i++)
-        if (strcmp(w->in.list.cases[i].name, name) == 0) return *index = i, APSM_OK;
-    return apsm_fail(w->run->ctx, APSM_ERR_ARG,
-                     "template '%s' is none of the %zu shapes; the first is called '%s'", name,
-                     w->in.list.n, w->in.list.cases[0].name);
-}
 
 /* A transform that mirrors belongs into the groomed mesh: the common frame is reached by
  * rotation, and so the mesh is mirrored in its own frame instead. */
@@ -119,8 +92,9 @@ static apsm_status align(groom_work *w)
     apsm_align_options ao = apsm_align_defaults();
     ao.mode = run->options.align;
     ao.mirror = run->options.mirror_check;
-    apsm_status status =
-        meshes && names && borders ? find_template(w, &ao.template_index) : APSM_ERR_MEMORY;
+    apsm_status status = meshes && names && borders
+                             ? groom_inputs_template(run, &w->in, &ao.template_index)
+                             : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         for (size_t i = 0; i < n; i++)
             meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
@@ -321,20 +295,6 @@ static void tell(const groom_work *w)
                  "one shape has no variation: a model of it says nothing; give more shapes");
 }
 
-/* A project that has not been groomed here (ShapeWorks', say) is what to groom if there are no
- * other inputs. */
-static apsm_status refuse_replacing(apsm_run *run)
-{
-    if (run->overwrite || run->resume || run->project.n == 0) return APSM_OK;
-    if (run_is_in_memory(run))
-        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: its shapes are groomed already");
-    if (run->n_inputs == 0 && !stage_is_done(run, "groom")) return APSM_OK;
-    return apsm_fail(run->ctx, APSM_ERR_STATE,
-                     "%s: holds a model already; continue it with --resume, replace it with "
-                     "--overwrite, or choose another folder",
-                     run->folder);
-}
-
 /* A first run that fails leaves nothing; one that is interrupted can go on. */
 static apsm_status give_up(apsm_run *run, apsm_status why)
 {
@@ -350,10 +310,12 @@ apsm_status apsm_run_groom(apsm_run *run)
 {
     const stage_clock clock = stage_begin();
     groom_work w = { .run = run };
-    APSM_TRY(refuse_replacing(run));
+    APSM_TRY(guard_model(run));
+    size_t template_index; /* a name that is none is told before the long part */
     run_forget_results(run);
     apsm_status status = groom_inputs_list(run, &w.in);
     if (status == APSM_OK) status = guard_files(run, "groom", &w.in.list);
+    if (status == APSM_OK) status = groom_inputs_template(run, &w.in, &template_index);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);

@@ -157,3 +157,15 @@ apsm_status guard_files(apsm_run *run, const char *first, const apsm_input_list 
     apsm_file_list_free(&g.files);
     return status;
 }
+
+apsm_status guard_model(apsm_run *run)
+{
+    if (run->overwrite || run->resume || run->project.n == 0) return APSM_OK;
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: its shapes are groomed already");
+    if (run->n_inputs == 0 && !stage_is_done(run, "groom")) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: holds a model already; continue it with --resume, replace it with "
+                     "--overwrite, or choose another folder",
+                     run->folder);
+}

@@ -13,6 +13,10 @@
  * written. */
 apsm_status guard_files(apsm_run *run, const char *first, const apsm_input_list *list);
 
+/* groom replaces a model only if asked to.  A project that has not been groomed here (ShapeWorks',
+ * say) is what to groom if there are no other inputs. */
+apsm_status guard_model(apsm_run *run);
+
 /* Whether the folder is a run's at all: it has a manifest or a journal of ours. */
 bool guard_is_model(const apsm_run *run);
 

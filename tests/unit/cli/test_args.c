@@ -179,7 +179,7 @@ static void mistakes_are_named_with_the_remedy(void **state)
         { "run x -o m --threads 0", "--threads 0" },
         { "run x -o m --memory 2", "--memory 2: give a number with a unit" },
         { "run x -o m --memory 2X", "--memory 2X" },
-        { "run x -o m --memory 2GB", "--memory 2GB" },
+        { "run x -o m --memory 2GX", "--memory 2GX" },
         { "run x -o m --memory G", "--memory G" },
         { "run x -o m --memory -2G", "--memory -2G" },
         { "run x -o m --memory nanG", "--memory nanG" },

@@ -1,0 +1,13 @@
+/* compare_inputs.h -- what only the cohort shows of a shape: that it is there twice, that it has
+ * another unit, or far coarser voxels. */
+#ifndef APSM_RUN_COMPARE_INPUTS_H
+#define APSM_RUN_COMPARE_INPUTS_H
+
+#include "run/groom_inputs.h"
+
+/* Calls tell with one line for each; in has been read, without a bad shape or with some (those are
+ * left out).  Sizes and voxels are compared with the median's. */
+apsm_status compare_inputs(const groom_inputs *in, void (*tell)(void *user, const char *line),
+                           void *user);
+
+#endif
