@@ -81,10 +81,11 @@ static apsm_status unknown_key(apsm_context *ctx, const char *key)
 static apsm_status out_of_range(apsm_context *ctx, const apsm_option_info *o, const char *value)
 {
     if (strcmp(o->name, "particles") == 0)
-        return apsm_fail(ctx, APSM_ERR_ARG,
-                         "option particles = %s: give a whole number from 7 (%.10g with method psm) "
-                         "to %.10g, or auto",
-                         value, o->least, o->most);
+        return apsm_fail(
+            ctx, APSM_ERR_ARG,
+            "option particles = %s: give a whole number from 7 (%.10g with method psm) "
+            "to %.10g, or auto",
+            value, o->least, o->most);
     return apsm_fail(ctx, APSM_ERR_ARG, "option %s = %s: give %s from %.10g to %.10g", o->name,
                      value, o->kind == APSM_OPTION_INT ? "a whole number" : "a number", o->least,
                      o->most);
