@@ -92,6 +92,13 @@ typedef struct joint_figures {
 apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures);
 void joint_figures_free(joint_figures *figures, size_t n);
 
+/* ---- verdict.c ---- */
+
+/* certificate.json of the joint, from those of the parts and the contacts: a new reference, NULL if
+ * out of memory.  Logs what it says. */
+struct json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
+                                 const joint_figures *figures);
+
 /* ---- write.c ---- */
 
 /* All files of the joint; joint.json, which lists them, last. */

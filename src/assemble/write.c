@@ -433,131 +433,25 @@ static apsm_status write_evaluation(writing *w)
 {
     const apsm_evaluation *e = &w->f->evaluation;
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:s, s:o, s:o, s:o, s:o, s:o}", "format", FORMAT_EVALUATION,
-        "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles, "shapes",
-        (json_int_t)e->shapes, "definition", apsm_definition_name(e->definition), "definition_text",
-        apsm_definition_text(e->definition), "template", subject_name(w, w->f->like[0]),
-        "surface_distance", json_surface(w), "variances", apsm_json_vector(e->modes, e->variance),
-        "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
-        apsm_json_vector(e->n_generalization, e->generalization), "specificity",
-        apsm_json_vector(e->n_specificity, e->specificity));
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "format",
+        FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles", (json_int_t)e->particles,
+        "shapes", (json_int_t)e->shapes, "definition", apsm_definition_name(e->definition),
+        "definition_text", apsm_definition_text(e->definition), "specificity_samples",
+        (json_int_t)e->samples, "template", subject_name(w, w->f->like[0]), "surface_distance",
+        json_surface(w), "variances", apsm_json_vector(e->modes, e->variance), "compactness",
+        apsm_json_vector(e->n_compactness, e->compactness), "generalization",
+        apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
+        apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
+        apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
+        apsm_json_vector(e->n_specificity, e->specificity_error));
     return write_json(w, FOLDER_EVALUATION, root);
 }
 
 /* ---- certificate.json ---- */
 
-static const json_t *judged_shape(const writing *w, size_t i, size_t d)
-{
-    const model_folder *m = &w->c->folder[d];
-    return json_array_get(json_object_get(m->certificate, "per_shape"), w->c->row[i * w->c->n + d]);
-}
-
-static bool is_certified(const json_t *shape)
-{
-    const char *verdict = json_string_value(json_object_get(shape, "verdict"));
-    return verdict && strcmp(verdict, "certified") == 0;
-}
-
-/* A joint space that the model closes: the rebuilt surfaces go into each other deeper than a
- * quarter of the particles' distance beyond what the subject's own do. */
-static bool closes(const writing *w, size_t i, size_t pair, double h)
-{
-    const joint_contact *k = &w->f->contact[i * w->f->pairs + pair];
-    return k->rebuilt.depth > k->own.depth + 0.25 * h;
-}
-
-static double spacing_of(const writing *w, size_t d)
-{
-    const json_t *h = json_object_get(w->c->folder[d].certificate, "h");
-    return json_number_value(h);
-}
-
-static json_t *closed_spaces(const writing *w, size_t i)
-{
-    json_t *closed = json_array();
-    size_t pair = 0;
-    for (size_t a = 0; a < w->c->n; a++)
-        for (size_t b = a + 1; b < w->c->n; b++, pair++)
-            if (closes(w, i, pair, fmin(spacing_of(w, a), spacing_of(w, b))))
-                json_array_append_new(closed,
-                                      json_sprintf("%s and %s", part_name(w, a), part_name(w, b)));
-    return closed;
-}
-
-static json_t *json_verdict(const writing *w, size_t i, bool *certified)
-{
-    json_t *parts = json_object(), *reasons = json_array(), *closed = closed_spaces(w, i);
-    *certified = json_array_size(closed) == 0;
-    if (!*certified) json_array_append_new(reasons, json_string("a joint space is closed"));
-    for (size_t d = 0; d < w->c->n; d++) {
-        const json_t *shape = judged_shape(w, i, d);
-        const bool good = is_certified(shape);
-        if (!good) json_array_append_new(reasons, json_sprintf("%s needs review", part_name(w, d)));
-        *certified = *certified && good;
-        json_object_set_new(parts, part_name(w, d), json_deep_copy(shape));
-    }
-    return json_pack("{s:s, s:s, s:o, s:o, s:o}", "name", subject_name(w, i), "verdict",
-                     *certified ? "certified" : "needs review", "reasons", reasons,
-                     "closed_joint_spaces", closed, "parts", parts);
-}
-
-static void tell(const writing *w, size_t certified, const json_t *review)
-{
-    apsm_context *ctx = w->job->ctx;
-    const apsm_pose_shape *ps = &w->f->poses;
-    double pose = 0, shape = 0;
-    size_t i;
-    const json_t *line;
-    for (size_t k = 0; k < ps->poses.modes; k++) pose += ps->poses.variance[k];
-    for (size_t k = 0; k < ps->shapes.modes; k++) shape += ps->shapes.variance[k];
-    apsm_log(ctx, APSM_LOG_INFO,
-             "joint of %zu parts, %zu subjects: %.0f %% of the variance is pose", w->c->n, w->c->I,
-             pose + shape > 0 ? 100 * pose / (pose + shape) : 0.0);
-    json_array_foreach(review, i, line)
-    {
-        apsm_log(ctx, APSM_LOG_WARNING, "needs review: %s", json_string_value(line));
-    }
-    apsm_log(ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, w->c->I);
-}
-
-/* "NAME: talus needs review, a joint space is closed" */
-static json_t *review_line(const char *name, const json_t *verdict)
-{
-    char text[512];
-    size_t k;
-    const json_t *reason;
-    snprintf(text, sizeof text, "%s", name);
-    json_array_foreach(json_object_get(verdict, "reasons"), k, reason)
-    {
-        snprintf(text + strlen(text), sizeof text - strlen(text), "%s%s", k ? ", " : ": ",
-                 json_string_value(reason));
-    }
-    return json_string(text);
-}
-
 static apsm_status write_certificate(writing *w)
 {
-    json_t *shapes = json_array(), *review = json_array();
-    size_t certified = 0;
-    for (size_t i = 0; i < w->c->I; i++) {
-        bool good;
-        json_t *verdict = json_verdict(w, i, &good);
-        certified += good;
-        if (!good) json_array_append_new(review, review_line(subject_name(w, i), verdict));
-        json_array_append_new(shapes, verdict);
-    }
-    const bool whole = json_array_size(shapes) == w->c->I;
-    tell(w, certified, review);
-    json_decref(review);
-    json_t *root =
-        json_pack("{s:s, s:i, s:s, s:I, s:I, s:o}", "format", "apsm-certificate", "version", 1,
-                  "verdict", certified == w->c->I ? "certified" : "needs review", "certified",
-                  (json_int_t)certified, "shapes", (json_int_t)w->c->I, "per_shape", shapes);
-    if (!whole) {
-        json_decref(root);
-        root = NULL;
-    }
-    return write_json(w, FOLDER_CERTIFICATE, root);
+    return write_json(w, FOLDER_CERTIFICATE, joint_certificate(w->job, w->c, w->f));
 }
 
 /* ---- meshes/ ---- */
@@ -708,12 +602,17 @@ static json_t *json_options(const writing *w)
     return options;
 }
 
+/* Their SHA-256 are in the manifests of the parts. */
 static json_t *json_inputs(const writing *w)
 {
     json_t *inputs = json_array();
-    for (size_t k = 0; k < w->job->list.n; k++)
-        json_array_append_new(inputs, json_pack("{s:s, s:s}", "name", w->job->list.cases[k].name,
-                                                "path", w->job->list.cases[k].path));
+    for (size_t k = 0; k < w->job->list.n; k++) {
+        const apsm_input_case *c = &w->job->list.cases[k];
+        long long bytes = 0;
+        if (apsm_is_folder(c->path) || apsm_file_size(NULL, c->path, &bytes) != APSM_OK) bytes = 0;
+        json_array_append_new(inputs, json_pack("{s:s, s:s, s:I}", "name", c->name, "path", c->path,
+                                                "bytes", (json_int_t)bytes));
+    }
     return inputs;
 }
 

@@ -50,6 +50,13 @@ for file in model.json scores.csv poses.csv pose_shape.json contacts.csv evaluat
     parts/cup/report.html parts/ball/model.json; do
     [ -s "joint/$file" ] || fail "no $file"
 done
+# What the report's page reads is there as for a single part.
+for key in specificity_samples generalization_standard_error surface_distance; do
+    grep -q "\"$key\"" joint/evaluation.json || fail "evaluation.json has no $key"
+done
+for key in thresholds mismatched_1.5_2.0 off_surface_max closed_joint_spaces; do
+    grep -q "\"$key\"" joint/certificate.json || fail "certificate.json has no $key"
+done
 [ "$(wc -l <joint/poses.csv)" -eq 7 ] || fail "poses.csv: not 6 subjects"
 
 # The planted angles: from one subject to the next the ball turns by 6 degrees, the cup stays.

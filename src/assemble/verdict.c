@@ -1,0 +1,194 @@
+/* The verdict on a joint: certified if all its parts are, and no joint space closes.  Lists of
+ * particles are those of the parts, counted as the joint counts its particles. */
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "assemble/job.h"
+#include "folder/names.h"
+
+typedef struct judging {
+    const joint_job *job;
+    const joint_cohort *c;
+    const joint_figures *f;
+} judging;
+
+/* What part d's certificate says of subject i. */
+static const json_t *judged_shape(const judging *g, size_t i, size_t d)
+{
+    const model_folder *m = &g->c->folder[d];
+    return json_array_get(json_object_get(m->certificate, "per_shape"), g->c->row[i * g->c->n + d]);
+}
+
+static bool is_certified(const json_t *shape)
+{
+    const char *verdict = json_string_value(json_object_get(shape, "verdict"));
+    return verdict && strcmp(verdict, "certified") == 0;
+}
+
+static double spacing_of(const judging *g, size_t d)
+{
+    return json_number_value(json_object_get(g->c->folder[d].certificate, "h"));
+}
+
+/* ---- joint spaces ---- */
+
+/* The rebuilt surfaces go into each other deeper than a quarter of the particles' distance beyond
+ * what the subject's own do. */
+static bool closes(const judging *g, size_t i, size_t pair, double h)
+{
+    const joint_contact *k = &g->f->contact[i * g->f->pairs + pair];
+    return k->rebuilt.depth > k->own.depth + 0.25 * h;
+}
+
+static json_t *closed_spaces(const judging *g, size_t i)
+{
+    json_t *closed = json_array();
+    size_t pair = 0;
+    for (size_t a = 0; a < g->c->n; a++)
+        for (size_t b = a + 1; b < g->c->n; b++, pair++)
+            if (closes(g, i, pair, fmin(spacing_of(g, a), spacing_of(g, b))))
+                json_array_append_new(
+                    closed, json_sprintf("%s and %s", g->job->part[a].name, g->job->part[b].name));
+    return closed;
+}
+
+/* ---- lists of particles ---- */
+
+static json_t *shifted(const json_t *value, json_int_t by)
+{
+    if (json_is_integer(value)) return json_integer(json_integer_value(value) + by);
+    size_t k;
+    const json_t *one;
+    json_t *list = json_array();
+    json_array_foreach(value, k, one)
+    {
+        json_array_append_new(list, shifted(one, by));
+    }
+    return list;
+}
+
+/* Adds the lists of a part to the joint's; figures of the surface are the worst of all parts. */
+static void add_lists(const json_t *shape, size_t first, json_t *into)
+{
+    static const char *const lists[] = { "mismatched_1.5_1.5", "mismatched_1.5_2.0", "lost",
+                                         "swaps", "folds" };
+    for (size_t k = 0; k < sizeof lists / sizeof *lists; k++) {
+        json_t *more = shifted(json_object_get(shape, lists[k]), (json_int_t)first);
+        if (!json_object_get(into, lists[k])) json_object_set_new(into, lists[k], json_array());
+        json_array_extend(json_object_get(into, lists[k]), more);
+        json_decref(more);
+    }
+    const double off = json_number_value(json_object_get(shape, "off_surface_max")),
+                 apart = json_number_value(json_object_get(shape, "min_separation"));
+    const json_t *before = json_object_get(into, "min_separation");
+    json_object_set_new(
+        into, "off_surface_max",
+        json_real(fmax(off, json_number_value(json_object_get(into, "off_surface_max")))));
+    json_object_set_new(into, "min_separation",
+                        json_real(before ? fmin(apart, json_number_value(before)) : apart));
+}
+
+/* ---- one subject ---- */
+
+/* "talus: looks mirrored", or that it needs review for want of a reason. */
+static void add_reasons(const char *part, const json_t *shape, json_t *reasons)
+{
+    size_t k;
+    const json_t *reason;
+    const json_t *list = json_object_get(shape, "reasons");
+    json_array_foreach(list, k, reason)
+    {
+        json_array_append_new(reasons, json_sprintf("%s: %s", part, json_string_value(reason)));
+    }
+    if (json_array_size(list) == 0)
+        json_array_append_new(reasons, json_sprintf("%s needs review", part));
+}
+
+static json_t *json_verdict(const judging *g, size_t i, bool *certified)
+{
+    json_t *parts = json_object(), *reasons = json_array(), *closed = closed_spaces(g, i);
+    json_t *verdict = json_object();
+    *certified = json_array_size(closed) == 0;
+    if (!*certified) json_array_append_new(reasons, json_string("a joint space is closed"));
+    json_object_set_new(verdict, "name", json_string(g->job->subject[i].name));
+    json_object_set_new(verdict, "verdict", json_null()); /* its place */
+    for (size_t d = 0; d < g->c->n; d++) {
+        const json_t *shape = judged_shape(g, i, d);
+        if (!is_certified(shape)) {
+            add_reasons(g->job->part[d].name, shape, reasons);
+            *certified = false;
+        }
+        add_lists(shape, g->c->first[d], verdict);
+        json_object_set_new(parts, g->job->part[d].name, json_deep_copy(shape));
+    }
+    json_object_set_new(verdict, "verdict", json_string(*certified ? "certified" : "needs review"));
+    json_object_set_new(verdict, "reasons", reasons);
+    json_object_set_new(verdict, "closed_joint_spaces", closed);
+    json_object_set_new(verdict, "parts", parts);
+    return verdict;
+}
+
+/* ---- all ---- */
+
+static void tell_review(const judging *g, const char *name, const json_t *verdict)
+{
+    char text[512];
+    size_t k, used;
+    const json_t *reason;
+    snprintf(text, sizeof text, "%s needs review", name);
+    json_array_foreach(json_object_get(verdict, "reasons"), k, reason)
+    {
+        used = strlen(text);
+        snprintf(text + used, sizeof text - used, "%s%s", k ? "; " : ": ",
+                 json_string_value(reason));
+    }
+    apsm_log(g->job->ctx, APSM_LOG_WARNING, "%s", text);
+}
+
+static void tell(const judging *g, size_t certified)
+{
+    const apsm_pose_shape *ps = &g->f->poses;
+    double pose = 0, shape = 0;
+    for (size_t k = 0; k < ps->poses.modes; k++) pose += ps->poses.variance[k];
+    for (size_t k = 0; k < ps->shapes.modes; k++) shape += ps->shapes.variance[k];
+    apsm_log(g->job->ctx, APSM_LOG_INFO,
+             "joint of %zu parts, %zu subjects: %.0f %% of the variance is pose", g->c->n, g->c->I,
+             pose + shape > 0 ? 100 * pose / (pose + shape) : 0.0);
+    apsm_log(g->job->ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, g->c->I);
+}
+
+static double least_spacing(const judging *g)
+{
+    double least = INFINITY;
+    for (size_t d = 0; d < g->c->n; d++) least = fmin(least, spacing_of(g, d));
+    return least;
+}
+
+json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
+                          const joint_figures *figures)
+{
+    const judging g = { job, cohort, figures };
+    json_t *shapes = json_array();
+    size_t certified = 0;
+    for (size_t i = 0; i < cohort->I; i++) {
+        bool good;
+        json_t *verdict = json_verdict(&g, i, &good);
+        certified += good;
+        if (!good) tell_review(&g, job->subject[i].name, verdict);
+        json_array_append_new(shapes, verdict);
+    }
+    tell(&g, certified);
+    if (json_array_size(shapes) < cohort->I) {
+        json_decref(shapes);
+        return NULL;
+    }
+    return json_pack(
+        "{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:O*, s:o}", "format", FORMAT_CERTIFICATE, "version",
+        CERTIFICATE_VERSION, "verdict", certified == cohort->I ? "certified" : "needs review",
+        "certified", (json_int_t)certified, "shapes", (json_int_t)cohort->I, "template",
+        job->subject[figures->like[0]].name, "h", least_spacing(&g), "thresholds",
+        json_object_get(cohort->folder[0].certificate, "thresholds"), "per_shape", shapes);
+}
