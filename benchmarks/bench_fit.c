@@ -2,11 +2,17 @@
  *
  *     bench_fit whole MODEL_DIR [FOLDS]      folds of the model's shapes are left out of its modes,
  *                                            and fitted from their groomed meshes
+ *     bench_fit parts MODEL_DIR [FOLDS]      the same with 20, 50, 80 % cut away by a plane
+ *     bench_fit landmarks MODEL_DIR [FOLDS]  from 4, 6, 10 of the joint model's particles alone
+ *     bench_fit poses MODEL_DIR [FOLDS]      200 random poses, every second one mirrored
+ *     bench_fit strangers MODEL_DIR OTHER    shapes that are not of the kind
+ *     bench_fit steps MODEL_DIR              where the time goes
  *
  * Correspondence is compared with the particles that the joint model has, in its h. */
 #include "bench.h"
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
+#include "evaluate/surface_distance.h"
 #include "fit/fit_model.h"
 #include "fit/parts.h"
 #include "folder/model_folder.h"
@@ -316,6 +322,125 @@ static void landmarks(left_out *b)
     }
 }
 
+/* ---- poses ---- */
+
+/* A random rotation about a random shift, every second one mirrored. */
+static void random_pose(uint64_t k, double size, double M[16])
+{
+    apsm_random rng = apsm_random_stream(7, APSM_STREAM_TEST, k, 0);
+    double A[9], R[9];
+    for (size_t c = 0; c < 9; c++) A[c] = apsm_random_normal(&rng);
+    apsm_nearest_rotation(A, R);
+    apsm_affine_identity(M);
+    for (size_t r = 0; r < 3; r++) {
+        for (size_t c = 0; c < 3; c++) M[4 * r + c] = k % 2 && c == 0 ? -R[3 * r] : R[3 * r + c];
+        M[4 * r + 3] = 5 * size * apsm_random_normal(&rng);
+    }
+}
+
+static void poses(left_out *b)
+{
+    enum { POSES = 200 };
+    size_t wrong = 0, told = 0, hands = 0, n = 0;
+    for (size_t fold = 0; fold < b->folds; fold++) {
+        apsm_fit_model *m = without_fold(b, fold);
+        for (size_t k = fold; k < POSES; k += b->folds) {
+            const size_t i = k % b->folder.I;
+            double M[16], to_world[16];
+            apsm_mesh mesh;
+            apsm_fit fit;
+            const apsm_fit_options o = apsm_fit_defaults();
+            if (i == b->folder.template_index) continue;
+            must(b, model_folder_mesh(b->ctx, &b->folder, i, &mesh));
+            random_pose(k, m->radius, M);
+            apsm_mesh_transform(&mesh, M);
+            must(b, apsm_fit_surface(b->ctx, m, b->folder.names[i], &mesh, &o, &fit));
+            n++;
+            bool right = false;
+            if (fit.J > 0) {
+                double *x = bench_doubles(3 * fit.J);
+                must(b, apsm_affine_invert(M, to_world));
+                apsm_affine_apply(to_world, fit.J, fit.original, x);
+                right = apart(fit.J, x, b->folder.P + i * 3 * fit.J) < 0.5 * b->joint->h;
+                hands += fit.mirrored != (k % 2 == 1);
+                free(x);
+            }
+            wrong += !right;
+            told += !right && fit.verdict != APSM_FIT_GOOD;
+            apsm_fit_free(&fit);
+            apsm_mesh_free(&mesh);
+        }
+        apsm_fit_model_free(m);
+    }
+    printf("{\"poses\": %zu, \"wrong\": %zu, \"of these not good\": %zu, \"wrong hands\": %zu}\n",
+           n, wrong, told, hands);
+}
+
+/* ---- strangers ---- */
+
+static void count_verdicts(const left_out *b, const apsm_mesh *mesh, const char *name,
+                           size_t count[3])
+{
+    apsm_fit fit;
+    const apsm_fit_options o = apsm_fit_defaults();
+    must(b, apsm_fit_surface(b->ctx, b->joint, name, mesh, &o, &fit));
+    count[fit.verdict]++;
+    if (fit.verdict == APSM_FIT_GOOD)
+        fprintf(stderr, "%s: good: distance %.3f h, residual %.2f of the usual, tail %.3f\n", name,
+                fit.distance.two_way.mean / fit.h, fit.residual / fit.residual_usual, fit.tail);
+    apsm_fit_free(&fit);
+}
+
+static void say_verdicts(const char *what, const size_t count[3])
+{
+    printf("{\"strangers\": \"%s\", \"good\": %zu, \"review\": %zu, \"refused\": %zu}\n", what,
+           count[0], count[1], count[2]);
+}
+
+static double size_of(const apsm_mesh *mesh)
+{
+    return sqrt(apsm_mesh_area(mesh));
+}
+
+/* Shapes of another model as they are, and of this model's size; own shapes of half and of twice
+ * the size, and with vertices moved at random. */
+static void strangers(left_out *b, const char *other)
+{
+    enum { MOST = 12 };
+    model_folder f;
+    size_t as_is[3] = { 0 }, sized[3] = { 0 }, half[3] = { 0 }, noise[3] = { 0 };
+    must(b, model_folder_read(b->ctx, other, 0, &f));
+    const double size = size_of(apsm_fit_model_mesh(b->joint));
+    for (size_t i = 0; i < f.I && i < MOST; i++) {
+        apsm_mesh mesh;
+        must(b, model_folder_mesh(b->ctx, &f, i, &mesh));
+        count_verdicts(b, &mesh, f.names[i], as_is);
+        const double scale = size / size_of(&mesh);
+        for (size_t x = 0; x < 3 * mesh.nv; x++) mesh.V[x] *= scale;
+        count_verdicts(b, &mesh, f.names[i], sized);
+        apsm_mesh_free(&mesh);
+    }
+    for (size_t i = 0; i < b->folder.I && i < MOST; i++) {
+        apsm_mesh mesh, rough;
+        apsm_random rng = apsm_random_stream(5, APSM_STREAM_TEST, i, 0);
+        must(b, model_folder_mesh(b->ctx, &b->folder, i, &mesh));
+        must(b, apsm_mesh_copy(&mesh, &rough));
+        for (size_t x = 0; x < 3 * mesh.nv; x++) {
+            mesh.V[x] *= i % 2 ? 0.5 : 2;
+            rough.V[x] += 0.5 * b->joint->h * apsm_random_normal(&rng);
+        }
+        count_verdicts(b, &mesh, b->folder.names[i], half);
+        count_verdicts(b, &rough, b->folder.names[i], noise);
+        apsm_mesh_free(&mesh);
+        apsm_mesh_free(&rough);
+    }
+    say_verdicts("another organ", as_is);
+    say_verdicts("another organ of the same size", sized);
+    say_verdicts("half or twice the size", half);
+    say_verdicts("noise of half a spacing", noise);
+    model_folder_free(&f);
+}
+
 /* ---- where the time goes ---- */
 
 static void step(const char *what, double *start)
@@ -368,13 +493,18 @@ int main(int argc, char **argv)
 {
     left_out b = { 0 };
     if (argc < 3) {
-        fprintf(stderr, "usage: bench_fit whole MODEL_DIR [FOLDS]\n");
+        fprintf(stderr, "usage: bench_fit whole|parts|landmarks|poses|steps MODEL_DIR [FOLDS], or "
+                        "strangers MODEL_DIR OTHER\n");
         return 2;
     }
-    open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
+    open_model(&b, argv[2],
+               argc > 3 && strcmp(argv[1], "strangers") != 0 ? (size_t)strtoul(argv[3], NULL, 10)
+                                                             : 10);
     if (strcmp(argv[1], "whole") == 0) whole(&b);
     if (strcmp(argv[1], "parts") == 0) parts(&b);
     if (strcmp(argv[1], "landmarks") == 0) landmarks(&b);
+    if (strcmp(argv[1], "poses") == 0) poses(&b);
+    if (strcmp(argv[1], "strangers") == 0 && argc > 3) strangers(&b, argv[3]);
     if (strcmp(argv[1], "steps") == 0) steps(&b);
     apsm_fit_model_free(b.joint);
     model_folder_free(&b.folder);

@@ -374,6 +374,15 @@ static apsm_status require_statistics(const parsing *p)
                      a->verb->operands);
 }
 
+static apsm_status require_growth(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs >= 2) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder and %s: apsm %s %s",
+                     a->verb->name, a->verb->verb == CLI_ADD ? "shapes" : "names of its shapes",
+                     a->verb->name, a->verb->operands);
+}
+
 static apsm_status require_export(const parsing *p)
 {
     const cli_args *a = p->args;
@@ -390,6 +399,7 @@ static apsm_status require_operands(const parsing *p)
     if (a->verb->verb == CLI_TEST) return require_test(p);
     if (a->verb->verb & (CLI_MEASURE | CLI_NORM)) return require_statistics(p);
     if (a->verb->verb == CLI_EXPORT) return require_export(p);
+    if (a->verb->verb & (CLI_EXCLUDE | CLI_ADD)) return require_growth(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);
     if (!(a->verb->verb & (CLI_CHECK | CLI_INFO)) && !a->out_dir && !evaluates_files(a))
@@ -476,7 +486,8 @@ apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *a
 
 apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args)
 {
-    for (size_t i = 0; i < args->n_inputs; i++)
+    const size_t n = args->verb->verb == CLI_EXCLUDE ? 1 : args->n_inputs; /* then names follow */
+    for (size_t i = 0; i < n && i < args->n_inputs; i++)
         if (!apsm_file_exists(args->inputs[i]) && !apsm_is_folder(args->inputs[i]))
             return apsm_fail(ctx, APSM_ERR_IO, "%s: no such file or folder; check the name",
                              args->inputs[i]);

@@ -13,7 +13,7 @@ enum {
     READS = GROOMS | CLI_CHECK | CLI_FIT,
     STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT | STATISTICS
+          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS
 };
 
 static const cli_option own[] = {
@@ -123,7 +123,8 @@ static const cli_option own[] = {
       "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
-      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT | STATISTICS,
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT |
+          CLI_EXCLUDE | CLI_ADD | STATISTICS,
       "N", NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "

@@ -49,6 +49,39 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                      n.refused + n.failed, n.good + n.review + n.refused + n.failed, args->out_dir);
 }
 
+/* The folder must be there: a run that is opened makes one. */
+static apsm_status open_model(apsm_context *ctx, const cli_args *args, size_t n_inputs,
+                              apsm_run **run)
+{
+    if (!apsm_is_folder(args->inputs[0]))
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: is no model folder", args->inputs[0]);
+    const apsm_run_settings settings = { .folder = args->inputs[0],
+                                         .n_inputs = n_inputs,
+                                         .inputs = args->inputs + 1 };
+    return cli_open_run(ctx, args, settings, run);
+}
+
+apsm_status apsm_cli_exclude(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_run *run = NULL;
+    APSM_TRY(open_model(ctx, args, 0, &run));
+    const apsm_status status = apsm_run_exclude(run, args->n_inputs - 1, args->inputs + 1);
+    apsm_run_close(run);
+    if (status == APSM_OK)
+        cli_say(ui, "excluded: %zu; report: %s/report.html", args->n_inputs - 1, args->inputs[0]);
+    return status;
+}
+
+apsm_status apsm_cli_add(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_run *run = NULL;
+    APSM_TRY(open_model(ctx, args, args->n_inputs - 1, &run));
+    const apsm_status status = apsm_run_add(run);
+    apsm_run_close(run);
+    if (status == APSM_OK) cli_say(ui, "added; report: %s/report.html", args->inputs[0]);
+    return status;
+}
+
 apsm_status apsm_cli_export(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     apsm_fit_model *model = NULL;

@@ -67,6 +67,14 @@ static const cli_verb_info verbs[] = {
       "the model: percentile and z of the whole shape, of every mode, of every particle, after "
       "what the formula allows for, with how sure that is. Writes norm.json, norm.csv and "
       "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o." },
+    { CLI_EXCLUDE, "exclude", "MODEL_DIR NAME...", "a model without some of its shapes",
+      "Takes shapes out of a finished model: mean, modes, figures and report are made anew, "
+      "nothing "
+      "is groomed or optimised again, and the files of these shapes in the folder go." },
+    { CLI_ADD, "add", "MODEL_DIR INPUT...", "new shapes into a finished model",
+      "Fits shapes to a finished model and enrols them; the particles of the others stay as they "
+      "are. Labels, sides and everything else are as the model was made with. If a shape is "
+      "refused, none is added." },
     { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
       "Writes all that fit needs of a model into one file, which can be used where the cohort is "
       "not. It holds no names of shapes." },

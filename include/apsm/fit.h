@@ -109,9 +109,10 @@ APSM_API apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *mo
 
 /* From n landmarks alone: x (n x 3) on the shape, on_mean (n x 3) the same points on the model's
  * mean shape (in the world frame).  Three at least; four to tell a hand. */
-apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                               size_t n, const double *on_mean, const double *x,
-                               const apsm_fit_options *options, apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model,
+                                        const char *name, size_t n, const double *on_mean,
+                                        const double *x, const apsm_fit_options *options,
+                                        apsm_fit *fit) APSM_NODISCARD;
 
 /* ---- files ---- */
 

@@ -90,6 +90,15 @@ APSM_API apsm_status apsm_run_initialize(apsm_run *run) APSM_NODISCARD;
 APSM_API apsm_status apsm_run_optimize(apsm_run *run) APSM_NODISCARD;
 /* Particles to model, certificate, figures and reconstructed meshes. */
 APSM_API apsm_status apsm_run_evaluate(apsm_run *run) APSM_NODISCARD;
+/* A finished model in a folder without some of its shapes: nothing is groomed or optimised again;
+ * mean, modes, figures and report are made anew, and what the run wrote for these shapes goes.
+ * Refused: the template, unknown names, fewer than three shapes left. */
+APSM_API apsm_status apsm_run_exclude(apsm_run *run, size_t n,
+                                      const char *const *names) APSM_NODISCARD;
+/* A finished model in a folder with the run's inputs more: each is groomed, fitted to the model
+ * (apsm/fit.h) and enrolled; the particles of the others stay, byte for byte.  If one is refused,
+ * none is added. */
+APSM_API apsm_status apsm_run_add(apsm_run *run) APSM_NODISCARD;
 /* Reads and judges everything without writing: report gets one line for each problem, *problems
  * their number.  With inputs: each is groomed in memory; without: the folder's project. */
 APSM_API apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line),

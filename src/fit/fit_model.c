@@ -163,17 +163,12 @@ static apsm_status make_prior(apsm_fit_model *m)
 
 /* ---- the template ---- */
 
-/* A shape alone does not show how far surfaces leave open where particles are: the model weighs as
- * it would where they leave much open (tali: 0.02). */
-static const double doubt = 0.08;
-
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
     apsm_fidelity_options o = apsm_fidelity_of(&m->options);
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));
     m->h = apsm_fidelity_spacing(m->fidelity);
-    apsm_fidelity_set_doubt(m->fidelity, doubt);
     return APSM_OK;
 }
 
@@ -243,11 +238,26 @@ static apsm_status calibrate(apsm_context *ctx, apsm_fit_model *m)
     double *P = malloc(s->I * s->J * 3 * sizeof *P);
     if (!P) return APSM_ERR_MEMORY;
     fit_model_particles(s, P);
+    m->calibration.distance /= m->h;
+    m->calibration.distance_most /= m->h;
     measure_sizes(s->I, s->J, P, m->radius, &m->calibration);
     apsm_status status = measure_poses(P, m);
     if (status == APSM_OK) status = fit_calibrate(ctx, P, m);
     free(P);
     return status;
+}
+
+/* How much surfaces leave to the prior is, in a cohort, the square of their misfit when they alone
+ * have decided over the particles' distance from what the model predicts
+ * (apsm_fidelity_doubt).  One shape does not show it, the model does: its shapes' distances, which
+ * are larger since the prior has had its say, over left-out shapes' misses.  On the tali the
+ * cohort's own doubt, 0.02, is a third of that square. */
+static double doubt_of(const fit_calibration *c)
+{
+    static const double share = 1.0 / 3, usual = 0.08, least = 0.005, most = 0.15;
+    const double miss = sqrt(3) * c->residual;
+    if (!(c->distance > 0) || !(miss > 0)) return usual;
+    return fmin(fmax(share * c->distance * c->distance / (miss * miss), least), most);
 }
 
 apsm_status fit_model_prepare(apsm_context *ctx, apsm_fit_model *m)
@@ -257,6 +267,7 @@ apsm_status fit_model_prepare(apsm_context *ctx, apsm_fit_model *m)
     APSM_TRY(make_normals(m));
     APSM_TRY(make_clouds(m));
     if (!(m->calibration.noise > 0)) APSM_TRY(calibrate(ctx, m));
+    apsm_fidelity_set_doubt(m->fidelity, doubt_of(&m->calibration));
     APSM_TRY(make_prior(m));
     return make_posterior(m);
 }
@@ -274,8 +285,8 @@ static apsm_status copy_template(apsm_context *ctx, const apsm_fit_model *m, aps
     out->options = m->options;
     out->oriented = m->oriented;
     memcpy(out->common, m->common, sizeof out->common);
-    out->calibration.distance = m->calibration.distance;
-    out->calibration.distance_most = m->calibration.distance_most;
+    out->calibration.distance = m->h * m->calibration.distance; /* not yet in h */
+    out->calibration.distance_most = m->h * m->calibration.distance_most;
     APSM_TRY(apsm_mesh_copy(&m->cohort.shape[0].mesh, &mesh));
     return fit_model_take_mesh(ctx, &mesh, out);
 }

@@ -34,7 +34,7 @@ static void find_orientation(const model_folder *f, apsm_fit_model *m)
     m->oriented = 5 * near >= 4 * f->I ? 1 : 0;
 }
 
-/* Two-way distances of the shapes, if they were measured; over h. */
+/* Two-way distances of the shapes, if they were measured; h is not yet known. */
 static void find_distances(const model_folder *f, apsm_fit_model *m)
 {
     const json_t *distance = json_object_get(f->evaluation, "surface_distance"), *shape;

@@ -182,6 +182,15 @@ static apsm_status add_records(const hashing *h, json_t *into)
     return APSM_OK;
 }
 
+apsm_status outputs_add(apsm_run *run, const char *stage, const char *path)
+{
+    char sha256[1][65];
+    long long bytes[1];
+    hashing h = { run, stage, 1, &path, sha256, bytes };
+    APSM_TRY(hash_file(run->ctx, 0, 0, &h));
+    return add_records(&h, records(run)) == APSM_OK ? APSM_OK : no_memory(run);
+}
+
 static int by_bytes(const void *a, const void *b)
 {
     return strcmp(*(const char *const *)a, *(const char *const *)b);

@@ -11,6 +11,9 @@ void outputs_forget(apsm_run *run, const char *stage);
 /* A stage has ended: the files it has written and the project are recorded. */
 apsm_status outputs_record(apsm_run *run, const char *stage);
 
+/* One more file of a stage, path from the model folder on, as it is now. */
+apsm_status outputs_add(apsm_run *run, const char *stage, const char *path);
+
 /* Whether one of the stages from first to last writes files of this name, and
  * whether the manifest says that a file of this name is a run's (guard.h). */
 bool outputs_writes_between(const char *first, const char *last, const char *path);

@@ -57,25 +57,37 @@ static apsm_status write_original(apsm_context *ctx, const apsm_run *run, const 
     return write_frame(ctx, run, s->name, "original", J, P, NULL);
 }
 
+/* In all frames; to_world: of the subject's groomed frame. */
+static apsm_status write_frames(apsm_context *ctx, const apsm_run *run, apsm_subject *s, size_t J,
+                                const double *world, const double to_world[16])
+{
+    double inverse[16], *local = malloc(J * 3 * sizeof *local);
+    if (!local) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_affine_invert(to_world, inverse);
+    if (status == APSM_OK) {
+        apsm_affine_apply(inverse, J, world, local);
+        status = write_frame(ctx, run, s->name, "local", J, local, &s->local_particles);
+    }
+    if (status == APSM_OK)
+        status = write_frame(ctx, run, s->name, "world", J, world, &s->world_particles);
+    if (status == APSM_OK && run->options.original_frame)
+        status = write_original(ctx, run, s, J, local);
+    free(local);
+    return status;
+}
+
 static apsm_status write_subject(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
     const particle_files *f = user;
-    apsm_subject *s = &f->run->project.subjects[i];
-    const double *world = f->P + i * f->J * 3;
-    double inverse[16], *local = malloc(f->J * 3 * sizeof *local);
-    if (!local) return APSM_ERR_MEMORY;
-    apsm_status status = apsm_affine_invert(f->run->transforms + 16 * i, inverse);
-    if (status == APSM_OK) {
-        apsm_affine_apply(inverse, f->J, world, local);
-        status = write_frame(ctx, f->run, s->name, "local", f->J, local, &s->local_particles);
-    }
-    if (status == APSM_OK)
-        status = write_frame(ctx, f->run, s->name, "world", f->J, world, &s->world_particles);
-    if (status == APSM_OK && f->run->options.original_frame)
-        status = write_original(ctx, f->run, s, f->J, local);
-    free(local);
-    return status;
+    return write_frames(ctx, f->run, &f->run->project.subjects[i], f->J, f->P + i * f->J * 3,
+                        f->run->transforms + 16 * i);
+}
+
+apsm_status run_write_particles_of(apsm_run *run, size_t i, size_t J, const double *world)
+{
+    apsm_subject *s = &run->project.subjects[i];
+    return write_frames(run->ctx, run, s, J, world, s->alignment);
 }
 
 /* Steps that come later, and who asks for the results, get what stands in the files. */

@@ -98,4 +98,24 @@ fit 0 "fitted" model points.csv --landmarks on_mean.csv -o landmarks
 grep -q '"observed_share": 0' landmarks/fit.json || fail "landmarks: $(cat landmarks/fit.json)"
 echo 'p1,1,2' >>points.csv
 fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks2
+
+# Shapes leave and come back; the others stay byte for byte.
+sum_of() { find model/groomed model/particles -name 's[0-5]*' -exec cksum {} + | sort -k 3; }
+template=$(sed -n 's/.*"template_used": "\(.*\)".*/\1/p' model/project.swproj)
+leaver=s6
+[ "$template" = s6 ] && leaver=s5
+sum_of | grep -v "/${leaver}_" | grep -v "/$leaver\." >kept_before
+"$apsm" exclude model $leaver >said 2>&1 || fail "exclude: $(cat said)"
+"$apsm" verify model >said 2>&1 || fail "verify after exclude: $(cat said)"
+grep -q $leaver model/scores.csv && fail "an excluded shape has scores"
+"$apsm" exclude model "$template" >said 2>&1 && fail "the template was excluded"
+"$apsm" exclude model nobody >said 2>&1 && fail "nobody was excluded"
+"$apsm" verify model >said 2>&1 || fail "verify after refused excludes: $(cat said)"
+"$apsm" add model half.ply >said 2>&1 && fail "a stranger was added"
+"$apsm" verify model >said 2>&1 || fail "verify after a refused add: $(cat said)"
+"$apsm" add model cohort/$leaver.ply new/turned.ply >said 2>&1 || fail "add: $(cat said)"
+"$apsm" verify model >said 2>&1 || fail "verify after add: $(cat said)"
+[ "$(wc -l <model/scores.csv)" -eq 9 ] || fail "not 8 shapes after add"
+sum_of | grep -v "/${leaver}_" | grep -v "/$leaver\." | cmp -s - kept_before ||
+    fail "the others' files changed"
 exit $failed

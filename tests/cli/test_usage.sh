@@ -25,7 +25,7 @@ expect() {
 
 expect 0 "apsm 0." --version
 expect 0 "Usage: apsm VERB" --help
-for verb in run groom initialize optimize evaluate report render check convert verify info fit export; do
+for verb in run groom initialize optimize evaluate report render check convert verify info fit export exclude add; do
     expect 0 "Usage: apsm $verb" $verb --help
     expect 0 "Usage: apsm $verb" help $verb
     expect 2 "the nearest is --help" $verb --hel
