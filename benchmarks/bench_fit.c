@@ -11,11 +11,11 @@
  * Correspondence is compared with the particles that the joint model has, in its h. */
 #include "bench.h"
 
-#include "geometry/affine.h"
 #include "evaluate/surface_distance.h"
 #include "fit/fit_model.h"
 #include "fit/parts.h"
 #include "folder/model_folder.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 typedef struct left_out {
