@@ -91,8 +91,10 @@ static void read_and_check(fixture *f, const char *path, bool is_mesh)
     } else if (is_mesh) {
         expect_sound_mesh(&mesh, path);
     } else {
+        assert_true(!volume.label != !volume.value);
         int32_t sum = 0;
-        for (size_t i = 0; i < volume.n[0] * volume.n[1] * volume.n[2]; i++) sum ^= volume.label[i];
+        for (size_t i = 0; volume.label && i < volume.n[0] * volume.n[1] * volume.n[2]; i++)
+            sum ^= volume.label[i];
         assert_true(volume.spacing[0] > 0.0 && (sum == 0 || sum != 0));
     }
     apsm_mesh_free(&mesh);

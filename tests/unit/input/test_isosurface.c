@@ -81,6 +81,38 @@ static void exact_zeros_make_no_degenerate_triangles(void **state)
     apsm_context_free(ctx);
 }
 
+/* Every way in which a cell can be cut occurs, and cells fit each other; values times anything give
+ * the same triangles. */
+static void noise_makes_closed_manifolds(void **state)
+{
+    (void)state;
+    apsm_context *const ctx = apsm_context_new();
+    const size_t m[3] = { 14, 15, 16 };
+    float values[14 * 15 * 16], scaled[14 * 15 * 16];
+    uint32_t seed = 7;
+    for (size_t i = 0; i < 14 * 15 * 16; i++) {
+        const size_t x[3] = { i % 14, i / 14 % 15, i / 210 };
+        bool rim = false;
+        for (int c = 0; c < 3; c++) rim = rim || x[c] == 0 || x[c] + 1 == m[c];
+        seed = 1664525u * seed + 1013904223u;
+        values[i] = rim ? 1.0f : (float)(seed >> 8) / 8388608.0f - 1.0f;
+        scaled[i] = 1024.0f * values[i];
+    }
+    apsm_mesh a, b;
+    apsm_mesh_defects d;
+    assert_int_equal(apsm_isosurface(ctx, m, values, 0.0, &a), APSM_OK);
+    assert_int_equal(apsm_isosurface(ctx, m, scaled, 0.0, &b), APSM_OK);
+    assert_int_equal(apsm_mesh_inspect(&a, &d), APSM_OK);
+    assert_true(apsm_mesh_is_closed_manifold(&d) && a.nf > 5000);
+    assert_true(apsm_mesh_volume(&a) > 0.0);
+    assert_true(a.nv == b.nv && a.nf == b.nf);
+    assert_memory_equal(a.F, b.F, 3 * a.nf * sizeof *a.F);
+    assert_memory_equal(a.V, b.V, 3 * a.nv * sizeof *a.V);
+    apsm_mesh_free(&a);
+    apsm_mesh_free(&b);
+    apsm_context_free(ctx);
+}
+
 static void bad_grids_are_refused(void **state)
 {
     (void)state;
@@ -103,6 +135,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_ball_faces_outward),
         cmocka_unit_test(exact_zeros_make_no_degenerate_triangles),
+        cmocka_unit_test(noise_makes_closed_manifolds),
         cmocka_unit_test(bad_grids_are_refused),
     };
     return cmocka_run_group_tests_name("isosurface", tests, NULL, NULL);
