@@ -25,15 +25,14 @@ static void parts_free(size_t n, parts *all)
 
 static bool split(const apsm_input_case *c, parts *p)
 {
-    char *stem = c->kind == APSM_INPUT_DICOM ? NULL : apsm_path_stem(c->path);
+    char *stem = c->kind == APSM_INPUT_DICOM ? strdup(c->path) : apsm_path_stem(c->path);
     const char *slash = strrchr(c->path, '/');
-    const size_t head = stem && slash ? (size_t)(slash - c->path) + 1 : 0;
-    const char *tail = stem ? stem : c->path;
-    p->text = malloc(head + strlen(tail) + 1);
+    const size_t head = c->kind != APSM_INPUT_DICOM && slash ? (size_t)(slash - c->path) + 1 : 0;
+    if (stem) p->text = malloc(head + strlen(stem) + 1);
     p->room = p->part = malloc((strlen(c->path) + 1) * sizeof *p->room);
     if (p->text) {
         memcpy(p->text, c->path, head);
-        strcpy(p->text + head, tail);
+        strcpy(p->text + head, stem);
     }
     free(stem);
     if (!p->text || !p->part) return false;

@@ -38,26 +38,23 @@ static apsm_status no_memory(apsm_run *run)
 
 /* ---- whose it is ---- */
 
-static bool is_journal(const apsm_run *run)
-{
-    char *path = run_path(run, RUN_JOURNAL);
-    const bool is = path && journal_is_one(path);
-    free(path);
-    return is;
-}
-
-static bool has_file(const apsm_run *run, const char *name)
+/* Whether there is something in the journal's place, and whether it is one. */
+static apsm_status look_at_journal(apsm_run *run, bool *there, bool *is_one)
 {
     struct stat info;
-    char *path = run_path(run, name);
-    const bool has = path && lstat(path, &info) == 0;
+    char *path = run_path(run, RUN_JOURNAL);
+    if (!path) return no_memory(run);
+    *there = lstat(path, &info) == 0;
+    *is_one = *there && journal_is_one(path);
     free(path);
-    return has;
+    return APSM_OK;
 }
 
-bool guard_is_model(const apsm_run *run)
+apsm_status guard_is_model(apsm_run *run, bool *is)
 {
-    return has_file(run, RUN_MANIFEST) || is_journal(run);
+    bool there;
+    *is = run->has_manifest;
+    return *is ? APSM_OK : look_at_journal(run, &there, is);
 }
 
 static apsm_status refuse_foreign(apsm_run *run, const char *path)
@@ -82,8 +79,9 @@ static apsm_status check_owner(const guarding *g, const char *first)
         if (outputs_writes_between(first, last, path) && !outputs_are_a_runs(run, path))
             return refuse_foreign(run, path);
     }
-    if (has_file(run, RUN_JOURNAL) && !is_journal(run)) return refuse_foreign(run, RUN_JOURNAL);
-    return APSM_OK;
+    bool there = false, is_one = false;
+    APSM_TRY(look_at_journal(run, &there, &is_one));
+    return there && !is_one ? refuse_foreign(run, RUN_JOURNAL) : APSM_OK;
 }
 
 /* ---- inputs ---- */

@@ -18,6 +18,6 @@ apsm_status guard_files(apsm_run *run, const char *first, const apsm_input_list 
 apsm_status guard_model(apsm_run *run);
 
 /* Whether the folder is a run's at all: it has a manifest or a journal of ours. */
-bool guard_is_model(const apsm_run *run);
+apsm_status guard_is_model(apsm_run *run, bool *is);
 
 #endif

@@ -91,7 +91,9 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
         APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
     APSM_TRY(manifest_open(run));
-    if (!run->dry && guard_is_model(run)) APSM_TRY(outputs_tidy(run));
+    bool is_model = false;
+    if (!run->dry) APSM_TRY(guard_is_model(run, &is_model));
+    if (is_model) APSM_TRY(outputs_tidy(run));
     APSM_TRY(open_project(run, s->fresh));
     if (run->resume && !s->dry) APSM_TRY(kept_take_up(run));
     return settings_settle(run, s);
