@@ -56,7 +56,7 @@ static inline APSM_NODISCARD apsm_status apsm_run_open(apsm_context *ctx,
 
 /* Whether text is a value of "ignore": words with commas, of constraints, landmarks, normals,
  * fixed, domains and reflect. */
-apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text) APSM_NODISCARD;
 
 /* The options in force, and any text setting ("" if not set). */
 APSM_API const apsm_options *apsm_run_options(const apsm_run *run);
