@@ -52,7 +52,7 @@ static const cli_verb_info verbs[] = {
       "groups apart, and what could have been found. Writes OF_ON.json and OF_ON.csv to "
       "statistics/ "
       "in the model folder, or to the folder of -o." },
-    { CLI_MEASURE, "measure", "MODEL_DIR DEFINITION.json [PARTICLES|FIT_DIR...]",
+    { CLI_MEASURE, "measure", "MODEL_DIR DEFINITION.json [PARTICLES|FIT...]",
       "distances, angles, diameters, areas of every shape",
       "Evaluates what DEFINITION.json defines once on the template (distance, angle, "
       "plane-distance, "
@@ -61,7 +61,7 @@ static const cli_verb_info verbs[] = {
       "its modes at two standard deviations, and on shapes that were fitted. Writes "
       "measurements.json and .csv to statistics/ in the model folder, or to the folder of -o; the "
       "table can be given to test as --subjects." },
-    { CLI_NORM, "norm", "MODEL_DIR PARTICLES|FIT_DIR... [--subjects FILE --formula TEXT]",
+    { CLI_NORM, "norm", "MODEL_DIR PARTICLES|FIT...",
       "how unusual a new shape is, given age, sex or whatever is known",
       "Compares shapes that were fitted (their world particles, or a folder of fit) with those of "
       "the model: percentile and z of the whole shape, of every mode, of every particle, after "
