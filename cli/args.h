@@ -26,7 +26,8 @@ typedef enum cli_verb {
     CLI_ADD = 1 << 25,
     CLI_TEST = 1 << 18,
     CLI_MEASURE = 1 << 21,
-    CLI_NORM = 1 << 22
+    CLI_NORM = 1 << 22,
+    CLI_CERTIFY = 1 << 24
 } cli_verb;
 
 typedef struct cli_verb_info {

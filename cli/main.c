@@ -27,6 +27,8 @@ static apsm_status call_verb(apsm_context *ctx, const cli_args *args, cli_ui *ui
         return apsm_cli_optimize(ctx, args, ui);
     case CLI_EVALUATE:
         return apsm_cli_evaluate(ctx, args, ui);
+    case CLI_CERTIFY:
+        return apsm_cli_certify(ctx, args, ui);
     case CLI_REPORT:
         return apsm_cli_report(ctx, args, ui);
     case CLI_RENDER:

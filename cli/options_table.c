@@ -13,15 +13,16 @@ enum {
     READS = GROOMS | CLI_CHECK | CLI_FIT,
     STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS
+          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
-      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS, "DIR",
-      NULL, NULL,
-      "the model folder (convert, render, fit: the file or folder to write); made if it does not "
-      "exist",
+      STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
+          CLI_CERTIFY,
+      "DIR", NULL, NULL,
+      "the model folder (convert, render, fit, certify: the file or folder to write); made if it "
+      "does not exist",
       NULL },
     { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
       "write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, npy, "
@@ -104,7 +105,8 @@ static const cli_option own[] = {
       "of a project with several domains (shape_NAME, ...) the one to model alone; without it they "
       "become one model, as with --parts",
       NULL },
-    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE, "NAME", "template", NULL,
+    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE | CLI_CERTIFY, "NAME",
+      "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },

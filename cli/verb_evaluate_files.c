@@ -1,12 +1,13 @@
-/* evaluate FILE...: figures of a model from particle files of any program, and its meshes if they
- * are given in the same order and in the frame of the particles; or from a project, with its
- * meshes.  Writes nothing; the figures are the result.  The shape that is warped to the others is
- * the one that is named, else the project's template, else the one whose particles are nearest to
- * the mean. */
+/* certify and evaluate FILE...: verdict and figures of a model from particle files of any program,
+ * and its meshes if they are given in the same order and in the frame of the particles; or from a
+ * project, with its meshes.  Writes nothing; the figures are the result.  The shape that is warped
+ * to the others is the one that is named, else the project's template, else the one whose particles
+ * are nearest to the mean. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/certify.h"
 #include "apsm/formats.h"
 #include "apsm/options.h"
 #include "apsm/particles.h"
@@ -270,6 +271,51 @@ apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli
     if (status == APSM_OK) status = compute(&w, cli_args_get(args, "template"), &options);
     if (status == APSM_OK) say(ui, &w);
     apsm_evaluation_free(&w.evaluation);
+    for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
+    free(w.meshes);
+    free(w.P);
+    cli_sets_free(&w.in);
+    return status;
+}
+
+/* ---- certify ---- */
+
+static apsm_status find_template(files_work *w, const char *template_name)
+{
+    apsm_shape_model model = { 0 };
+    apsm_status status = apsm_shape_model_fit(w->ctx, w->I, w->J, w->P, &model);
+    if (status == APSM_OK) status = choose_template(w, template_name, model.mean);
+    apsm_shape_model_free(&model);
+    return status;
+}
+
+static apsm_status certify(files_work *w, const char *path, cli_ui *ui)
+{
+    size_t certified;
+    if (!w->meshes)
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "certify needs a mesh for each shape, after the particles, in the same "
+                         "order and frame");
+    const char **names = calloc(w->I, sizeof *names);
+    if (!names) return out_of_memory(w);
+    for (size_t i = 0; i < w->I; i++) names[i] = w->in.sets[i].name;
+    const apsm_certify_input input = { w->I, w->J, names, w->P, w->meshes, w->t };
+    const apsm_status status = apsm_certify_particles(w->ctx, &input, path, &certified);
+    free(names);
+    if (status == APSM_OK)
+        cli_say(ui, "%zu of %zu shapes are certified (template %s)", certified, w->I,
+                w->in.sets[w->t].name);
+    return status;
+}
+
+apsm_status apsm_cli_certify(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    files_work w = { .ctx = ctx };
+    apsm_status status = read_operands(&w, args);
+    if (status == APSM_OK) status = gather(&w);
+    if (status == APSM_OK) status = read_meshes(&w);
+    if (status == APSM_OK) status = find_template(&w, cli_args_get(args, "template"));
+    if (status == APSM_OK) status = certify(&w, args->out_dir, ui);
     for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
     free(w.meshes);
     free(w.P);

@@ -14,6 +14,7 @@ apsm_status apsm_cli_initialize(apsm_context *ctx, const cli_args *args, cli_ui 
 apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_evaluate_files(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_certify(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_render(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui);

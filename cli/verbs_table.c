@@ -30,6 +30,12 @@ static const cli_verb_info verbs[] = {
       "figures and writes nothing; meshes in the same order and frame, or those of the project, "
       "add "
       "surface distances." },
+    { CLI_CERTIFY, "certify", "PROJECT|PARTICLES... MESHES...", "the verdict on anyone's particles",
+      "Says of every shape whether its particles keep their neighbours, whether it lies as the "
+      "others do and is no mirror image, whether it belongs, whether a region has slipped or an "
+      "end was missed: the verdict that evaluate gives, on a project with its meshes or on "
+      "particle files of any program (aligned) with a mesh for each, in the same order and frame. "
+      "With -o FILE it is also written as certificate.json is." },
     { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "

@@ -1,0 +1,53 @@
+#include <jansson.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "apsm/affine.h"
+#include "apsm/certify.h"
+#include "apsm/files.h"
+#include "optimize/correspondence_loss.h"
+#include "run/certify.h"
+
+static apsm_status write(apsm_context *ctx, const char *path, const apsm_cohort *cohort,
+                         const cohort_certificate *c)
+{
+    if (!path) return APSM_OK;
+    json_t *root = certify_json(cohort, c);
+    const apsm_status status = apsm_json_write(ctx, path, root);
+    json_decref(root);
+    return status;
+}
+
+static apsm_status certify(apsm_context *ctx, const apsm_certify_input *in,
+                           const apsm_cohort *cohort, const char *path, size_t *certified)
+{
+    cohort_certificate c = { 0 };
+    APSM_TRY(certify_cohort(ctx, cohort, in->J, in->P, NULL, &c));
+    *certified = 0;
+    for (size_t i = 0; i < in->I; i++)
+        *certified += strcmp(certify_verdict_of(&c, i), "certified") == 0;
+    const apsm_status status = write(ctx, path, cohort, &c);
+    if (status == APSM_OK) certify_tell(ctx, cohort, &c);
+    certify_free(&c);
+    return status;
+}
+
+apsm_status apsm_certify_particles(apsm_context *ctx, const apsm_certify_input *in,
+                                   const char *path, size_t *certified)
+{
+    apsm_cohort cohort = { 0 };
+    *certified = 0;
+    if (in->I == 0 || in->template_index >= in->I || in->J <= APSM_NEIGHBOURS)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "certify: %zu shapes with %zu particles; at least %d particles are needed",
+                         in->I, in->J, APSM_NEIGHBOURS + 1);
+    double *M = malloc(16 * in->I * sizeof *M);
+    if (!M) return apsm_fail(ctx, APSM_ERR_MEMORY, "certify: out of memory");
+    for (size_t i = 0; i < in->I; i++) apsm_affine_identity(M + 16 * i);
+    apsm_status status = apsm_cohort_build(ctx, in->I, in->names, in->meshes, M, in->template_index,
+                                           0.0, 0.0, &cohort);
+    free(M);
+    if (status == APSM_OK) status = certify(ctx, in, &cohort, path, certified);
+    apsm_cohort_free(&cohort);
+    return status;
+}

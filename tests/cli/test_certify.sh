@@ -1,0 +1,38 @@
+#!/bin/bash
+# The verdict on planted faults from outside: a stranger among shapes that belong, too few shapes to
+# judge, and the same verdict on a project as on the model.
+set -u
+apsm=$1 make_synthetic=$2
+work=$(mktemp -d) || exit 1
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+bad=0
+fail() {
+    echo "FAIL: $*" >&2
+    bad=1
+}
+
+for i in 0 1 2 3 4 5; do "$make_synthetic" bump "s$i.ply" level 3 index $i count 6 || exit 1; done
+"$make_synthetic" bump x.ply level 3 index 2 count 6 scale 2 || exit 1
+few="-J 32 --stage1-epochs 2 --stage2-epochs 2 --set fidelity=0 --threads 1 -q"
+
+# shellcheck disable=SC2086 # options are words
+"$apsm" run s?.ply x.ply -o model $few 2>log || fail "run: $(cat log)"
+grep -q '^warning: x: .*unlike the others' log || fail "groom does not name the stranger: $(cat log)"
+grep -q 'x needs review: its size is unlike' log || fail "the verdict does not name it: $(cat log)"
+grep -q '"template": "x"' model/certificate.json && fail "the stranger is the template"
+grep -q '"aspect": *"belonging"' model/manifest.json || fail "the manifest does not keep the note"
+grep -q '"belonging": *"review"' model/certificate.json || fail "no grade of belonging"
+
+"$apsm" certify model/project.swproj -o cert.json >out 2>log || fail "certify: $(cat log)"
+grep -q 'x needs review: its size' log || fail "certify does not name the stranger: $(cat log)"
+grep -q '"apsm-certificate"' cert.json || fail "no certificate is written"
+"$apsm" certify model/particles/*_world.particles >out 2>log && fail "certify without meshes"
+grep -q 'needs a mesh for each shape' log || fail "certify without meshes says: $(cat log)"
+"$apsm" certify >out 2>log && fail "certify without operands"
+
+# shellcheck disable=SC2086
+"$apsm" run s0.ply s1.ply s2.ply -o three $few 2>log || fail "run of three: $(cat log)"
+grep -q '"verdict": *"not judged"' three/certificate.json || fail "three shapes are judged"
+grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be judged: $(cat log)"
+exit $bad
