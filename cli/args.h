@@ -27,7 +27,7 @@ typedef enum cli_verb {
     CLI_TEST = 1 << 18,
     CLI_MEASURE = 1 << 21,
     CLI_NORM = 1 << 22,
-    CLI_CERTIFY = 1 << 24
+    CLI_CERTIFY = 1 << 27
 } cli_verb;
 
 typedef struct cli_verb_info {
