@@ -402,7 +402,8 @@ static apsm_status require_operands(const parsing *p)
     if (a->verb->verb & (CLI_EXCLUDE | CLI_ADD)) return require_growth(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);
-    if (!(a->verb->verb & (CLI_CHECK | CLI_INFO | CLI_CERTIFY)) && !a->out_dir && !evaluates_files(a))
+    if (!(a->verb->verb & (CLI_CHECK | CLI_INFO | CLI_CERTIFY)) && !a->out_dir &&
+        !evaluates_files(a))
         return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder: apsm %s %s", a->verb->name,
                          a->verb->name, a->verb->operands);
     if ((a->verb->verb & (CLI_CHECK | CLI_INFO | CLI_CERTIFY)) && a->n_inputs == 0)
