@@ -165,6 +165,20 @@ const char *manifest_input_sha256(const apsm_run *run, const char *name)
     return NULL;
 }
 
+bool manifest_is_joint(const apsm_run *run)
+{
+    return json_object_get(run->manifest, "joint") != NULL;
+}
+
+apsm_status manifest_refuse_joint(const apsm_run *run)
+{
+    if (!manifest_is_joint(run)) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: holds a joint of several parts; give `apsm run` the inputs and --parts "
+                     "again, or work on a part in %s/parts",
+                     run->folder, run->folder);
+}
+
 stage_clock stage_begin(void)
 {
     stage_clock clock;

@@ -29,6 +29,11 @@ apsm_status manifest_set_ignored(apsm_run *run, const char *text);
 /* The stored SHA-256 of a named input, or NULL. */
 const char *manifest_input_sha256(const apsm_run *run, const char *name);
 
+/* Whether the folder holds a joint of several parts (src/assemble), not a model of one. */
+bool manifest_is_joint(const apsm_run *run);
+/* Refuses a step in such a folder: its parts are models, the joint is made of them. */
+apsm_status manifest_refuse_joint(const apsm_run *run);
+
 /* A clock for one stage. */
 typedef struct stage_clock {
     struct timespec wall, cpu;

@@ -128,6 +128,12 @@ static apsm_status look_for_others(const verifying *v, const output *list, size_
     return APSM_OK;
 }
 
+/* A joint of several parts: what it has of its own, then every part's folder. */
+static bool is_joint(const verifying *v)
+{
+    return manifest_is_joint(v->run);
+}
+
 static apsm_status verify_outputs(const verifying *v)
 {
     output *list = NULL;
@@ -138,7 +144,7 @@ static apsm_status verify_outputs(const verifying *v)
             disagree(v, "%s: %s since %s wrote it", list[k].path, what_happened(list[k].state),
                      list[k].stage);
     v->result->outputs = n;
-    if (status == APSM_OK) status = look_for_others(v, list, n);
+    if (status == APSM_OK && !is_joint(v)) status = look_for_others(v, list, n);
     free(list);
     return status;
 }
@@ -268,9 +274,44 @@ static void tell_unfinished(const verifying *v)
     }
 }
 
+static apsm_status verify_part(const verifying *v, const char *name)
+{
+    apsm_verification part;
+    char *parts = apsm_path_join(v->folder, "parts");
+    char *folder = parts ? apsm_path_join(parts, name) : NULL;
+    const apsm_status status =
+        folder ? apsm_run_verify(v->ctx, folder, v->report, v->note, v->user, &part)
+               : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        if (part.problems > 0) remark(v, "(%zu of these in %s)", part.problems, folder);
+        v->result->outputs += part.outputs;
+        v->result->inputs += part.inputs;
+        v->result->problems += part.problems;
+    }
+    free(folder);
+    free(parts);
+    return status;
+}
+
+static apsm_status verify_parts(const verifying *v)
+{
+    size_t d;
+    const json_t *part,
+        *parts = json_object_get(json_object_get(v->run->manifest, "joint"), "parts");
+    json_array_foreach(parts, d, part)
+    {
+        const char *name = json_string_value(json_object_get(part, "name"));
+        if (name && !strchr(name, '/')) APSM_TRY(verify_part(v, name));
+    }
+    if (json_array_size(parts) == 0)
+        remark(v, "unfinished: the joint has not been made; run again with --resume");
+    return APSM_OK;
+}
+
 static apsm_status verify_opened(const verifying *v)
 {
     APSM_TRY(verify_outputs(v));
+    if (is_joint(v)) return verify_parts(v);
     APSM_TRY(verify_options(v));
     APSM_TRY(verify_checkpoints(v));
     APSM_TRY(verify_inputs(v));

@@ -87,6 +87,13 @@ rm again/model.json again/parts/ball/report.html
 "$apsm" run --resume shapes -o again $parts $fast --quiet >said 2>&1 || fail "resume: $(tail -n 1 said)"
 cmp -s joint/model.json again/model.json || fail "resumed: another model"
 
+# It can be verified as a whole, parts included, and is not mistaken for a model of one part.
+"$apsm" verify joint >said 2>&1 || fail "verify: $(tail -n 3 said)"
+echo >>joint/parts/cup/scores.csv
+"$apsm" verify joint >said 2>&1 && fail "a changed file of a part is not found"
+said=$("$apsm" evaluate joint 2>&1) && fail "evaluate of a joint"
+grep -q 'holds a joint of several parts' <<<"$said" || fail "evaluate says: $said"
+
 # A model of all parts is a model: rendered like one.
 "$apsm" render joint -o pictures --quiet >said 2>&1 || fail "render: $(tail -n 1 said)"
 [ -s pictures/modes.png ] || fail "no picture of the joint"
