@@ -276,7 +276,7 @@ static void tell_unfinished(const verifying *v)
 
 static apsm_status verify_part(const verifying *v, const char *name)
 {
-    apsm_verification part;
+    apsm_verification part = { 0 };
     char *parts = apsm_path_join(v->folder, "parts");
     char *folder = parts ? apsm_path_join(parts, name) : NULL;
     const apsm_status status =
