@@ -41,6 +41,8 @@ typedef struct named {
 
 const double *apsm_figures_get(const apsm_figures *f, const char *name, size_t *n)
 {
+    *n = 0;
+    if (!f || !name) return NULL;
     const apsm_evaluation *e = &f->evaluation;
     const size_t I = f->surface ? e->shapes : 0;
     const named list[] = {
@@ -54,8 +56,7 @@ const double *apsm_figures_get(const apsm_figures *f, const char *name, size_t *
         { "surface_p95", I, I ? f->surface + I : NULL },
         { "surface_max", I, I ? f->surface + 2 * I : NULL },
     };
-    *n = 0;
-    for (size_t k = 0; k < sizeof list / sizeof *list && name; k++)
+    for (size_t k = 0; k < sizeof list / sizeof *list; k++)
         if (strcmp(list[k].name, name) == 0) return *n = list[k].n, list[k].x;
     return NULL;
 }

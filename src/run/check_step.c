@@ -96,6 +96,7 @@ static apsm_status check_project(apsm_run *run, problem_fn report, void *user, s
 apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char *line), void *user,
                            size_t *problems)
 {
+    if (!run || !report || !problems) return APSM_ERR_ARG;
     *problems = 0;
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: there are no files to check");
@@ -251,6 +252,7 @@ static void list_cases(apsm_context *ctx, const apsm_input_list *list)
 
 apsm_status apsm_run_dry(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: there are no files to look at");
     groom_inputs in = { 0 };

@@ -389,6 +389,7 @@ static apsm_status hand_over(evaluation_work *w)
 
 apsm_status apsm_run_evaluate(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     evaluation_work w = { .run = run };

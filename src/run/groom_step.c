@@ -308,6 +308,7 @@ static apsm_status give_up(apsm_run *run, apsm_status why)
 
 apsm_status apsm_run_groom(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     groom_work w = { .run = run };

@@ -46,6 +46,7 @@ static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
 
 apsm_status apsm_run_initialize(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     APSM_TRY(guard_files(run, "initialize", NULL));

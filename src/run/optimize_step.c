@@ -201,6 +201,7 @@ static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state,
 
 apsm_status apsm_run_optimize(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     APSM_TRY(manifest_refuse_joint(run));
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };

@@ -217,6 +217,7 @@ apsm_status run_write_project(apsm_run *run)
 
 apsm_status apsm_run_all(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     static const struct {
         const char *stage;
         apsm_status (*step)(apsm_run *);
@@ -239,6 +240,7 @@ apsm_status apsm_run_all(apsm_run *run)
 
 apsm_status apsm_run_report(apsm_run *run)
 {
+    if (!run) return APSM_ERR_ARG;
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "a job without a folder has no report");
     APSM_TRY(guard_files(run, "report", NULL));

@@ -129,6 +129,43 @@ static apsm_status check(void)
     return status == APSM_OK && problems ? APSM_ERR_STATE : status;
 }
 
+/* The whole of a job without a folder: two bars as meshes, one as voxels. */
+static apsm_status add_shapes(apsm_run *run)
+{
+    enum { N = 8 };
+    static int32_t label[N * N * N];
+    for (int k = 0; k < N * N * N; k++) label[k] = k % N > 1 && k / N % N > 1 && k / N / N > 1;
+    for (int k = 0; k < N * N * N; k++)
+        if (k % N > 5 || k / N % N > 5 || k / N / N > 5) label[k] = 0;
+    const double V[8][3] = { { 0, 0, 0 }, { 4, 0, 0 }, { 0, 4, 0 }, { 4, 4, 0 },
+                             { 0, 0, 4 }, { 4, 0, 4 }, { 0, 4, 4 }, { 4, 4, 4 } };
+    const uint32_t F[12][3] = { { 0, 2, 3 }, { 0, 3, 1 }, { 4, 5, 7 }, { 4, 7, 6 },
+                                { 0, 1, 5 }, { 0, 5, 4 }, { 2, 6, 7 }, { 2, 7, 3 },
+                                { 0, 4, 6 }, { 0, 6, 2 }, { 1, 3, 7 }, { 1, 7, 5 } };
+    const apsm_volume volume = { .n = { N, N, N },
+                                 .spacing = { 1, 1, 1 },
+                                 .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                 .label = label };
+    APSM_TRY(apsm_run_add_mesh(run, "b", false, 8, &V[0][0], 12, &F[0][0]));
+    APSM_TRY(apsm_run_add_volume(run, "a", false, &volume));
+    return apsm_run_add_mesh(run, "c", true, 8, &V[0][0], 12, &F[0][0]);
+}
+
+static apsm_status job_in_memory(void)
+{
+    static const char *const set[][2] = {
+        { "particles", "12" },    { "faces", "100" },         { "stage1_epochs", "1" },
+        { "stage2_epochs", "1" }, { "fidelity_rounds", "1" }, { "specificity_samples", "5" }
+    };
+    const apsm_run_settings settings = { .n_set = sizeof set / sizeof set[0], .set = set };
+    apsm_run *run = NULL;
+    apsm_status status = apsm_run_open(ctx, &settings, &run);
+    if (status == APSM_OK) status = add_shapes(run);
+    if (status == APSM_OK) status = apsm_run_all(run);
+    apsm_run_close(run);
+    return status;
+}
+
 /* Lets allocations of a step fail, one a try: the first forty, and some of the rest.  The last try
  * is left alone. */
 static void fail_each(const char *name, apsm_status (*what)(void))
@@ -165,6 +202,7 @@ STEP(evaluate)
 STEP(report)
 STEP(verify)
 STEP(check)
+STEP(job_in_memory)
 
 static int set_up(void **state)
 {
@@ -200,6 +238,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(report_reports_want_of_memory),
         cmocka_unit_test(verify_reports_want_of_memory),
         cmocka_unit_test(check_reports_want_of_memory),
+        cmocka_unit_test(job_in_memory_reports_want_of_memory),
     };
     return cmocka_run_group_tests_name("memory", tests, set_up, tear_down);
 }

@@ -74,6 +74,15 @@ static void what_is_missing_is_told(void **state)
     assert_int_equal(apsm_run_open(ctx, NULL, &run), APSM_ERR_ARG);
     assert_int_equal(apsm_run_open(NULL, &bad[0], &run), APSM_ERR_ARG);
     assert_int_equal(apsm_run_open(ctx, &bad[0], NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_groom(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_initialize(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_optimize(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_evaluate(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_report(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_all(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_dry(NULL), APSM_ERR_ARG);
+    assert_int_equal(apsm_run_check(NULL, NULL, NULL, NULL), APSM_ERR_ARG);
+    apsm_run_close(NULL);
     assert_false(apsm_is_folder("x"));
     apsm_context_free(ctx);
 }
