@@ -8,7 +8,8 @@
 apsm_status apsm_model_make(apsm_context *ctx, size_t I, size_t J, const double *P,
                             apsm_shape_model **model)
 {
-    if (!ctx || !model || !P) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_model_make: an argument is NULL");
+    if (!ctx || !model || !P)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_model_make: an argument is NULL");
     *model = calloc(1, sizeof **model);
     if (!*model) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     const apsm_status status = apsm_shape_model_fit(ctx, I, J, P, *model);
