@@ -113,6 +113,19 @@ static apsm_status take_point(const reading *r, const json_t *json, const char *
     return APSM_OK;
 }
 
+/* Points that span a plane must do so on the template. */
+static apsm_status check_plane(const reading *r, const measurement *one)
+{
+    double centre[3], normal[3];
+    const size_t before = one->kind == MEASURE_PLANE_DISTANCE ? 1 : 0;
+    const double *p = r->list->point + 3 * (one->first_point + before);
+    if (one->kind != MEASURE_SECTION && one->kind != MEASURE_PLANE_DISTANCE) return APSM_OK;
+    if (primitive_plane(one->points - before, p, centre, normal) == APSM_OK) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                     "%s: '%s': the points of the plane lie on a line; move one", r->path,
+                     one->name);
+}
+
 static apsm_status take_points(const reading *r, const json_t *points, measurement *one)
 {
     measurement_list *list = r->list;
@@ -120,7 +133,7 @@ static apsm_status take_points(const reading *r, const json_t *points, measureme
                  most = kinds[one->kind].most;
     const bool few = one->kind == MEASURE_SPHERE && one->radius == 0 && n < 4;
     if (n < least || n > most || few)
-        return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s: '%s': a %s needs %s%zu point%s, not %zu",
+        return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s: '%s': kind %s needs %s%zu point%s, not %zu",
                          r->path, one->name, kinds[one->kind].word, most > 4 ? "at least " : "",
                          few ? 4 : least,
                          few          ? "s (or a radius about one)"
@@ -134,7 +147,7 @@ static apsm_status take_points(const reading *r, const json_t *points, measureme
     one->points = n;
     for (size_t k = 0; k < n; k++)
         APSM_TRY(take_point(r, json_array_get(points, k), one->name, more + 3 * list->points++));
-    return APSM_OK;
+    return check_plane(r, one);
 }
 
 static apsm_status take_part(const reading *r, const char *part, measurement *one)
@@ -145,6 +158,23 @@ static apsm_status take_part(const reading *r, const char *part, measurement *on
     if (!part || one->part != SIZE_MAX) return APSM_OK;
     return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s: '%s': the model has no part '%s'", r->path,
                      one->name, part);
+}
+
+/* What is given must be of its type and mean something for the kind. */
+static apsm_status check_types(const reading *r, const json_t *row, const measurement *one)
+{
+    const json_t *part = json_object_get(row, "part"), *whole = json_object_get(row, "whole"),
+                 *radius = json_object_get(row, "radius");
+    const bool fits = one->kind == MEASURE_SPHERE || one->kind == MEASURE_CYLINDER;
+    const char *wrong = part && !json_is_string(part)                  ? "part"
+                        : whole && !json_is_boolean(whole)             ? "whole"
+                        : whole && one->kind != MEASURE_SECTION        ? "whole"
+                        : radius && (!json_is_number(radius) || !fits) ? "radius"
+                                                                       : NULL;
+    if (!wrong) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                     "%s: '%s': \"%s\" is of the wrong type or means nothing for kind %s", r->path,
+                     one->name, wrong, kinds[one->kind].word);
 }
 
 static apsm_status take_measurement(const reading *r, const json_t *row, measurement *one)
@@ -163,6 +193,7 @@ static apsm_status take_measurement(const reading *r, const json_t *row, measure
     if (!one->name) return APSM_ERR_MEMORY;
     APSM_TRY(check_keys(r, row, name));
     APSM_TRY(take_kind(r, kind, one));
+    APSM_TRY(check_types(r, row, one));
     one->radius = json_number_value(radius);
     one->whole = json_is_true(json_object_get(row, "whole"));
     if ((radius && !(one->radius > 0 && isfinite(one->radius))) ||

@@ -144,5 +144,9 @@ sed 's/"volume"}/"volum"}/' define.json >bad.json
 refuse_verb measure 1 "did you mean 'volume'" model bad.json
 sed 's/\[0, 1\]/[0, 32]/' define.json >bad.json
 refuse_verb measure 1 "the model has 0 to 31" model bad.json
+sed 's/"area"}/"area", "whole": true}/' define.json >bad.json
+refuse_verb measure 1 'means nothing for kind area' model bad.json
+sed 's/\[0, 1, 0\]/[2, 0, 0]/' define.json >bad.json
+refuse_verb measure 1 "lie on a line" model bad.json
 [ -z "$(find . -name '*.tmp')" ] || fail "temporary files are left"
 exit $failed
