@@ -13,10 +13,10 @@
 #include <strings.h>
 #include <unistd.h>
 
-#include "apsm/files.h"
-#include "apsm/input.h"
-#include "apsm/points_file.h"
-#include "apsm/project.h"
+#include "apsm/particles.h"
+#include "files/files.h"
+#include "files/project.h"
+#include "input/input.h"
 #include "options_table.h"
 #include "pairs.h"
 

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "help.h"
 #include "plain.h"
 #include "room.h"

@@ -1,8 +1,8 @@
 /* fit, export: a finished model meets new shapes, and leaves its folder. */
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/fit.h"
+#include "files/files.h"
 #include "verbs.h"
 
 /* *index of a word in "a|b|c"'s order; NULL: the first. */

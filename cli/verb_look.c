@@ -3,14 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/formats.h"
-#include "apsm/input.h"
-#include "apsm/particles_file.h"
-#include "apsm/points_file.h"
-#include "apsm/project.h"
+#include "apsm/particles.h"
 #include "apsm/run.h"
-#include "apsm/topology.h"
+#include "files/files.h"
+#include "files/particles_file.h"
+#include "files/project.h"
+#include "geometry/topology.h"
+#include "input/input.h"
 #include "verbs.h"
 
 /* ---- check ---- */

@@ -2,10 +2,10 @@
 #ifndef APSM_ASSEMBLE_JOB_H
 #define APSM_ASSEMBLE_JOB_H
 
-#include "apsm/input.h"
 #include "apsm/joint.h"
-#include "apsm/metrics.h"
+#include "evaluate/metrics.h"
 #include "folder/model_folder.h"
+#include "input/input.h"
 #include "joint/contact.h"
 #include "joint/pose_shape.h"
 

@@ -7,15 +7,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
 #include "apsm/formats.h"
-#include "apsm/particles_file.h"
-#include "apsm/project.h"
 #include "apsm/report.h"
 #include "assemble/job.h"
+#include "files/files.h"
+#include "files/particles_file.h"
+#include "files/project.h"
 #include "files/project_columns.h"
 #include "folder/names.h"
+#include "geometry/affine.h"
 
 typedef struct writing {
     const joint_job *job;

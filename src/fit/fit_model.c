@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "fit/pose.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "groom/icp.h"
 #include "optimize/fidelity_shape.h"

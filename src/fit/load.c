@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/files.h"
+#include "files/files.h"
 #include "fit/fit_model.h"
 #include "fit/model_file.h"
 #include "folder/model_folder.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 
 /* The rotation that most shapes' alignments share, within 60 degrees, if four fifths do: from the

@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-#include "apsm/bvh.h"
+#include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder/names.h"
 #include "statistics/table.h"
 

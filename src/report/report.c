@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
+#include "files/files.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"
 #include "report/answers.h"

@@ -2,9 +2,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/certify.h"
-#include "apsm/files.h"
+#include "files/files.h"
+#include "geometry/affine.h"
 #include "optimize/correspondence_loss.h"
 #include "run/certify.h"
 

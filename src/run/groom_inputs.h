@@ -3,8 +3,8 @@
 #ifndef APSM_RUN_GROOM_INPUTS_H
 #define APSM_RUN_GROOM_INPUTS_H
 
-#include "apsm/input.h"
 #include "groom/groom.h"
+#include "input/input.h"
 #include "run/session.h"
 
 /* Owns its arrays, each list.n long; zero-initialise with {0}. */

@@ -4,7 +4,7 @@
 #ifndef APSM_RUN_GUARD_H
 #define APSM_RUN_GUARD_H
 
-#include "apsm/input.h"
+#include "input/input.h"
 #include "run/session.h"
 
 /* The inputs of groom (list may be NULL), which no file to be written may be: compared by device

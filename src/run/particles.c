@@ -3,8 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
-#include "apsm/particles_file.h"
+#include "files/particles_file.h"
+#include "geometry/affine.h"
 #include "run/session.h"
 
 typedef struct particle_files {

@@ -5,10 +5,10 @@
 
 #include <time.h>
 
-#include "apsm/files.h"
-#include "apsm/project.h"
 #include "apsm/run.h"
 #include "evaluate/figures.h"
+#include "files/files.h"
+#include "files/project.h"
 #include "files/store.h"
 #include "folder/names.h"
 #include "initialize/cohort.h"

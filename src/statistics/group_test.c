@@ -5,11 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
-#include "apsm/files.h"
 #include "apsm/statistics.h"
+#include "files/files.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"
+#include "geometry/bvh.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 #include "statistics/classify.h"

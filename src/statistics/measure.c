@@ -7,10 +7,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/bvh.h"
-#include "apsm/files.h"
 #include "apsm/statistics.h"
+#include "files/files.h"
 #include "folder/model_folder.h"
+#include "geometry/bvh.h"
 #include "model/warp.h"
 #include "statistics/measurement.h"
 #include "statistics/particle_files.h"

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <strings.h>
 
-#include "apsm/files.h"
 #include "apsm/options.h"
+#include "files/files.h"
 
 static void column_free(apsm_column *c)
 {

@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "apsm/context.h"
-#include "apsm/project.h"
+#include "files/project.h"
 
 /* A category's value is the index of its level; NAN where nothing is known. */
 typedef struct apsm_column {

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/fit.h"
 #include "files/checkpoint_file.h"
+#include "files/files.h"
 #include "fit/fit_model.h"
 #include "geometry/affine.h"
 #include "scratch.h"

@@ -3,7 +3,7 @@
 
 #include <stdio.h>
 
-#include "apsm/topology.h"
+#include "geometry/topology.h"
 #include "groom/groom.h"
 #include "shapes.h"
 

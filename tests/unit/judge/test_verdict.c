@@ -4,9 +4,9 @@
 
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "core/random.h"
 #include "core/robust.h"
+#include "geometry/affine.h"
 #include "geometry/form.h"
 #include "judge/left_out.h"
 #include "judge/verdict.h"

@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/files.h"
 #include "apsm/run.h"
 #include "files/checkpoint_file.h"
+#include "files/files.h"
 #include "folder.h"
 #include "run/session.h"
 
