@@ -167,12 +167,12 @@ function fillHeader() {
     el("div", { class: `verdict ${fine ? "good" : "bad"}` },
       el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
       el("div", {},
-        el("strong", {}, fine
+        el("strong", {}, c.verdict === "not judged" ? "Too few shapes to be judged by each other: nothing is certified. " : fine
           ? c.shapes === 1 ? "The shape is certified. " : `All ${c.shapes} shapes are certified. `
           : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
-        fine ? "Particles correspond: none has changed places, and the surface between them is not folded."
+        c.verdict === "not judged" ? "" : fine ? "Particles correspond: none has changed places, and the surface between them is not folded."
           : review.slice(0, 12).map((i) => el("button", { type: "button", class: "link", onclick: () => showTrouble(i) }, facts[i].name)),
-        !fine && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`))),
+        !fine && c.verdict !== "not judged" && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`))),
   );
 }
 
@@ -495,6 +495,9 @@ function trouble(c) {
     ["mismatched", c["mismatched_1.5_2.0"]?.map((j) => [j, String(j)])],
     ["swapped", c.swaps?.map((s) => [s[0], s.join("\u2194")])],
     ["folded", c.folds?.map((f) => [f[0], f.join("-")])],
+    ["slipped", c.judged?.slipped?.map((j) => [j, String(j)])],
+    ["surface beyond", c.judged?.beyond?.map((j) => [j, String(j)])],
+    ["on the other side", c.judged?.opposed?.map((j) => [j, String(j)])],
   ].filter(([, list]) => list?.length > 0);
 }
 function showTrouble(i) {
@@ -517,14 +520,15 @@ function fillCertificate() {
     const f = facts[i], k = f.certificate;
     return [
       el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, f.name),
-      el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : "! needs review"),
+      el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : `! ${k.verdict}`),
       `${f.mismatched} (${show((100 * f.mismatched) / model.J, 2)}\u00a0%)`, String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
       k.off_surface_max < 1e-6 ? "0" : show(k.off_surface_max, 2), show(k.min_separation, 2),
       el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ")), places(i, k)),
     ];
   };
   body.append(
-    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other.`),
+    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
+    ...(c.notes ?? []).map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`)),
     el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
