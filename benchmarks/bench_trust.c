@@ -20,7 +20,7 @@
 #include "folder/model_folder.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "judge/judge.h"
+#include "judge/verdict.h"
 #include "optimize/correspondence_loss.h"
 #include "synthetic.h"
 
@@ -212,7 +212,7 @@ static void plant(bench *b, const char *fault, double size, size_t every, uint64
     for (size_t i = 0; i < b->m.I; i++) {
         apsm_random rng = apsm_random_stream(seed, APSM_STREAM_TEST, i, 0);
         if (i % every != seed % every) continue;
-        b->planted[i] = true;
+        b->planted[i] = strcmp(fault, "none") != 0;
         if (strcmp(fault, "smooth") == 0) plant_slip(b, i, &rng, false, size);
         if (strcmp(fault, "patch") == 0) plant_slip(b, i, &rng, true, size);
         if (strcmp(fault, "turn") == 0) plant_turn(b, i, (size_t)size, false);
@@ -225,6 +225,7 @@ static void plant(bench *b, const char *fault, double size, size_t every, uint64
 
 static void tell(const bench *b, const apsm_judgement *g)
 {
+    const apsm_verdict_options options = apsm_verdict_defaults();
     for (size_t i = 0; i < b->m.I; i++) {
         const apsm_findings *f = &g->shape[i];
         printf(
@@ -233,11 +234,12 @@ static void tell(const bench *b, const apsm_judgement *g)
             "\"fit\": %.2f, \"slip\": %.2f, \"slip_size\": %.2f, \"reach\": %.2f, "
             "\"reach_excess\": %.2f, \"area\": %.3f, \"area_excess\": %.1f, \"size\": %.3f, "
             "\"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": %.2f, "
-            "\"off_excess\": %.1f, \"opposed\": %zu}\n",
+            "\"off_excess\": %.1f, \"opposed\": %zu, \"doubts\": %u}\n",
             b->m.names[i], b->planted[i], isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
             f->turn[0].agreement, f->turn[0].fit, f->turn[1].agreement, f->turn[1].fit, f->fit,
             f->slip, f->slip_size, f->reach, f->reach_excess, f->area, f->area_excess, f->size,
-            f->size_excess, f->long_excess, f->flat_excess, f->off, f->off_excess, f->opposed);
+            f->size_excess, f->long_excess, f->flat_excess, f->off, f->off_excess, f->opposed,
+            apsm_verdict_doubts(f, &options));
     }
 }
 
