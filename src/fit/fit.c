@@ -219,6 +219,11 @@ static bool is_part(const apsm_mesh *mesh, const apsm_fit_options *o)
 
 /* ---- the door ---- */
 
+static apsm_status refuse_null(apsm_context *ctx, const char *function)
+{
+    return apsm_fail(ctx, APSM_ERR_ARG, "%s: an argument is NULL", function);
+}
+
 static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_mesh *mesh)
 {
     if (mesh->nv < 4 || mesh->nf < 4)
@@ -255,6 +260,8 @@ static apsm_status close_job(apsm_context *ctx, fit_job *job, apsm_status status
 apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
                              const apsm_mesh *mesh, const apsm_fit_options *options, apsm_fit *fit)
 {
+    if (!model || !name || !mesh || !mesh->V || !mesh->F || !options || !fit)
+        return refuse_null(ctx, "apsm_fit_surface");
     *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
     APSM_TRY(check_mesh(ctx, name, mesh));
     fit_job job = { .m = model, .name = name, .mesh = mesh, .options = options, .out = fit };
@@ -269,6 +276,7 @@ apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, cons
                             apsm_fit *fit)
 {
     part_points p = { 0 };
+    if (!model || !name || !x || !options || !fit) return refuse_null(ctx, "apsm_fit_points");
     *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
     if (n < 10)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu points are too few; 10 at least", name,
@@ -288,10 +296,14 @@ apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, c
                                size_t n, const double *on_mean, const double *x,
                                const apsm_fit_options *options, apsm_fit *fit)
 {
+    enum { MOST = 1000 };
+    if (!model || !name || !on_mean || !x || !options || !fit)
+        return refuse_null(ctx, "apsm_fit_landmarks");
     *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
-    if (n < 3)
-        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu landmarks are too few; 3 at least", name,
-                         n);
+    if (n < 3 || n > MOST)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                         "%s: %zu landmarks; 3 at least, and beyond %d they are a cloud", name, n,
+                         MOST);
     for (size_t k = 0; k < 3 * n; k++)
         if (!isfinite(x[k]) || !isfinite(on_mean[k]))
             return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: landmark %zu is not finite", name,

@@ -90,6 +90,8 @@ static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
 
 apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path, apsm_fit_model **model)
 {
+    if (!path || !model)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_model_load: an argument is NULL");
     apsm_fit_model *m = calloc(1, sizeof *m);
     *model = NULL;
     if (m) m->path = strdup(path);

@@ -66,6 +66,8 @@ static void add_model(apsm_checkpoint_writer *w, const apsm_fit_model *m, const 
 apsm_status apsm_fit_model_write(apsm_context *ctx, const apsm_fit_model *m, const char *path)
 {
     apsm_checkpoint_writer *w = NULL;
+    if (!m || !path)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_model_write: an argument is NULL");
     char *options = options_text(&m->options);
     if (!options) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     apsm_status status = apsm_checkpoint_open(ctx, path, &w);

@@ -225,6 +225,10 @@ static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
     if (has(o->folder, FIT_JSON) && !o->overwrite)
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: holds fits already; give another folder, or --overwrite", o->folder);
+    if (has(o->folder, FIT_CSV) && !has(o->folder, FIT_JSON))
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: holds a " FIT_CSV " that no fit has left; give another folder",
+                         o->folder);
     for (size_t k = 0; k < 3; k++) {
         if (has(o->folder, part[k]) && !has(o->folder, FIT_JSON) && !o->overwrite)
             return apsm_fail(ctx, APSM_ERR_STATE,
@@ -340,6 +344,8 @@ apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
                          apsm_fit_totals *totals)
 {
     session s = { .settings = settings };
+    if (!settings || !settings->model || !settings->folder || !settings->inputs || !totals)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: an argument is NULL");
     *totals = (apsm_fit_totals){ 0 };
     apsm_status status = open_session(ctx, &s);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");

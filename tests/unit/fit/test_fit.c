@@ -152,6 +152,7 @@ static void strangers(void **state)
     assert_int_equal(fit.verdict, APSM_FIT_REVIEW);
     assert_int_equal(fit.J, J);
     apsm_fit_free(&fit);
+    assert_int_equal(apsm_fit_surface(ctx, m, "half", NULL, &o, &fit), APSM_ERR_ARG);
     half.V[4] = NAN;
     assert_int_equal(apsm_fit_surface(ctx, m, "half", &half, &o, &fit), APSM_ERR_NONFINITE);
     apsm_mesh_free(&half);
