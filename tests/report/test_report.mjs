@@ -83,6 +83,16 @@ const look = (page, selector) =>
     return { share: drawn / (data.length / 4), sum, vivid: vivid / Math.max(drawn, 1) };
   }, selector);
 
+/** The same once there are colours: a view is drawn when the browser finds time to say that it is on the screen. */
+async function lookAtColours(page, selector) {
+  for (let k = 0; k < 40; k++) {
+    const seen = await look(page, selector);
+    if (seen.vivid > 0.02) return seen;
+    await page.waitForTimeout(250);
+  }
+  return look(page, selector);
+}
+
 const tests = {
   async "the summary, the verdict and all names are there, as text"(page) {
     assert.match(await page.title(), /model .<i>. & co/);
@@ -247,7 +257,7 @@ const tests = {
     await settle(page);
     const maps = [];
     for (const k of [0, 1]) maps.push(await page.evaluate((n) => document.querySelectorAll("#fidelity canvas")[n].id = `map${n}`, k));
-    for (const id of maps) assert.ok((await look(page, `#${id}`)).vivid > 0.02, "no heat");
+    for (const id of maps) assert.ok((await lookAtColours(page, `#${id}`)).vivid > 0.02, "no heat");
     const before = await page.innerHTML("#fidelity svg");
     await page.getByRole("button", { name: "next shape" }).click();
     await settle(page);
@@ -266,11 +276,7 @@ const tests = {
     assert.match(await page.textContent("#answers"), /side: p = /);
     assert.ok((await page.textContent("#answers")).includes(HARM));
     assert.equal(await page.evaluate(() => window.harmed), undefined);
-    let all = await look(page, canvas); // the view is drawn when the browser says that it is on the screen
-    for (let k = 0; k < 40 && !(all.vivid > 0.02); k++) {
-      await page.waitForTimeout(250);
-      all = await look(page, canvas);
-    }
+    const all = await lookAtColours(page, canvas);
     assert.ok(all.vivid > 0.02, "no effect to be seen");
     await page.locator("#answers input[type=range]").first().fill("-4");
     await settle(page);
