@@ -16,6 +16,7 @@
 
 #include "apsm/formats.h"
 #include "apsm/run.h"
+#include "apsm/statistics.h"
 #include "folder.h"
 #include "synthetic.h"
 
@@ -129,6 +130,14 @@ static apsm_status check(void)
     return status == APSM_OK && problems ? APSM_ERR_STATE : status;
 }
 
+static apsm_status measure(void)
+{
+    char definition[TEST_PATH + 16];
+    snprintf(definition, sizeof definition, "%s/define.json", folder);
+    const apsm_measure_settings settings = { .folder = model, .definition = definition };
+    return apsm_statistics_measure(ctx, &settings);
+}
+
 /* The whole of a job without a folder: two bars as meshes, one as voxels. */
 static apsm_status add_shapes(apsm_run *run)
 {
@@ -204,12 +213,29 @@ STEP(verify)
 STEP(check)
 STEP(job_in_memory)
 
+/* The first time makes a folder, and so takes more. */
+static void measure_reports_want_of_memory(void **state)
+{
+    (void)state;
+    assert_int_equal(measure(), APSM_OK);
+    fail_each("measure", measure);
+}
+
 static int set_up(void **state)
 {
     if (folder_set_up(state)) return -1;
     ctx = apsm_context_new();
     snprintf(folder, sizeof folder, "%s", (const char *)*state);
     snprintf(model, sizeof model, "%s/model", folder);
+    char definition[TEST_PATH + 16];
+    snprintf(definition, sizeof definition, "%s/define.json", folder);
+    FILE *f = fopen(definition, "w");
+    if (!f) return -1;
+    fputs("{\"measurements\": [{\"name\": \"v\", \"kind\": \"volume\"},"
+          " {\"name\": \"s\", \"kind\": \"section\", \"points\": [0, 1, 2]},"
+          " {\"name\": \"t\", \"kind\": \"thickness\", \"points\": [3]}]}",
+          f);
+    if (fclose(f)) return -1;
     for (size_t i = 0; i < SHAPES; i++) {
         apsm_mesh mesh = synthetic_shape(SYNTHETIC_BUMP, i, SHAPES, 2);
         snprintf(input[i], sizeof input[i], "%s/s%zu.ply", folder, i);
@@ -237,6 +263,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(evaluate_reports_want_of_memory),
         cmocka_unit_test(report_reports_want_of_memory),
         cmocka_unit_test(verify_reports_want_of_memory),
+        cmocka_unit_test(measure_reports_want_of_memory),
         cmocka_unit_test(check_reports_want_of_memory),
         cmocka_unit_test(job_in_memory_reports_want_of_memory),
     };
