@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "assemble/job.h"
 #include "files/files.h"
@@ -147,15 +148,31 @@ static apsm_status put_together(joint_job *job)
     return status;
 }
 
+/* A folder that was made for parts of which none was begun. */
+static void remove_made(const joint_job *job)
+{
+    const char *folder = job->settings->run.folder;
+    char *parts = apsm_path_join(folder, "parts"), *mark = apsm_path_join(folder, FOLDER_MANIFEST);
+    if (parts && mark && (!apsm_is_folder(parts) || is_empty(parts))) {
+        rmdir(parts);
+        unlink(mark);
+        rmdir(folder);
+    }
+    free(parts);
+    free(mark);
+}
+
 static apsm_status run_locked(joint_job *job)
 {
     apsm_lock lock = { .fd = -1 };
+    const bool made = !apsm_is_folder(job->settings->run.folder);
     APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
     APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
     apsm_status status = mark_folder(job);
     if (status == APSM_OK) status = run_parts(job);
     if (status == APSM_OK) status = put_together(job);
     apsm_unlock_folder(&lock);
+    if (made && status != APSM_OK && status != APSM_ERR_INTERRUPTED) remove_made(job);
     return status;
 }
 

@@ -82,7 +82,9 @@ grep -q group_sex files/project.swproj && fail "a model of files has another's g
 refused() { # refused WORD MORE-COLUMNS MORE-GROUPS
     printf '{"data": [%s, %s, %s]%s}' "$(row a 0 "$2")" "$(row b 1 '')" "$(row c 2 '')" "$3" >r.swproj
     rm -rf r
-    for verb in "run r.swproj -o r" "groom r.swproj -o r" "check r.swproj" "run r.swproj -o r --dry-run"; do
+    local verbs=("groom r.swproj -o r" "check r.swproj" "groom r.swproj -o r --dry-run")
+    [ "$1" = domains ] || verbs+=("run r.swproj -o r" "run r.swproj -o r --dry-run") # which makes a joint model
+    for verb in "${verbs[@]}"; do
         expect 1 "--ignore $1" $verb
     done
     [ -e r ] && fail "$1: a refused run left a folder"
@@ -101,6 +103,11 @@ refused constraints,normals ', "constraints_1": "c.json"' ', "optimize": {"use_n
 expect 1 "go on without by --ignore normals,constraints" groom r.swproj -o q --ignore normals
 expect 2 "'nonsense' is none of" groom r.swproj -o q --ignore nonsense
 [ -e q ] && fail "a wrong --ignore left a folder"
+# Of several domains, too, a project that is refused leaves nothing.
+for name in a b c; do row $name 0 ', "shape_2": "in/p1/bone.ply", "fixed": "yes"'; echo -n ", "; done >rows
+printf '{"data": [%s]}' "$(sed 's/, $//' rows)" >j.swproj
+expect 1 "--ignore fixed" run j.swproj -o j
+[ -e j ] && fail "a refused joint left $(find j)"
 printf '{"data": [{"name": "a", "contour_1": "c.vtp"}]}' >c.swproj
 expect 1 "is a contour" groom c.swproj -o q
 # In the folder of the user's project nothing is replaced (test_harm.sh), and check tells.
