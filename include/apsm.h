@@ -2,6 +2,7 @@
 #ifndef APSM_H
 #define APSM_H
 
+#include "apsm/certify.h"
 #include "apsm/context.h"
 #include "apsm/evaluate.h"
 #include "apsm/fit.h"

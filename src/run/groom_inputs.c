@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "files/stored.h"
+#include "geometry/affine.h"
 #include "geometry/stored.h"
 #include "groom/align.h"
 #include "run/input_check.h"

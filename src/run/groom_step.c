@@ -4,8 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
 #include "apsm/formats.h"
+#include "geometry/affine.h"
 #include "groom/align.h"
 #include "model/template_choice.h"
 #include "run/compare_inputs.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "geometry/bvh.h". */
-#include "geometry/bvh.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "files/files.h". */
-#include "files/files.h"

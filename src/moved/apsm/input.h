@@ -1,2 +1,0 @@
-/* Has moved; include "input/input.h". */
-#include "input/input.h"

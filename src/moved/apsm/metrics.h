@@ -1,2 +1,0 @@
-/* Has moved; include "evaluate/metrics.h". */
-#include "evaluate/metrics.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "core/number.h". */
-#include "core/number.h"

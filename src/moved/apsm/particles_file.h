@@ -1,2 +1,0 @@
-/* Has moved; include "files/particles_file.h". */
-#include "files/particles_file.h"

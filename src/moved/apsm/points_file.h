@@ -1,2 +1,0 @@
-/* Has moved; include "apsm/particles.h". */
-#include "apsm/particles.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "linalg/polyharmonic.h". */
-#include "linalg/polyharmonic.h"

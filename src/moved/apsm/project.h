@@ -1,2 +1,0 @@
-/* Has moved; include "files/project.h". */
-#include "files/project.h"

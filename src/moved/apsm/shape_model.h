@@ -1,2 +1,0 @@
-/* Has moved; include "model/shape_model.h". */
-#include "model/shape_model.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "evaluate/surface_distance.h". */
-#include "evaluate/surface_distance.h"

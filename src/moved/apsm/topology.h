@@ -1,2 +1,0 @@
-/* Has moved; include "geometry/topology.h". */
-#include "geometry/topology.h"

@@ -1,2 +1,0 @@
-/* Has moved; include "model/warp.h". */
-#include "model/warp.h"
