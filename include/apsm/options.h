@@ -51,6 +51,11 @@ extern "C" {
     INT(faces, 10000, 100, 10000000, "faces of a groomed mesh, about; more where needed")          \
     BOOL(remesh, true, "make groomed meshes near-isotropic with about `faces` faces")              \
     BOOL(fill_holes, true, "fill cavities of segmentations and holes of meshes")                   \
+    REAL(closing, -1, -1, 1,                                                                       \
+         "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
+         "and gaps narrower than twice that are filled; 0: none; -1: where the surface has "       \
+         "handles, the least up to 0.12 that leaves fewest")                                       \
+    REAL(smooth, 1, 0, 4, "smoothing of masks; less keeps nearer to the voxels, 0: none")          \
     BOOL(largest_component, true, "keep only the largest component of every shape")                \
     ENUM(align, "rigid|similarity|none", "pose (and size) removed before the model is made")       \
     ENUM(mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")                \

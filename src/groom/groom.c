@@ -12,6 +12,7 @@
 apsm_groom_options apsm_groom_defaults(void)
 {
     return (apsm_groom_options){ .fill_cavities = true,
+                                 .closing = -1.0,
                                  .smoothing = 1.0,
                                  .fairing = 5.0,
                                  .keep_largest = true,

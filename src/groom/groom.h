@@ -16,6 +16,10 @@ extern "C" {
 typedef struct apsm_groom_options {
     /* segmentations */
     bool fill_cavities; /* fill background enclosed by the label (default true) */
+    double closing;     /* radius by which the label is closed, as a share of the cube root of its
+                           volume: gaps and tunnels narrower than twice that are filled; 0: none; -1
+                           (default): if the surface has handles, the least up to 0.12 that leaves
+                           fewest */
     double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
                            0: none, 2: twice its reach.  Sheets and tips of a voxel stay */
     double fairing; /* then ripples shorter than so many voxels (cube root of the voxel's volume)
@@ -42,6 +46,9 @@ typedef struct apsm_groom_report {
     size_t dropped_parts;       /* parts of the label not kept ... */
     size_t dropped_voxels;      /* ... and their voxels */
     size_t filled_voxels;       /* enclosed background filled */
+    double closing;             /* radius of the closing, 0: none ... */
+    size_t closed_voxels;       /* ... and what it filled */
+    long handles_before;        /* genus without it */
     unsigned border;            /* the label touches the image's border: bits 0..5 for
                                    -i +i -j +j -k +k; the surface is closed there */
     int supersampling[3];       /* nodes a voxel along each axis */

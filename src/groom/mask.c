@@ -4,10 +4,13 @@
  * Everything happens in the label's bounding box. */
 #include "groom/mask.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/affine.h"
 #include "geometry/vec3.h"
+#include "groom/closing.h"
 
 /* Bounding box lo..hi (inclusive) of the label; false if there is none. */
 static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
@@ -106,15 +109,53 @@ static void keep_largest(mask *m, size_t *queue, apsm_groom_report *r)
     r->voxels = best;
 }
 
-static void fill_cavities(mask *m, size_t *queue, apsm_groom_report *r)
+double mask_size(const apsm_volume *v, size_t voxels)
+{
+    double M[16];
+    apsm_volume_index_to_lps(v, M);
+    return cbrt((double)voxels * fabs(apsm_affine_det(M)));
+}
+
+static size_t fill_with(mask *m, size_t *queue)
 {
     const size_t total = m->n[0] * m->n[1] * m->n[2];
+    size_t filled = 0;
     (void)flood(m, 0, 0, OUTSIDE, false, queue); /* voxel 0 is in the rim */
     for (size_t i = 0; i < total; i++) {
-        if (m->in[i] == 0) r->filled_voxels++;
+        filled += m->in[i] == 0;
         m->in[i] = m->in[i] != OUTSIDE;
     }
-    r->voxels += r->filled_voxels;
+    return filled;
+}
+
+apsm_status mask_fill_cavities(mask *m, size_t *filled)
+{
+    size_t *queue = malloc(m->n[0] * m->n[1] * m->n[2] * sizeof *queue);
+    if (!queue) return APSM_ERR_MEMORY;
+    *filled = fill_with(m, queue);
+    free(queue);
+    return APSM_OK;
+}
+
+static void fill_cavities(mask *m, size_t *queue, apsm_groom_report *r)
+{
+    const size_t filled = fill_with(m, queue);
+    r->filled_voxels += filled;
+    r->voxels += filled;
+}
+
+/* The closing that was asked for, and the cavities that it made. */
+static apsm_status close_gaps(mask *m, const apsm_volume *v, const apsm_groom_options *opt,
+                              size_t *queue, apsm_groom_report *r)
+{
+    if (!(opt->closing > 0.0)) return APSM_OK;
+    size_t added;
+    r->closing = opt->closing * mask_size(v, r->voxels);
+    APSM_TRY(mask_close(m, v->spacing, r->closing, &added));
+    added += fill_with(m, queue);
+    r->closed_voxels = added;
+    r->voxels += added;
+    return APSM_OK;
 }
 
 /* At which borders of the image the part kept ends. */
@@ -182,6 +223,7 @@ apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *vo
         memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
         status = judge(ctx, name, opt, report);
         if (opt->fill_cavities) fill_cavities(m, queue, report);
+        if (status == APSM_OK) status = close_gaps(m, volume, opt, queue, report);
         note_border(volume, m, report);
         note_normals(volume, report);
     }

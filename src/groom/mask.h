@@ -17,5 +17,9 @@ apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *vo
                       const apsm_groom_options *opt, const size_t rim[3], mask *m,
                       apsm_groom_report *report) APSM_NODISCARD;
 void mask_free(mask *m);
+/* Background that no path joins to the outside; *filled (out) voxels. */
+apsm_status mask_fill_cavities(mask *m, size_t *filled) APSM_NODISCARD;
+/* Cube root of the volume of so many voxels. */
+double mask_size(const apsm_volume *volume, size_t voxels);
 
 #endif

@@ -10,6 +10,7 @@
 #include "geometry/isosurface.h"
 #include "groom/agreement.h"
 #include "groom/antialias.h"
+#include "groom/closing.h"
 #include "groom/fair.h"
 #include "groom/groom.h"
 #include "groom/mask.h"
@@ -182,17 +183,67 @@ static void lengths_in_unit(apsm_groom_report *r, double unit)
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
 }
 
-/* With voxels as the unit. */
-static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_volume *grid,
-                              const apsm_groom_options *opt, apsm_mesh *mesh_out,
+/* With voxels as the unit; m (out) is the caller's to free. */
+static apsm_status groom_mask(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                              const apsm_groom_options *opt, mask *m, apsm_mesh *mesh_out,
                               apsm_groom_report *r)
 {
     apsm_mesh surface = { 0 };
-    mask m = { .in = NULL };
-    apsm_status status = make_surface(ctx, name, grid, opt, &m, &surface, r);
+    apsm_status status = make_surface(ctx, name, grid, opt, m, &surface, r);
     if (status == APSM_OK) status = groom_surface(ctx, name, &surface, opt, mesh_out, r);
     apsm_mesh_free(&surface);
-    if (status == APSM_OK) status = mask_agreement(grid, &m, mesh_out, r);
+    if (status == APSM_OK) status = mask_agreement(grid, m, mesh_out, r);
+    if (status != APSM_OK) apsm_mesh_free(mesh_out);
+    return status;
+}
+
+static void say_closing(apsm_context *ctx, const char *name, double unit,
+                        const apsm_groom_report *r)
+{
+    apsm_log(
+        ctx, APSM_LOG_WARNING,
+        "%s: the label closed by a radius of %.4g (%zu voxels filled) has %ld handle%s instead "
+        "of %ld; --closing 0 keeps them all",
+        name, unit * r->closing, r->closed_voxels, r->genus, r->genus == 1 ? "" : "s",
+        r->handles_before);
+}
+
+/* Handles, found on the surface, are closed if a moderate radius does that; mesh and report are
+ * replaced if it leaves fewer. */
+static apsm_status close_handles(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                                 const apsm_groom_options *opt, const mask *open, double unit,
+                                 apsm_mesh *mesh, apsm_groom_report *r)
+{
+    const double size = mask_size(grid, r->voxels);
+    double radius;
+    APSM_TRY(mask_choose_closing(open, grid->spacing, size, &radius));
+    if (!(radius > 0.0)) return APSM_OK;
+    apsm_groom_options closing = *opt;
+    apsm_groom_report closed = { .handles_before = r->genus };
+    apsm_mesh other = { 0 };
+    mask m = { .in = NULL };
+    closing.closing = radius / size;
+    apsm_status status = groom_mask(ctx, name, grid, &closing, &m, &other, &closed);
+    mask_free(&m);
+    if (status == APSM_OK && closed.genus < r->genus) {
+        const apsm_mesh t = *mesh;
+        *mesh = other;
+        other = t;
+        *r = closed;
+        say_closing(ctx, name, unit, r);
+    }
+    apsm_mesh_free(&other);
+    return status;
+}
+
+static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                              const apsm_groom_options *opt, double unit, apsm_mesh *mesh_out,
+                              apsm_groom_report *r)
+{
+    mask m = { .in = NULL };
+    apsm_status status = groom_mask(ctx, name, grid, opt, &m, mesh_out, r);
+    if (status == APSM_OK && opt->closing < 0.0 && r->genus > 0)
+        status = close_handles(ctx, name, grid, opt, &m, unit, mesh_out, r);
     mask_free(&m);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
     return status;
@@ -210,7 +261,7 @@ apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const a
     const double unit = least_spacing(volume);
     double rest[3];
     const apsm_volume grid = in_unit(volume, unit, rest);
-    APSM_TRY(groom_grid(ctx, name, &grid, &opt, mesh_out, r));
+    APSM_TRY(groom_grid(ctx, name, &grid, &opt, unit, mesh_out, r));
     for (size_t k = 0; k < 3 * mesh_out->nv; k++)
         mesh_out->V[k] = (double)(float)(unit * mesh_out->V[k] + rest[k % 3]);
     r->mask_volume *= unit * unit * unit;

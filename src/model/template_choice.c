@@ -45,8 +45,9 @@ typedef struct contest {
     /* of the candidate at hand */
     const entrant *candidate;
     apsm_warp warp;
-    warped *scratch; /* threads */
-    double *error;   /* n */
+    warped *scratch;    /* threads */
+    double *error;      /* n */
+    bool avoid_typical; /* the one that all were aligned to serves only for that */
 } contest;
 
 /* ---- who takes part ---- */
@@ -188,7 +189,7 @@ static apsm_status hold(apsm_context *ctx, contest *c, size_t *chosen)
     for (size_t k = 0; k < c->candidates; k++) {
         double mean;
         APSM_TRY(try_candidate(ctx, c, &c->e[k], &mean));
-        if (k == 0) mean *= worth;
+        if (k == 0) mean *= c->avoid_typical ? INFINITY : worth;
         if (mean < least) least = mean, *chosen = c->e[k].shape;
     }
     return APSM_OK;
@@ -200,7 +201,7 @@ apsm_status apsm_choose_template(apsm_context *ctx, size_t n, const apsm_mesh *c
 {
     *chosen = typical;
     if (n < 4) return APSM_OK;
-    contest c = { .meshes = meshes, .M = M };
+    contest c = { .meshes = meshes, .M = M, .avoid_typical = skip && skip[typical] };
     c.e = calloc(MOST, sizeof *c.e);
     c.error = calloc(MOST, sizeof *c.error);
     c.scratch = calloc((size_t)apsm_context_threads(ctx), sizeof *c.scratch);

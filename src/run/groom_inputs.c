@@ -89,6 +89,9 @@ static apsm_groom_options groom_options(const apsm_options *o)
     g.keep_largest = o->largest_component;
     g.remesh = o->remesh;
     g.measure = false;
+    g.closing = o->closing;
+    g.smoothing *= o->smooth;
+    g.fairing *= o->smooth;
     g.remesh_options.target_faces = (size_t)o->faces;
     return g;
 }

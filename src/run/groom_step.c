@@ -1,4 +1,5 @@
 /* Inputs to groomed meshes and transforms: groomed/NAME.ply and the project file. */
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -69,6 +70,17 @@ static apsm_status move_mirror_to_mesh(groom_work *w, size_t i)
     return APSM_OK;
 }
 
+/* A shape with more handles than another must not be the template: what it has too much of, all
+ * would get. */
+static void avoid_handles(groom_work *w)
+{
+    long least = LONG_MAX;
+    for (size_t i = 0; i < w->in.list.n; i++)
+        if (w->in.report[i].genus < least) least = w->in.report[i].genus;
+    for (size_t i = 0; i < w->in.list.n; i++)
+        if (w->in.report[i].genus > least) w->alignment.unfit[i] = true;
+}
+
 /* To the manifest. */
 static apsm_status describe_grooming(const groom_work *w, json_t *notes)
 {
@@ -108,6 +120,7 @@ static apsm_status align(groom_work *w)
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)
         status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
+    if (status == APSM_OK) avoid_handles(w);
     if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
                                       w->alignment.unfit, w->alignment.template_index,

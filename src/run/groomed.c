@@ -42,6 +42,10 @@ static int set_mask(json_t *o, const apsm_groom_report *r)
     failed |= json_object_set_new(o, "dice", json_real(r->dice));
     failed |= json_object_set_new(o, "departure", json_real(r->departure));
     failed |= json_object_set_new(o, "border", border_json(r->border));
+    failed |= json_object_set_new(o, "closing", json_real(r->closing));
+    failed |= set_count(o, "closed_voxels", r->closed_voxels);
+    failed |=
+        set_count(o, "handles_before", (size_t)(r->closing > 0 ? r->handles_before : r->genus));
     failed |= set_count(o, "dropped_parts", r->dropped_parts);
     failed |= set_count(o, "dropped_voxels", r->dropped_voxels);
     return failed | set_count(o, "filled_voxels", r->filled_voxels);
@@ -94,6 +98,13 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
         if (in->report[i].border)
             failed |=
                 add_note(notes, name, "its mask touches the image's border and was closed there");
+        if (in->report[i].closed_voxels > 0) {
+            snprintf(text, sizeof text,
+                     "closed by a radius of %.4g: %.2g %% of its voxels are filled",
+                     in->report[i].closing,
+                     100.0 * (double)in->report[i].closed_voxels / (double)in->report[i].voxels);
+            failed |= add_note(notes, name, text);
+        }
         if (!(in->cropped[i] > 0.0)) continue;
         snprintf(text, sizeof text,
                  "cropped to what all shapes hold: %.2g %% of its surface taken away",

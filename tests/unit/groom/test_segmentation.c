@@ -171,6 +171,54 @@ static void agreement_is_what_it_says(void **state)
     apsm_context_free(ctx);
 }
 
+/* A ball of radius 12 with a dent and k tunnels of radius 1.5 along z, off the middle. */
+static apsm_volume pierced(int k)
+{
+    apsm_volume v = solid_mask(solid_ball12, (const double[3]){ 1, 1, 1 }, 0, 7);
+    double M[16], inverse[16];
+    apsm_volume_index_to_lps(&v, M);
+    assert_ok(apsm_affine_invert(M, inverse));
+    for (size_t i = 0; i < v.n[0] * v.n[1] * v.n[2]; i++) {
+        const size_t row = i / v.n[0];
+        double x[3] = { (double)(i % v.n[0]), (double)(row % v.n[1]), (double)(row / v.n[1]) };
+        apsm_affine_apply(M, 1, x, x);
+        for (int t = 0; t < k; t++)
+            if (hypot(x[0] - 6 * cos(2.1 * t), x[1] - 6 * sin(2.1 * t)) < 1.5) v.label[i] = 0;
+    }
+    return v;
+}
+
+/* Thin tunnels go, whatever their number; of a torus the hole, wide as it is, stays; and nothing is
+ * filled where there is no handle. */
+static void tunnels_are_closed_and_anatomy_stays(void **state)
+{
+    (void)state;
+    apsm_groom_options opt = apsm_groom_defaults();
+    opt.remesh_options.target_faces = 3000;
+    double volume;
+    const double ball = 4.0 / 3.0 * 3.14159265358979 * 12 * 12 * 12;
+    for (int k = 1; k <= 3; k++) {
+        apsm_volume v = pierced(k), same = pierced(k);
+        opt.closing = -1.0;
+        const apsm_groom_report r = cleaned(&v, &opt, &volume);
+        assert_int_equal(r.genus, 0);
+        assert_int_equal(r.handles_before, k);
+        assert_true(r.closing > 1.0 && r.closing < 2.6 && r.closed_voxels > 0);
+        assert_near(volume, ball, 0.03 * ball);
+        opt.closing = 0.0;
+        const apsm_groom_report open = cleaned(&same, &opt, &volume);
+        assert_int_equal(open.genus, k);
+        assert_int_equal(open.closed_voxels, 0);
+    }
+    opt.closing = -1.0;
+    apsm_volume torus = solid_mask(solid_torus, (const double[3]){ 1, 1, 1 }, 0, 3);
+    const apsm_groom_report r = cleaned(&torus, &opt, &volume);
+    assert_true(r.genus == 1 && r.closing == 0.0 && r.closed_voxels == 0);
+    apsm_volume whole = solid_mask(solid_ellipsoid, (const double[3]){ 1, 1, 3 }, 0, 3);
+    const apsm_groom_report e = cleaned(&whole, &opt, &volume);
+    assert_true(e.genus == 0 && e.closed_voxels == 0);
+}
+
 /* Single voxels and a ridge on a block go; a fin of one voxel and a pin stay. */
 static void raggedness_is_smoothed_and_fins_are_kept(void **state)
 {
@@ -301,6 +349,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surfaces_are_smooth_and_true),
+        cmocka_unit_test(tunnels_are_closed_and_anatomy_stays),
         cmocka_unit_test(agreement_is_what_it_says),
         cmocka_unit_test(sheared_grid_keeps_the_volume),
         cmocka_unit_test(cavities_strays_and_borders_are_reported),

@@ -1,0 +1,195 @@
+/* With d(x, A) the distance of a voxel's centre to the nearest of A and r the radius:
+ *
+ *   dilated = { x : d(x, mask) <= r },   closed = { x : d(x, not dilated) > r }
+ *
+ * Squared distances by lower envelopes of parabolas, one axis after the other (Felzenszwalb &
+ * Huttenlocher, "Distance transforms of sampled functions", 2012): exact, whatever the spacing.
+ * Tunnels by Euler's number of the union of closed voxels, vertices - edges + faces - voxels, which
+ * is 1 less the tunnels of one part without cavities. */
+#include "groom/closing.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const double ladder[] = { 0.02, 0.04, 0.06, 0.08, 0.10, 0.12 };
+enum { STEPS = sizeof ladder / sizeof *ladder };
+
+/* Scratch of a line of n nodes. */
+typedef struct envelope {
+    double *f, *z;
+    size_t *v;
+} envelope;
+
+/* f (n) <- min over q of f(q) + h^2 (p - q)^2; the nodes of the lower envelope in v, where they
+ * begin in z (n + 1). */
+static void transform_line(size_t n, double h, const envelope *e)
+{
+    double *f = e->f, *z = e->z;
+    const double h2 = h * h;
+    size_t k = 0, *v = e->v, first = 0;
+    while (first < n && isinf(f[first])) first++;
+    if (first == n) return;
+    v[0] = first;
+    z[0] = -INFINITY;
+    for (size_t q = first + 1; q < n; q++) {
+        if (isinf(f[q])) continue;
+        double s;
+        for (;;) {
+            const double a = (double)q, b = (double)v[k];
+            s = ((f[q] - f[v[k]]) / h2 + a * a - b * b) / (2.0 * (a - b));
+            if (s > z[k] || k == 0) break;
+            k--;
+        }
+        if (s > z[k]) k++;
+        v[k] = q;
+        z[k] = k == 0 ? -INFINITY : s;
+    }
+    const size_t last = k;
+    double *const out = z + n + 1;
+    k = 0;
+    for (size_t p = 0; p < n; p++) {
+        while (k < last && z[k + 1] < (double)p) k++;
+        const double d = h * ((double)p - (double)v[k]);
+        out[p] = d * d + f[v[k]];
+    }
+    memcpy(f, out, n * sizeof *f);
+}
+
+/* d (n, in: 0 or INFINITY): squared distances. */
+static void transform(const size_t n[3], const double spacing[3], const envelope *e, float *d)
+{
+    const size_t step[3] = { 1, n[0], n[0] * n[1] };
+    for (int c = 0; c < 3; c++) {
+        const int a = (c + 1) % 3, b = (c + 2) % 3;
+        for (size_t i = 0; i < n[a]; i++)
+            for (size_t k = 0; k < n[b]; k++) {
+                float *line = d + i * step[a] + k * step[b];
+                for (size_t p = 0; p < n[c]; p++) e->f[p] = line[p * step[c]];
+                transform_line(n[c], spacing[c], e);
+                for (size_t p = 0; p < n[c]; p++) line[p * step[c]] = (float)e->f[p];
+            }
+    }
+}
+
+/* The crop with a rim of the radius. */
+typedef struct padded {
+    size_t n[3], rim[3];
+    float *d;
+    envelope e;
+} padded;
+
+static void padded_free(padded *p)
+{
+    free(p->d);
+    free(p->e.f);
+    free(p->e.z);
+    free(p->e.v);
+}
+
+static apsm_status padded_new(padded *p, const mask *m, const double spacing[3], double radius)
+{
+    size_t longest = 0;
+    *p = (padded){ .d = NULL };
+    for (int c = 0; c < 3; c++) {
+        p->rim[c] = (size_t)ceil(radius / spacing[c]) + 1;
+        p->n[c] = m->n[c] + 2 * p->rim[c];
+        if (p->n[c] > longest) longest = p->n[c];
+    }
+    p->d = malloc(p->n[0] * p->n[1] * p->n[2] * sizeof *p->d);
+    p->e.f = malloc(longest * sizeof *p->e.f);
+    p->e.z = malloc((2 * longest + 1) * sizeof *p->e.z);
+    p->e.v = malloc(longest * sizeof *p->e.v);
+    if (p->d && p->e.f && p->e.z && p->e.v) return APSM_OK;
+    padded_free(p);
+    return APSM_ERR_MEMORY;
+}
+
+static size_t padded_index(const padded *p, size_t x, size_t y, size_t z)
+{
+    return x + p->rim[0] + p->n[0] * (y + p->rim[1] + p->n[1] * (z + p->rim[2]));
+}
+
+static void dilate_and_erode(padded *p, const mask *m, const double spacing[3], double radius)
+{
+    const size_t total = p->n[0] * p->n[1] * p->n[2];
+    const float r2 = (float)(radius * radius);
+    size_t i = 0;
+    for (size_t k = 0; k < total; k++) p->d[k] = INFINITY;
+    for (size_t z = 0; z < m->n[2]; z++)
+        for (size_t y = 0; y < m->n[1]; y++)
+            for (size_t x = 0; x < m->n[0]; x++, i++)
+                if (m->in[i]) p->d[padded_index(p, x, y, z)] = 0.0f;
+    transform(p->n, spacing, &p->e, p->d);
+    for (size_t k = 0; k < total; k++) p->d[k] = p->d[k] <= r2 ? INFINITY : 0.0f;
+    transform(p->n, spacing, &p->e, p->d);
+}
+
+apsm_status mask_close(mask *m, const double spacing[3], double radius, size_t *added)
+{
+    padded p;
+    size_t i = 0;
+    const float r2 = (float)(radius * radius);
+    *added = 0;
+    APSM_TRY(padded_new(&p, m, spacing, radius));
+    dilate_and_erode(&p, m, spacing, radius);
+    for (size_t z = 0; z < m->n[2]; z++)
+        for (size_t y = 0; y < m->n[1]; y++)
+            for (size_t x = 0; x < m->n[0]; x++, i++) {
+                if (m->in[i] || !(p.d[padded_index(&p, x, y, z)] > r2)) continue;
+                m->in[i] = 1;
+                ++*added;
+            }
+    padded_free(&p);
+    return APSM_OK;
+}
+
+/* Whether any voxel of the 1 or 2 along each axis before node x, y, z is set: those that share its
+ * vertex (2 2 2), an edge, a face, or the voxel itself (1 1 1). */
+static bool any_before(const mask *m, const size_t at[3], const size_t width[3])
+{
+    for (size_t c = 0; c < width[2]; c++)
+        for (size_t b = 0; b < width[1]; b++)
+            for (size_t a = 0; a < width[0]; a++)
+                if (m->in[at[0] - a + m->n[0] * (at[1] - b + m->n[1] * (at[2] - c))]) return true;
+    return false;
+}
+
+long mask_tunnels(const mask *m)
+{
+    long euler = 0;
+    for (size_t z = 1; z < m->n[2]; z++)
+        for (size_t y = 1; y < m->n[1]; y++)
+            for (size_t x = 1; x < m->n[0]; x++) {
+                const size_t at[3] = { x, y, z };
+                if (!any_before(m, at, (const size_t[3]){ 2, 2, 2 })) continue;
+                for (unsigned k = 0; k < 8; k++) { /* widths; each axis of width 1 is a dimension */
+                    const size_t width[3] = { 1 + (k & 1), 1 + (k >> 1 & 1), 1 + (k >> 2 & 1) };
+                    if (!any_before(m, at, width)) continue;
+                    euler += (width[0] + width[1] + width[2]) % 2 ? -1 : 1;
+                }
+            }
+    return 1 - euler;
+}
+
+apsm_status mask_choose_closing(const mask *m, const double spacing[3], double size, double *radius)
+{
+    const size_t total = m->n[0] * m->n[1] * m->n[2];
+    long least = mask_tunnels(m);
+    mask closed = *m;
+    *radius = 0.0;
+    closed.in = malloc(total);
+    apsm_status status = closed.in ? APSM_OK : APSM_ERR_MEMORY;
+    for (int k = 0; k < STEPS && status == APSM_OK && least > 0; k++) {
+        size_t added;
+        memcpy(closed.in, m->in, total);
+        status = mask_close(&closed, spacing, ladder[k] * size, &added);
+        if (status == APSM_OK) status = mask_fill_cavities(&closed, &added);
+        const long tunnels = status == APSM_OK ? mask_tunnels(&closed) : least;
+        if (tunnels >= least) continue;
+        least = tunnels;
+        *radius = ladder[k] * size;
+    }
+    free(closed.in);
+    return status;
+}
