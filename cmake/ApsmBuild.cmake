@@ -45,8 +45,7 @@ set(APSM_ROOMS "" CACHE INTERNAL "")
 
 function(apsm_c_target target)
   target_compile_definitions(${target} PRIVATE _POSIX_C_SOURCE=200809L _XOPEN_SOURCE=700)
-  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/include ${CMAKE_SOURCE_DIR}/src
-                             ${CMAKE_SOURCE_DIR}/src/moved)
+  target_include_directories(${target} PRIVATE ${CMAKE_SOURCE_DIR}/include ${CMAKE_SOURCE_DIR}/src)
   target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:C>:${APSM_C_FLAGS}>)
   target_link_libraries(${target} PRIVATE ${APSM_LINK})
 endfunction()

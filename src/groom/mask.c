@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/affine.h"
+#include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "groom/closing.h"
 

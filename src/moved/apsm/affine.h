@@ -1,2 +1,0 @@
-/* Has moved; include "geometry/affine.h". */
-#include "geometry/affine.h"
