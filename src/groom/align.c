@@ -386,15 +386,11 @@ static size_t median_area(const aligner *a)
  * shapes are proper and the others' are not: only products P_t^-1 P_i count.) */
 static void judge_mirrored(aligner *a)
 {
-    enum { FEW = 4 };
-    const double clear = a->n < FEW ? -log(APSM_MIRROR_RATIO) : HAND_CLEARLY;
     size_t mirrored = 0;
     for (size_t i = 0; i < a->n; i++) {
-        const pose_choice *c = &a->choice[i];
-        const double more = c->evidence[1] - c->evidence[0];
-        a->out->mirrored[i] = i != a->base && more > clear;
-        a->out->unclear_hand[i] =
-            a->opt->mirror == APSM_MIRROR_FIX && i != a->base && fabs(more) <= clear;
+        const int hand = i == a->base ? -1 : pose_hand(&a->choice[i], &a->ballot[i]);
+        a->out->mirrored[i] = hand > 0;
+        a->out->unclear_hand[i] = a->opt->mirror == APSM_MIRROR_FIX && hand == 0;
         mirrored += a->out->mirrored[i];
         if (a->out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
             memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);

@@ -152,13 +152,20 @@ static void choose_of_hand(const election *e, size_t i, size_t hand)
     }
 }
 
+int pose_hand(const pose_choice *c, const pose_ballot *b)
+{
+    const double more = c->evidence[1] - c->evidence[0];
+    const double mirrored = b->residual[1][c->option[1]], own = b->residual[0][c->option[0]];
+    if (more > HAND_CLEARLY || (more > 0.0 && mirrored < APSM_MIRROR_RATIO * own)) return 1;
+    return more < -HAND_CLEARLY || (more < 0.0 && own < APSM_MIRROR_RATIO * mirrored) ? -1 : 0;
+}
+
 static void choose(const election *e, size_t i)
 {
-    const double clear = e->usual ? HAND_CLEARLY : -log(APSM_MIRROR_RATIO);
     pose_choice *c = &e->choice[i];
     if (i == e->base) return;
     for (size_t hand = 0; hand < 2; hand++) choose_of_hand(e, i, hand);
-    c->mirrored = e->hands && c->evidence[1] > c->evidence[0] + clear;
+    c->mirrored = e->hands && pose_hand(c, &e->ballot[i]) > 0;
 }
 
 /* One round; returns whether a choice has changed. */

@@ -32,6 +32,10 @@ typedef struct pose_choice {
  * scratch, nf x APSM_FORM_FACE. */
 void pose_heights(const apsm_mesh *mesh, const apsm_cloud *cloud, double *faces, double *heights);
 
+/* 1: clearly a mirror image; -1: clearly none; 0: undecided.  By much more evidence, or where
+ * residuals alone differ by APSM_MIRROR_RATIO and form does not contradict. */
+int pose_hand(const pose_choice *choice, const pose_ballot *ballot);
+
 /* choice (n, out) of n shapes whose clouds and heights are given; that of base is as it is.  hands:
  * mirror images may be taken, if they are clearly better.  Fewer than four shapes say nothing of
  * what is usual: then residuals alone decide. */

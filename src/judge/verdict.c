@@ -66,9 +66,10 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     return doubts;
 }
 
-unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect)
+unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect, bool undecided)
 {
     const bool hand = aspect == APSM_ASPECT_HAND;
     if (f && f->agreement > f->turn[hand].agreement + clearly) return 0;
-    return 1u << (hand ? APSM_DOUBT_MIRRORED : APSM_DOUBT_POSE);
+    if (!hand) return 1u << APSM_DOUBT_POSE;
+    return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }

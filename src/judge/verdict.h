@@ -65,6 +65,6 @@ unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_o
 
 /* The doubt that grooming has said about pose or hand: none where the findings (NULL: there are
  * none) speak clearly for the shape as it lies. */
-unsigned apsm_verdict_note(const apsm_findings *findings, apsm_aspect aspect);
+unsigned apsm_verdict_note(const apsm_findings *findings, apsm_aspect aspect, bool undecided);
 
 #endif

@@ -132,13 +132,14 @@ static void add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certifica
     {
         const char *name = json_string_value(json_object_get(note, "shape"));
         const char *aspect = json_string_value(json_object_get(note, "aspect"));
+        const bool undecided = json_is_true(json_object_get(note, "undecided"));
         for (size_t i = 0; i < c->I && name && aspect; i++) {
             if (strcmp(cohort->shape[i].name, name) != 0) continue;
             const apsm_findings *f = c->judged ? &c->judgement.shape[i] : NULL;
             if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_HAND)) == 0)
-                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_HAND);
+                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_HAND, undecided);
             if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_POSE)) == 0)
-                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_POSE);
+                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_POSE, true);
         }
     }
     c->notes = json_incref(notes);

@@ -16,8 +16,11 @@ static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const cha
     int failed = 0;
     if (a->mirrored[i] && options->mirror != APSM_MIRROR_FIX)
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits better as its mirror image");
-    if (a->unclear_hand[i])
+    if (a->unclear_hand[i]) {
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits about as well as its mirror image");
+        json_t *last = json_array_get(notes, json_array_size(notes) - 1);
+        failed |= json_object_set_new(last, "undecided", json_true());
+    }
     if (a->ambiguous[i])
         failed |= add(notes, name, APSM_ASPECT_POSE, "another pose fits about as well");
     if (a->stranger[i])

@@ -192,10 +192,10 @@ static void form_settles_notes(void **state)
     (void)state;
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
-    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE), 0);
+    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 0);
     f.turn[0].agreement = 1.4;
-    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE), 1u << APSM_DOUBT_POSE);
-    assert_int_equal(apsm_verdict_note(NULL, APSM_ASPECT_HAND), 1u << APSM_DOUBT_MIRRORED);
+    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note(NULL, APSM_ASPECT_HAND, false), 1u << APSM_DOUBT_MIRRORED);
 }
 
 /* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
