@@ -305,11 +305,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);
-    s->groom = apsm_groom_defaults();
-    s->groom.fill_cavities = s->groom.fill_holes = options->fill_holes;
-    s->groom.keep_largest = options->largest_component;
-    s->groom.remesh = options->remesh;
-    s->groom.remesh_options.target_faces = (size_t)options->faces;
+    s->groom = apsm_groom_options_of(options);
     s->rows = calloc(s->list.n, sizeof *s->rows);
     return s->rows ? APSM_OK : APSM_ERR_MEMORY;
 }

@@ -25,6 +25,20 @@ apsm_groom_options apsm_groom_defaults(void)
                                  .remesh_options = apsm_remesh_defaults() };
 }
 
+apsm_groom_options apsm_groom_options_of(const apsm_options *o)
+{
+    apsm_groom_options g = apsm_groom_defaults();
+    g.fill_cavities = g.fill_holes = o->fill_holes;
+    g.keep_largest = o->largest_component;
+    g.remesh = o->remesh;
+    g.measure = false;
+    g.closing = o->closing;
+    g.smoothing *= o->smooth;
+    g.fairing *= o->smooth;
+    g.remesh_options.target_faces = (size_t)o->faces;
+    return g;
+}
+
 /* A line that grows; what does not fit is cut. */
 typedef struct line {
     char text[600];

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "apsm/mesh.h"
+#include "apsm/options.h"
 #include "apsm/volume.h"
 #include "groom/remesh.h"
 
@@ -38,6 +39,8 @@ typedef struct apsm_groom_options {
     apsm_remesh_options remesh_options;
 } apsm_groom_options;
 apsm_groom_options apsm_groom_defaults(void);
+/* Those of a run's options, as the cohort's and new shapes are groomed; without `measure`. */
+apsm_groom_options apsm_groom_options_of(const apsm_options *options);
 
 /* What was done to one shape.  Zero where a step had nothing to do. */
 typedef struct apsm_groom_report {

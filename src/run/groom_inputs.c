@@ -82,20 +82,6 @@ apsm_status groom_inputs_compare(apsm_run *run)
 
 /* ---- one shape ---- */
 
-static apsm_groom_options groom_options(const apsm_options *o)
-{
-    apsm_groom_options g = apsm_groom_defaults();
-    g.fill_cavities = g.fill_holes = o->fill_holes;
-    g.keep_largest = o->largest_component;
-    g.remesh = o->remesh;
-    g.measure = false;
-    g.closing = o->closing;
-    g.smoothing *= o->smooth;
-    g.fairing *= o->smooth;
-    g.remesh_options.target_faces = (size_t)o->faces;
-    return g;
-}
-
 /* The texts move over. */
 static void keep_texts(groom_inputs *in, size_t i, apsm_volume *v)
 {
@@ -233,7 +219,7 @@ static apsm_status compare_picked(apsm_run *run, const groom_inputs *in)
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
 {
     const size_t n = in->list.n;
-    in->options = groom_options(&run->options);
+    in->options = apsm_groom_options_of(&run->options);
     in->mesh = calloc(n, sizeof *in->mesh);
     in->reflection = calloc(n, sizeof *in->reflection);
     in->reflected = calloc(n, sizeof *in->reflected);
