@@ -113,7 +113,7 @@ rm -r model/statistics
     fail "verify does not know measurements: $(tail -n 1 said)"
 
 # ---- norms ----
-awk 'NR == 5 { $1 += 4 } { print }' model/particles/s4_world.particles >new_world.particles
+awk 'NR == 5 { $1 += 12 } { print }' model/particles/s4_world.particles >new_world.particles
 (cat table.csv && echo new,small,25) >all.csv
 "$apsm" norm model new_world.particles --subjects all.csv --formula '~ group + age' >said 2>&1 ||
     fail "norm: $(tail -n 1 said)"
