@@ -14,6 +14,7 @@
 #include "files/particles_file.h"
 #include "files/project.h"
 #include "files/project_columns.h"
+#include "folder/model_json.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
 
@@ -265,20 +266,17 @@ static void cell(apsm_writer *csv, double x)
     if (isfinite(x)) apsm_writer_number(csv, x);
 }
 
-static apsm_status write_scores(writing *w, const char *name, const char *mode,
+static apsm_status write_scores(writing *w, const char *name, const char *column,
                                 const apsm_shape_model *m)
 {
-    apsm_writer *csv = NULL;
-    APSM_TRY(open_csv(w, name, &csv));
-    apsm_writer_printf(csv, "name");
-    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",%s_%zu", mode, k + 1);
-    for (size_t i = 0; i < m->I; i++) {
-        apsm_writer_printf(csv, "\n");
-        apsm_writer_csv(csv, subject_name(w, i));
-        for (size_t k = 0; k < m->modes; k++) cell(csv, m->score[i * m->modes + k]);
-    }
-    apsm_writer_printf(csv, "\n");
-    return apsm_writer_commit(csv);
+    char *path = path_of(w, "%s", name);
+    const char **names = malloc((m->I + 1) * sizeof *names);
+    for (size_t i = 0; names && i < m->I; i++) names[i] = subject_name(w, i);
+    const apsm_status status =
+        path && names ? scores_csv_write(w->job->ctx, path, names, column, m) : APSM_ERR_MEMORY;
+    free(names);
+    free(path);
+    return status;
 }
 
 /* Rotations in degrees about the axes of the part's mean frame, translations in the input's unit.

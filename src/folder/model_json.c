@@ -93,12 +93,12 @@ apsm_status model_json_read(apsm_context *ctx, const char *path, apsm_shape_mode
 /* ---- scores.csv ---- */
 
 apsm_status scores_csv_write(apsm_context *ctx, const char *path, const char *const *names,
-                             const apsm_shape_model *m)
+                             const char *column, const apsm_shape_model *m)
 {
     apsm_writer *csv = NULL;
     APSM_TRY(apsm_writer_open(ctx, path, &csv));
     apsm_writer_printf(csv, "name");
-    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",mode_%zu", k + 1);
+    for (size_t k = 0; k < m->modes; k++) apsm_writer_printf(csv, ",%s_%zu", column, k + 1);
     for (size_t i = 0; i < m->I; i++) {
         apsm_writer_printf(csv, "\n");
         apsm_writer_csv(csv, names[i]);

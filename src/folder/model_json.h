@@ -4,11 +4,12 @@
 
 #include "model/shape_model.h"
 
-/* Both write atomically; the scores of the model's shapes are named in its order. */
+/* Both write atomically; the scores of the model's shapes are named in its order,
+ * their columns COLUMN_1, COLUMN_2, ... ("mode" in scores.csv). */
 apsm_status model_json_write(apsm_context *ctx, const char *path,
                              const apsm_shape_model *model) APSM_NODISCARD;
 apsm_status scores_csv_write(apsm_context *ctx, const char *path, const char *const *names,
-                             const apsm_shape_model *model) APSM_NODISCARD;
+                             const char *column, const apsm_shape_model *model) APSM_NODISCARD;
 
 /* model (out, {0} on failure) <- all but the scores.  Refused, with a line: another format or a
  * newer version, parts that do not fit each other, variances that are not positive and descending.

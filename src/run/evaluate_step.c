@@ -161,7 +161,8 @@ static apsm_status write_model(const evaluation_work *w)
     char *model = run_path(run, FOLDER_MODEL), *scores = run_path(run, FOLDER_SCORES_CSV);
     apsm_status status = model && scores ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = model_json_write(run->ctx, model, &w->model);
-    if (status == APSM_OK) status = scores_csv_write(run->ctx, scores, run->names, &w->model);
+    if (status == APSM_OK)
+        status = scores_csv_write(run->ctx, scores, run->names, "mode", &w->model);
     free(model);
     free(scores);
     return status;

@@ -37,7 +37,7 @@ static void what_is_written_is_read_to_the_last_bit(void **state)
     assert_memory_equal(got.mode, s.mode, sizeof s.mode);
     assert_memory_equal(got.variance, s.variance, sizeof s.variance);
     folder_path(state, "scores.csv", path);
-    assert_int_equal(scores_csv_write(NULL, path, names, &s.model), APSM_OK);
+    assert_int_equal(scores_csv_write(NULL, path, names, "mode", &s.model), APSM_OK);
     assert_int_equal(scores_csv_read(NULL, path, names, &got), APSM_OK);
     assert_memory_equal(got.score, s.score, sizeof s.score);
     apsm_shape_model_free(&got);
