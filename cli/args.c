@@ -391,6 +391,14 @@ static apsm_status require_export(const parsing *p)
                      a->model ? "one model folder" : "a file to write", a->verb->operands);
 }
 
+static apsm_status require_two_models(const parsing *p)
+{
+    const cli_args *a = p->args;
+    if (a->n_inputs == 2) return APSM_OK;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "compare needs two models, not %zu: apsm compare %s",
+                     a->n_inputs, a->verb->operands);
+}
+
 static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
@@ -399,6 +407,7 @@ static apsm_status require_operands(const parsing *p)
     if (a->verb->verb == CLI_TEST) return require_test(p);
     if (a->verb->verb & (CLI_MEASURE | CLI_NORM)) return require_statistics(p);
     if (a->verb->verb == CLI_EXPORT) return require_export(p);
+    if (a->verb->verb == CLI_COMPARE) return require_two_models(p);
     if (a->verb->verb & (CLI_EXCLUDE | CLI_ADD)) return require_growth(p);
     if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
     if (a->verb->verb == CLI_RENDER) return require_one_model(p);

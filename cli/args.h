@@ -22,6 +22,7 @@ typedef enum cli_verb {
     CLI_VERIFY = 1 << 10,
     CLI_FIT = 1 << 16,
     CLI_EXPORT = 1 << 17,
+    CLI_COMPARE = 1 << 19,
     CLI_EXCLUDE = 1 << 24,
     CLI_ADD = 1 << 25,
     CLI_TEST = 1 << 18,

@@ -51,6 +51,8 @@ static apsm_status call_verb(apsm_context *ctx, const cli_args *args, cli_ui *ui
         return apsm_cli_exclude(ctx, args, ui);
     case CLI_ADD:
         return apsm_cli_add(ctx, args, ui);
+    case CLI_COMPARE:
+        return apsm_cli_compare(ctx, args, ui);
     case CLI_EXPORT:
         return apsm_cli_export(ctx, args, ui);
     case CLI_INFO:

@@ -13,13 +13,13 @@ enum {
     READS = GROOMS | CLI_CHECK | CLI_FIT,
     STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY
+          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
       STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
-          CLI_CERTIFY,
+          CLI_CERTIFY | CLI_COMPARE,
       "DIR", NULL, NULL,
       "the model folder (convert, render, fit, certify: the file or folder to write); made if it "
       "does not exist",
@@ -126,7 +126,7 @@ static const cli_option own[] = {
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
       STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT |
-          CLI_EXCLUDE | CLI_ADD | STATISTICS,
+          CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_COMPARE,
       "N", NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
@@ -134,8 +134,9 @@ static const cli_option own[] = {
       NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
-    { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN, GROOMS | CLI_FIT | CLI_EXPORT, NULL, NULL,
-      NULL, "replace what is in the folder (export: the file) already", NULL },
+    { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN,
+      GROOMS | CLI_FIT | CLI_EXPORT | CLI_COMPARE, NULL, NULL, NULL,
+      "replace what is in the folder (export: the file) already", NULL },
     { "dry-run", 0, CLI_FLAG_DRY_RUN, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
       "tell what would be done, write nothing", NULL },
     { "progress", 0, CLI_PROGRESS, CLI_GROUP_RUN, ALL, "MODE", NULL, NULL,

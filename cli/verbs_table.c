@@ -81,6 +81,12 @@ static const cli_verb_info verbs[] = {
       "Fits shapes to a finished model and enrols them; the particles of the others stay as they "
       "are. Labels, sides and everything else are as the model was made with. If a shape is "
       "refused, none is added." },
+    { CLI_COMPARE, "compare", "MODEL_A MODEL_B", "the same anatomy in two models",
+      "Lays the second model (a folder, or a file of export) on the first and tells how far their "
+      "mean surfaces are apart, how alike their variation is (angles between the leading modes, "
+      "share of one's variance that the other has), and which rebuilds shapes better that both "
+      "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
+      "mean_difference.ply." },
     { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
       "Writes all that fit needs of a model into one file, which can be used where the cohort is "
       "not. It holds no names of shapes." },

@@ -3,6 +3,7 @@
 #define APSM_H
 
 #include "apsm/certify.h"
+#include "apsm/compare.h"
 #include "apsm/context.h"
 #include "apsm/evaluate.h"
 #include "apsm/fit.h"

@@ -24,6 +24,16 @@ APSM_API apsm_status apsm_read_mesh(apsm_context *ctx, const char *path,
 APSM_API apsm_status apsm_write_mesh(apsm_context *ctx, const char *path,
                                      const apsm_mesh *mesh) APSM_NODISCARD;
 
+/* A number at every vertex of a mesh; both borrowed.  name: a word of letters, digits and _. */
+typedef struct apsm_mesh_field {
+    const char *name;
+    const double *value; /* nv */
+} apsm_mesh_field;
+/* Binary PLY with n fields as float32 properties of the vertices, atomically. */
+APSM_API apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path,
+                                            const apsm_mesh *mesh, size_t n,
+                                            const apsm_mesh_field *field) APSM_NODISCARD;
+
 /* The points of a legacy VTK or VTP file without polygons, in their order.  *P (n x 3) is
  * malloc'ed.  A mesh is refused. */
 APSM_API apsm_status apsm_read_mesh_points(apsm_context *ctx, const char *path, size_t *n,

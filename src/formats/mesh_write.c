@@ -37,18 +37,30 @@ static void put_doubles(apsm_writer *w, size_t n, const double *x)
 
 /* ---- formats ---- */
 
-static void write_ply(apsm_writer *w, const apsm_mesh *m)
+/* With a float of each of the n fields (nv each) behind every vertex. */
+static void write_ply_fields(apsm_writer *w, const apsm_mesh *m, size_t n,
+                             const apsm_mesh_field *field)
 {
     apsm_writer_printf(w,
                        "ply\nformat binary_little_endian 1.0\nelement vertex %zu\nproperty float "
-                       "x\nproperty float y\nproperty float z\nelement face %zu\nproperty list "
-                       "uchar int vertex_indices\nend_header\n",
-                       m->nv, m->nf);
-    for (size_t k = 0; k < 3 * m->nv; k++) put_float(w, m->V[k]);
+                       "x\nproperty float y\nproperty float z\n",
+                       m->nv);
+    for (size_t k = 0; k < n; k++) apsm_writer_printf(w, "property float %s\n", field[k].name);
+    apsm_writer_printf(w, "element face %zu\nproperty list uchar int vertex_indices\nend_header\n",
+                       m->nf);
+    for (size_t v = 0; v < m->nv; v++) {
+        for (size_t k = 0; k < 3; k++) put_float(w, m->V[3 * v + k]);
+        for (size_t k = 0; k < n; k++) put_float(w, field[k].value[v]);
+    }
     for (size_t f = 0; f < m->nf; f++) {
         put_bits(w, 3, 1, false);
         for (size_t k = 0; k < 3; k++) put_bits(w, m->F[3 * f + k], 4, false);
     }
+}
+
+static void write_ply(apsm_writer *w, const apsm_mesh *m)
+{
+    write_ply_fields(w, m, 0, NULL);
 }
 
 /* Unit normal of a triangle; (0,0,0) if it has no area. */
@@ -152,6 +164,18 @@ apsm_status apsm_write_mesh(apsm_context *ctx, const char *path, const apsm_mesh
         write_stl(w, mesh);
     else
         write_ply(w, mesh);
+    return apsm_writer_commit(w);
+}
+
+apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path, const apsm_mesh *mesh,
+                                   size_t n, const apsm_mesh_field *field)
+{
+    apsm_writer *w;
+    if (!path_ends_in(path, ".ply"))
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED, "%s: fields are written to .ply only", path);
+    APSM_TRY(check_points(ctx, path, mesh->nv, mesh->V));
+    APSM_TRY(apsm_writer_open(ctx, path, &w));
+    write_ply_fields(w, mesh, n, field);
     return apsm_writer_commit(w);
 }
 

@@ -99,6 +99,25 @@ grep -q '"observed_share": 0' landmarks/fit.json || fail "landmarks: $(cat landm
 echo 'p1,1,2' >>points.csv
 fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks2
 
+# Two models: the same one, one with other particles, and what is none.
+"$apsm" compare model m.apsm -q >said 2>&1 || fail "compare: $(cat said)"
+"$apsm" compare model model -q -o same >said 2>&1 || fail "compare: $(cat said)"
+grep -q '^variation: 100.0 %' said || fail "a model is not like itself: $(cat said)"
+awk -F, 'NR > 1 && ($2 > 1e-4 || $3 < 1 - 1e-9) { bad = 1 } END { exit bad || NR < 3 }' same/compare.csv ||
+    fail "angles of a model with itself: $(cat same/compare.csv)"
+"$apsm" run cohort -o finer -J 48 --faces 800 --stage1-epochs 3 --stage2-epochs 3 --quiet || fail run
+"$apsm" compare model finer -q -o other --threads 1 >said 2>&1 || fail "compare: $(cat said)"
+"$apsm" compare model finer -q -o again --threads 2 >said 2>&1 || fail "compare: $(cat said)"
+diff -r other again >/dev/null || fail "threads change a comparison"
+awk '/apart on average/ { exit !($3 < 0.6) }' said || fail "means far apart: $(cat said)"
+grep -q 'shapes: [5-6] in both' said || fail "common shapes: $(cat said)"
+"$apsm" compare model finer -o other >said 2>&1 && fail "a comparison was replaced"
+"$apsm" compare model finer -o model >said 2>&1 && fail "compare wrote into a model"
+"$apsm" compare model >said 2>&1 && fail "compare of one model"
+mkdir mine && echo mine >mine/compare.csv
+"$apsm" compare model finer -o mine --overwrite >said 2>&1 && fail "a stranger's file was replaced"
+[ "$(cat mine/compare.csv)" = mine ] || fail "a stranger's file was replaced"
+
 # Shapes leave and come back; the others stay byte for byte.
 sum_of() { find model/groomed model/particles -name 's[0-5]*' -exec cksum {} + | sort -k 3; }
 template=$(sed -n 's/.*"template_used": "\(.*\)".*/\1/p' model/project.swproj)
