@@ -329,101 +329,40 @@ static apsm_status settle_folder(parsing *p)
     return APSM_OK;
 }
 
-static apsm_status require_conversion(const parsing *p)
+static apsm_status refuse_operands(const parsing *p, const char *what)
 {
-    const cli_args *a = p->args;
-    if (a->n_inputs > 0 && a->out_dir) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "convert needs %s: apsm convert %s",
-                     a->out_dir ? "particles" : "an output", a->verb->operands);
+    const cli_verb_info *verb = p->args->verb;
+    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs %s: apsm %s %s", verb->name, what, verb->name,
+                     verb->operands);
 }
 
-static apsm_status require_one_model(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs == 1) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "render needs one model folder: apsm render %s",
-                     a->verb->operands);
-}
-
-static apsm_status require_fit(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs >= 2 && a->out_dir) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "fit needs %s: apsm fit %s",
-                     a->n_inputs == 0  ? "a model"
-                     : a->n_inputs < 2 ? "shapes behind the model"
-                                       : "an output folder",
-                     a->verb->operands);
-}
-
-static apsm_status require_test(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs == 1 && a->formula) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "test needs %s: apsm test %s",
-                     a->formula ? "one model folder" : "a formula", a->verb->operands);
-}
-
-static apsm_status require_statistics(const parsing *p)
-{
-    const cli_args *a = p->args;
-    const bool measures = a->verb->verb == CLI_MEASURE;
-    if (a->n_inputs >= 2) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder and %s: apsm %s %s",
-                     a->verb->name, measures ? "a definition" : "shapes", a->verb->name,
-                     a->verb->operands);
-}
-
-static apsm_status require_growth(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs >= 2) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder and %s: apsm %s %s",
-                     a->verb->name, a->verb->verb == CLI_ADD ? "shapes" : "names of its shapes",
-                     a->verb->name, a->verb->operands);
-}
-
-static apsm_status require_export(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs == 1 && a->model) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "export needs %s: apsm export %s",
-                     a->model ? "one model folder" : "a file to write", a->verb->operands);
-}
-
-static apsm_status require_two_models(const parsing *p)
-{
-    const cli_args *a = p->args;
-    if (a->n_inputs == 2) return APSM_OK;
-    return apsm_fail(p->ctx, APSM_ERR_ARG, "compare needs two models, not %zu: apsm compare %s",
-                     a->n_inputs, a->verb->operands);
-}
-
+/* What the line of the verb's table asks for. */
 static apsm_status require_operands(const parsing *p)
 {
     const cli_args *a = p->args;
+    const cli_verb_info *verb = a->verb;
+    if (verb->first && a->n_inputs == 0) return refuse_operands(p, verb->first);
+    if (verb->more && a->n_inputs < 2) return refuse_operands(p, verb->more);
+    if (verb->most && a->n_inputs > verb->most && strncmp(verb->first, "one ", 4) == 0)
+        return refuse_operands(p, verb->first);
+    if (verb->most && a->n_inputs > verb->most)
+        return apsm_fail(p->ctx, APSM_ERR_ARG, "%s takes %zu operand%s, not %zu: apsm %s %s",
+                         verb->name, verb->most, verb->most == 1 ? "" : "s", a->n_inputs,
+                         verb->name, verb->operands);
+    if (verb->out && !a->out_dir) return refuse_operands(p, verb->out);
+    return APSM_OK;
+}
+
+/* What depends on more than the table says. */
+static apsm_status require_inputs(const parsing *p)
+{
+    const cli_args *a = p->args;
     const bool makes = a->verb->verb & (CLI_RUN | CLI_GROOM);
-    if (a->verb->verb == CLI_FIT) return require_fit(p);
-    if (a->verb->verb == CLI_TEST) return require_test(p);
-    if (a->verb->verb & (CLI_MEASURE | CLI_NORM)) return require_statistics(p);
-    if (a->verb->verb == CLI_EXPORT) return require_export(p);
-    if (a->verb->verb == CLI_COMPARE) return require_two_models(p);
-    if (a->verb->verb & (CLI_EXCLUDE | CLI_ADD)) return require_growth(p);
-    if (a->verb->verb == CLI_CONVERT) return require_conversion(p);
-    if (a->verb->verb == CLI_RENDER) return require_one_model(p);
-    if (!(a->verb->verb & (CLI_CHECK | CLI_INFO | CLI_CERTIFY)) && !a->out_dir &&
-        !evaluates_files(a))
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs a model folder: apsm %s %s", a->verb->name,
-                         a->verb->name, a->verb->operands);
-    if ((a->verb->verb & (CLI_CHECK | CLI_INFO | CLI_CERTIFY)) && a->n_inputs == 0)
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "%s needs something to look at: apsm %s %s",
-                         a->verb->name, a->verb->name, a->verb->operands);
+    if (a->verb->verb == CLI_EVALUATE && !a->out_dir && !evaluates_files(a))
+        return refuse_operands(p, "a model folder");
     if (makes && a->n_inputs == 0 && !apsm_is_folder(a->out_dir))
         return apsm_fail(p->ctx, APSM_ERR_ARG, "no inputs: apsm %s %s", a->verb->name,
                          a->verb->operands);
-    if (a->verb->verb == CLI_INFO && a->n_inputs > 1)
-        return apsm_fail(p->ctx, APSM_ERR_ARG, "info looks at one folder or file, not at %zu",
-                         a->n_inputs);
     return APSM_OK;
 }
 
@@ -479,6 +418,7 @@ static apsm_status parse(parsing *p)
     APSM_TRY(take_operands(p));
     APSM_TRY(settle_folder(p));
     APSM_TRY(require_operands(p));
+    APSM_TRY(require_inputs(p));
     APSM_TRY(refuse_contradictions(p));
     return cli_pairs_settle(p->ctx, a);
 }

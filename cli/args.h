@@ -31,10 +31,19 @@ typedef enum cli_verb {
     CLI_CERTIFY = 1 << 27
 } cli_verb;
 
+struct cli_args;
+struct cli_ui;
+
+/* A line of the table of verbs: all that the program knows of one. */
 typedef struct cli_verb_info {
     cli_verb verb;
     const char *name, *operands, *summary;
-    const char *text; /* a paragraph for --help */
+    const char *text;  /* a paragraph for --help */
+    const char *first; /* what its first operand is, as "a model folder"; NULL: it may have none */
+    const char *more;  /* what follows that, if it must; NULL: nothing must */
+    const char *out;   /* what -o must give; NULL: nothing must */
+    size_t most;       /* operands; 0: any number */
+    apsm_status (*call)(apsm_context *ctx, const struct cli_args *args, struct cli_ui *ui);
 } cli_verb_info;
 
 /* By name; NULL if there is none. */

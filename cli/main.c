@@ -14,53 +14,6 @@
 
 enum { EXIT_USAGE = 2, EXIT_INTERRUPTED = 130 };
 
-static apsm_status call_verb(apsm_context *ctx, const cli_args *args, cli_ui *ui)
-{
-    switch (args->verb->verb) {
-    case CLI_RUN:
-        return apsm_cli_run(ctx, args, ui);
-    case CLI_GROOM:
-        return apsm_cli_groom(ctx, args, ui);
-    case CLI_INITIALIZE:
-        return apsm_cli_initialize(ctx, args, ui);
-    case CLI_OPTIMIZE:
-        return apsm_cli_optimize(ctx, args, ui);
-    case CLI_EVALUATE:
-        return apsm_cli_evaluate(ctx, args, ui);
-    case CLI_CERTIFY:
-        return apsm_cli_certify(ctx, args, ui);
-    case CLI_REPORT:
-        return apsm_cli_report(ctx, args, ui);
-    case CLI_RENDER:
-        return apsm_cli_render(ctx, args, ui);
-    case CLI_CHECK:
-        return apsm_cli_check(ctx, args, ui);
-    case CLI_CONVERT:
-        return apsm_cli_convert(ctx, args, ui);
-    case CLI_VERIFY:
-        return apsm_cli_verify(ctx, args, ui);
-    case CLI_FIT:
-        return apsm_cli_fit(ctx, args, ui);
-    case CLI_TEST:
-        return apsm_cli_test(ctx, args, ui);
-    case CLI_MEASURE:
-        return apsm_cli_measure(ctx, args, ui);
-    case CLI_NORM:
-        return apsm_cli_norm(ctx, args, ui);
-    case CLI_EXCLUDE:
-        return apsm_cli_exclude(ctx, args, ui);
-    case CLI_ADD:
-        return apsm_cli_add(ctx, args, ui);
-    case CLI_COMPARE:
-        return apsm_cli_compare(ctx, args, ui);
-    case CLI_EXPORT:
-        return apsm_cli_export(ctx, args, ui);
-    case CLI_INFO:
-        return apsm_cli_info(ctx, args, ui);
-    }
-    return APSM_ERR_ARG;
-}
-
 static int exit_code(apsm_status status)
 {
     if (status == APSM_ERR_INTERRUPTED) return EXIT_INTERRUPTED;
@@ -130,7 +83,7 @@ static int work(apsm_context *ctx, const cli_args *args)
     apsm_context_set_interrupt(ctx, cli_catch_signals());
     apsm_status status = cli_args_check_inputs(ctx, args);
     if (status == APSM_OK && computes(args)) refuse_small_room(ctx, args, ui);
-    if (status == APSM_OK) status = call_verb(ctx, args, ui);
+    if (status == APSM_OK) status = args->verb->call(ctx, args, ui);
     if (status != APSM_OK) tell_failure(ctx, status, args, ui);
     cli_ui_free(ui);
     return exit_code(status);

@@ -86,6 +86,9 @@ apsm_status apsm_cli_export(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     apsm_fit_model *model = NULL;
     long long bytes = 0;
+    if (!args->model)
+        return apsm_fail(ctx, APSM_ERR_ARG, "export needs a file to write: apsm export %s",
+                         args->verb->operands);
     if (apsm_file_exists(args->model) && !args->overwrite)
         return apsm_fail(ctx, APSM_ERR_STATE, "%s: is there already; give --overwrite",
                          args->model);

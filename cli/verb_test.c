@@ -27,6 +27,9 @@ apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     enum { MOST = 10000000 };
     (void)ui;
     const char *seed = cli_args_get(args, "seed");
+    if (!args->formula)
+        return apsm_fail(ctx, APSM_ERR_ARG, "test needs a formula: apsm test %s",
+                         args->verb->operands);
     apsm_test_settings settings = { .folder = args->inputs[0],
                                     .subjects = args->subjects,
                                     .formula = args->formula,

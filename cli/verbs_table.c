@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "apsm/options.h"
-#include "args.h"
+#include "verbs.h"
 
 static const cli_verb_info verbs[] = {
     { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
@@ -11,15 +11,19 @@ static const cli_verb_info verbs[] = {
       "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
       "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj, .xlsx). An "
       "interrupted "
-      "run goes on with --resume, and every step can be repeated on its own." },
+      "run goes on with --resume, and every step can be repeated on its own.",
+      .out = "a model folder", .call = apsm_cli_run },
     { CLI_GROOM, "groom", "INPUT... -o MODEL_DIR", "inputs to clean, aligned meshes",
       "Reads the inputs, makes one closed mesh of each, chooses the template and aligns all to it. "
-      "Without INPUT the inputs named in the folder's project are groomed again." },
+      "Without INPUT the inputs named in the folder's project are groomed again.",
+      .out = "a model folder", .call = apsm_cli_groom },
     { CLI_INITIALIZE, "initialize", "MODEL_DIR", "first particles on groomed meshes",
-      "Places the first particles on every groomed mesh." },
+      "Places the first particles on every groomed mesh.", .out = "a model folder",
+      .call = apsm_cli_initialize },
     { CLI_OPTIMIZE, "optimize", "MODEL_DIR", "particles to correspondence",
       "Moves the particles to correspondence in two stages. With --resume from the last "
-      "checkpoint, else from the first particles." },
+      "checkpoint, else from the first particles.",
+      .out = "a model folder", .call = apsm_cli_optimize },
     { CLI_EVALUATE, "evaluate", "MODEL_DIR|PROJECT|PARTICLES... [MESHES...]",
       "the model, its quality, reconstructed meshes",
       "Makes mean and modes of variation, scores, surface distances, compactness, generalization, "
@@ -29,27 +33,33 @@ static const cli_verb_info verbs[] = {
       "the "
       "figures and writes nothing; meshes in the same order and frame, or those of the project, "
       "add "
-      "surface distances." },
+      "surface distances.",
+      .call = apsm_cli_evaluate },
     { CLI_CERTIFY, "certify", "PROJECT|PARTICLES... MESHES...", "the verdict on anyone's particles",
       "Says of every shape whether its particles keep their neighbours, whether it lies as the "
       "others do and is no mirror image, whether it belongs, whether a region has slipped or an "
       "end was missed: the verdict that evaluate gives, on a project with its meshes or on "
       "particle files of any program (aligned) with a mesh for each, in the same order and frame. "
-      "With -o FILE it is also written as certificate.json is." },
+      "With -o FILE it is also written as certificate.json is.",
+      .first = "something to look at", .call = apsm_cli_certify },
     { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "
-      "from. One file that needs no network: open it with a double click, send it by mail." },
+      "from. One file that needs no network: open it with a double click, send it by mail.",
+      .out = "a model folder", .call = apsm_cli_report },
     { CLI_RENDER, "render", "MODEL_DIR", "pictures of the model as PNG files",
       "Draws the mean, the first modes at two standard deviations, a shape with its particles, and "
       "all shapes on one sheet, without a window system or a browser. Writes MODEL_DIR/pictures, "
-      "or the folder of -o; with --what one picture, into the file of -o." },
+      "or the folder of -o; with --what one picture, into the file of -o.",
+      .first = "one model folder", .most = 1, .call = apsm_cli_render },
     { CLI_FIT, "fit", "MODEL INPUT... -o DIR", "new shapes by a finished model",
       "Fits shapes that the model has not seen: finds their pose and hand, places the model's "
       "particles on them, and tells scores, distance from the mean, and whether each is a shape of "
       "the model's kind; one that is not is refused with a reason. MODEL is a model folder, or a "
       "file of export. Nothing of the model changes. The exit code is 1 if a shape was refused or "
-      "could not be read." },
+      "could not be read.",
+      .first = "a model", .more = "shapes behind the model", .out = "an output folder",
+      .call = apsm_cli_fit },
     { CLI_TEST, "test", "MODEL_DIR --formula TEXT [--subjects FILE]",
       "do groups differ, where, and by how much",
       "Tests a term of a linear model of the shapes by permutation, the other terms being allowed "
@@ -57,7 +67,8 @@ static const cli_verb_info verbs[] = {
       "number, or the size, or the modes. Tells effects with 95 % bands, how well shape tells two "
       "groups apart, and what could have been found. Writes OF_ON.json and OF_ON.csv to "
       "statistics/ "
-      "in the model folder, or to the folder of -o." },
+      "in the model folder, or to the folder of -o.",
+      .first = "one model folder", .most = 1, .call = apsm_cli_test },
     { CLI_MEASURE, "measure", "MODEL_DIR DEFINITION.json [PARTICLES|FIT...]",
       "distances, angles, diameters, areas of every shape",
       "Evaluates what DEFINITION.json defines once on the template (distance, angle, "
@@ -66,48 +77,62 @@ static const cli_verb_info verbs[] = {
       "mean, "
       "its modes at two standard deviations, and on shapes that were fitted. Writes "
       "measurements.json and .csv to statistics/ in the model folder, or to the folder of -o; the "
-      "table can be given to test as --subjects." },
+      "table can be given to test as --subjects.",
+      .first = "a model folder and a definition", .more = "a model folder and a definition",
+      .call = apsm_cli_measure },
     { CLI_NORM, "norm", "MODEL_DIR PARTICLES|FIT...",
       "how unusual a new shape is, given age, sex or whatever is known",
       "Compares shapes that were fitted (their world particles, or a folder of fit) with those of "
       "the model: percentile and z of the whole shape, of every mode, of every particle, after "
       "what the formula allows for, with how sure that is. Writes norm.json, norm.csv and "
-      "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o." },
+      "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o.",
+      .first = "a model folder and shapes", .more = "a model folder and shapes",
+      .call = apsm_cli_norm },
     { CLI_EXCLUDE, "exclude", "MODEL_DIR NAME...", "a model without some of its shapes",
       "Takes shapes out of a finished model: mean, modes, figures and report are made anew, "
       "nothing "
-      "is groomed or optimised again, and the files of these shapes in the folder go." },
+      "is groomed or optimised again, and the files of these shapes in the folder go.",
+      .first = "a model folder and names of its shapes",
+      .more = "a model folder and names of its shapes", .call = apsm_cli_exclude },
     { CLI_ADD, "add", "MODEL_DIR INPUT...", "new shapes into a finished model",
       "Fits shapes to a finished model and enrols them; the particles of the others stay as they "
       "are. Labels, sides and everything else are as the model was made with. If a shape is "
-      "refused, none is added." },
+      "refused, none is added.",
+      .first = "a model folder and shapes", .more = "a model folder and shapes",
+      .call = apsm_cli_add },
     { CLI_COMPARE, "compare", "MODEL_A MODEL_B", "the same anatomy in two models",
       "Lays the second model (a folder, or a file of export) on the first and tells how far their "
       "mean surfaces are apart, how alike their variation is (angles between the leading modes, "
       "share of one's variance that the other has), and which rebuilds shapes better that both "
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
-      "mean_difference.ply." },
+      "mean_difference.ply.",
+      .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
     { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
       "Writes all that fit needs of a model into one file, which can be used where the cohort is "
-      "not. It holds no names of shapes." },
+      "not. It holds no names of shapes.",
+      .first = "one model folder", .most = 1, .call = apsm_cli_export },
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
-      "there is none." },
+      "there is none.",
+      .first = "something to look at", .call = apsm_cli_check },
     { CLI_CONVERT, "convert", "INPUT... -o OUTPUT", "particles to and from other programs' files",
       "Rewrites particle sets. An input is a file (.particles, .lpts, .wpts, .csv, .npy, .mrk.json "
       "of 3D Slicer, points as .vtk or .vtp), or a model folder or project, which stands for the "
       "world particles of its shapes. OUTPUT is a file of one of these formats; only .npy holds "
       "several shapes, as one array of shapes x particles x 3. With --to EXT it is a folder, with "
       "a file for each shape. Order and frame of the particles are kept. A project or model folder "
-      "is rewritten as a project if OUTPUT ends in .swproj or .xlsx." },
+      "is rewritten as a project if OUTPUT ends in .swproj or .xlsx.",
+      .first = "particles", .out = "an output", .call = apsm_cli_convert },
     { CLI_VERIFY, "verify", "MODEL_DIR", "whether a model folder still is what was made",
       "Computes the SHA-256 of all files of a model folder and of its inputs anew and compares "
       "them with manifest.json; compares the options of the manifest, the project and the "
       "checkpoints. "
       "Tells in one line each what has changed, is missing or does not belong there. Writes "
-      "nothing. The exit code is 0 if all agree and 1 if not." },
+      "nothing. The exit code is 0 if all agree and 1 if not.",
+      .out = "a model folder", .call = apsm_cli_verify },
     { CLI_INFO, "info", "MODEL_DIR|FILE", "what a model folder or file holds",
-      "Tells in a few lines what a model folder or one of its files holds." },
+      "Tells in a few lines what a model folder or one of its files holds.",
+      .first = "something to look at", .most = 1, .call = apsm_cli_info },
 };
 enum { VERBS = sizeof verbs / sizeof *verbs };
 

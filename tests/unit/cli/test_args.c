@@ -149,7 +149,7 @@ static void mistakes_are_named_with_the_remedy(void **state)
         { "optimize a -o b", "given twice" },
         { "check", "needs something to look at" },
         { "info", "needs something to look at" },
-        { "info a b", "one folder or file" },
+        { "info a b", "info takes 1 operand, not 2" },
         { "run x -o m --partcles 3", "unknown option --partcles; the nearest is --particles" },
         { "run x -o m --particle 3", "the nearest is --particles" },
         { "run x -o m --adapt 1", "the nearest is --adaptivity" },
