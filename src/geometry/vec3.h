@@ -72,4 +72,16 @@ static inline double vec3_mean_spacing(size_t n, const double *x)
     return sum / (double)n;
 }
 
+/* Squared distance of x to the segment from p to q. */
+static inline double vec3_segment_distance2(const double x[3], const double p[3], const double q[3])
+{
+    double d[3], e[3];
+    vec3_sub(q, p, d);
+    vec3_sub(x, p, e);
+    const double l2 = vec3_dot(d, d), along = vec3_dot(d, e);
+    const double t = l2 > 0.0 ? fmin(fmax(along / l2, 0.0), 1.0) : 0.0;
+    vec3_add_scaled(e, -t, d);
+    return vec3_dot(e, e);
+}
+
 #endif

@@ -38,8 +38,10 @@ static void fan_area(const surgery *s, uint32_t v, double sum[3])
     uint32_t h = s->out[v];
     do {
         double n[3];
-        fan_face_normal(s, h, n);
-        vec3_add_scaled(sum, 1.0, n);
+        if (!he_ghost_face(s, h)) {
+            fan_face_normal(s, h, n);
+            vec3_add_scaled(sum, 1.0, n);
+        }
         h = he_turn(s, h);
     } while (h != s->out[v]);
 }
@@ -66,22 +68,12 @@ bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t 
     uint32_t h = s->out[v];
     do {
         const double *p = s->V + 3 * he_to(s, h), *q = s->V + 3 * he_apex(s, h);
-        if (h / 3 != skip1 && h / 3 != skip2 && !keeps_facing(s->V + 3 * v, x, p, q, fan))
+        if (h / 3 != skip1 && h / 3 != skip2 && !he_ghost_face(s, h) &&
+            !keeps_facing(s->V + 3 * v, x, p, q, fan))
             return false;
         h = he_turn(s, h);
     } while (h != s->out[v]);
     return true;
-}
-
-static double segment_distance2(const double x[3], const double p[3], const double q[3])
-{
-    double d[3], e[3];
-    vec3_sub(q, p, d);
-    vec3_sub(x, p, e);
-    const double l2 = vec3_dot(d, d), along = vec3_dot(d, e);
-    const double t = l2 > 0.0 ? fmin(fmax(along / l2, 0.0), 1.0) : 0.0;
-    vec3_add_scaled(e, -t, d);
-    return vec3_dot(e, e);
 }
 
 /* Inside the prism over the triangle: distance to its plane; else to its sides. */
@@ -98,7 +90,7 @@ static double triangle_distance2(const double x[3], const double a[3], const dou
         area_vector(p, q, x, side);
         if (vec3_dot(side, n) < 0.0) {
             inside = false;
-            best = fmin(best, segment_distance2(x, p, q));
+            best = fmin(best, vec3_segment_distance2(x, p, q));
         }
     }
     if (inside) {
@@ -109,7 +101,7 @@ static double triangle_distance2(const double x[3], const double a[3], const dou
     }
     if (!(best < INFINITY)) /* no area */
         for (int k = 0; k < 3; k++)
-            best = fmin(best, segment_distance2(x, corner[k], corner[(k + 1) % 3]));
+            best = fmin(best, vec3_segment_distance2(x, corner[k], corner[(k + 1) % 3]));
     return best;
 }
 
@@ -119,7 +111,7 @@ double fan_distance2(const surgery *s, uint32_t v, const double x[3], const doub
     double best = INFINITY;
     uint32_t h = s->out[v];
     do {
-        if (h / 3 != skip1 && h / 3 != skip2)
+        if (h / 3 != skip1 && h / 3 != skip2 && !he_ghost_face(s, h))
             best = fmin(best,
                         triangle_distance2(p, x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
         h = he_turn(s, h);
@@ -138,10 +130,29 @@ double fan_quality(const surgery *s, uint32_t v, const double x[3])
     double least = 1.0;
     uint32_t h = s->out[v];
     do {
-        least = fmin(least, quality(x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
+        if (!he_ghost_face(s, h))
+            least = fmin(least, quality(x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
         h = he_turn(s, h);
     } while (h != s->out[v]);
     return least;
+}
+
+/* Adds h's face to the sums of fan_middle. */
+static void add_middle(const surgery *s, uint32_t h, double g[3], double n[3], double *total)
+{
+    const uint32_t v = he_from(s, h), a = he_to(s, h), b = he_apex(s, h);
+    double m[3];
+    if (he_ghost_face(s, h)) return;
+    fan_face_normal(s, h, m);
+    vec3_add_scaled(n, 1.0, m);
+    const double edge = (s->size[v] + s->size[a] + s->size[b]) / 3.0;
+    const double w = vec3_norm(m) / (edge * edge);
+    for (int c = 0; c < 3; c++)
+        g[c] +=
+            w *
+            (s->V[3 * v + (uint32_t)c] + s->V[3 * a + (uint32_t)c] + s->V[3 * b + (uint32_t)c]) /
+            3.0;
+    *total += w;
 }
 
 bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3])
@@ -150,18 +161,7 @@ bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3])
     g[0] = g[1] = g[2] = n[0] = n[1] = n[2] = 0.0;
     uint32_t h = s->out[v];
     do {
-        const uint32_t a = he_to(s, h), b = he_apex(s, h);
-        double m[3];
-        fan_face_normal(s, h, m);
-        vec3_add_scaled(n, 1.0, m);
-        const double edge = (s->size[v] + s->size[a] + s->size[b]) / 3.0;
-        const double w = vec3_norm(m) / (edge * edge);
-        for (int c = 0; c < 3; c++)
-            g[c] += w *
-                    (s->V[3 * v + (uint32_t)c] + s->V[3 * a + (uint32_t)c] +
-                     s->V[3 * b + (uint32_t)c]) /
-                    3.0;
-        total += w;
+        add_middle(s, h, g, n, &total);
         h = he_turn(s, h);
     } while (h != s->out[v]);
     if (!(total > 0.0) || !(vec3_normalise(n) > 0.0)) return false;

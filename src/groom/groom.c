@@ -19,7 +19,8 @@ apsm_groom_options apsm_groom_defaults(void)
                                  .max_drop_share = 0.2,
                                  .merge = 1e-7,
                                  .fill_holes = true,
-                                 .max_cap_share = 0.25,
+                                 .max_cap_share = 0.1,
+                                 .open_share = 0.01,
                                  .remesh = true,
                                  .measure = true,
                                  .remesh_options = apsm_remesh_defaults() };
@@ -29,6 +30,9 @@ apsm_groom_options apsm_groom_options_of(const apsm_options *o)
 {
     apsm_groom_options g = apsm_groom_defaults();
     g.fill_cavities = g.fill_holes = o->fill_holes;
+    g.open = o->open;
+    if (o->fill) g.max_cap_share = INFINITY;
+    if (o->open && !o->fill_holes) g.open_share = 0.0;
     g.keep_largest = o->largest_component;
     g.remesh = o->remesh;
     g.measure = false;
@@ -83,7 +87,12 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_rep
             r->holes, r->hole_faces, r->largest_cap_at[0], r->largest_cap_at[1],
             r->largest_cap_at[2], 100.0 * r->largest_cap);
     /* A cap of one per cent is no longer a mend but a guess at the anatomy: worth a look. */
-    const bool grave = r->largest_cap > 0.01 || r->dropped_area > 0.05;
+    const bool guessed = r->largest_cap > 0.01, grave = guessed || r->dropped_area > 0.05;
+    if (guessed) add(&l, "say --fill if that is right, --open to leave openings as they are");
+    if (r->openings)
+        add(&l, "%zu opening%s left as %s", r->openings, r->openings == 1 ? "" : "s",
+            r->openings == 1 ? "it is" : "they are");
+    if (r->sided) add(&l, "too flat to tell its outside: the file's order of corners does");
     if (l.n) apsm_log(ctx, grave ? APSM_LOG_WARNING : APSM_LOG_INFO, "%s: %s", name, l.text);
     if (r->genus)
         apsm_log(ctx, APSM_LOG_WARNING, "%s: the surface has %ld handle%s (genus)", name, r->genus,

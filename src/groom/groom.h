@@ -1,5 +1,5 @@
-/* groom.h -- from a segmentation or a raw mesh to a clean one: one closed outward surface of
- * well-shaped triangles.  Alignment is in align.h. */
+/* groom.h -- from a segmentation or a raw mesh to a clean one: one outward surface of well-shaped
+ * triangles, closed unless it may stay open.  Alignment is in align.h. */
 #ifndef APSM_GROOM_H
 #define APSM_GROOM_H
 
@@ -33,7 +33,9 @@ typedef struct apsm_groom_options {
     double merge;         /* vertices closer than this share of the diagonal are one; 1e-7 */
     bool fill_holes;      /* default true; false: an opening is an error */
     double max_cap_share; /* an opening is closed only if its cap is at most this share of the
-                             mesh's area; default 0.25; 1: close everything */
+                             mesh's area; default 0.1; 1: close everything */
+    bool open;            /* larger openings than open_share stay open; default false */
+    double open_share;    /* default 0.01; 0: all stay */
     bool remesh;          /* default true; false: repair only */
     bool measure; /* what remeshing did, for the report (default true; takes a third longer) */
     apsm_remesh_options remesh_options;
@@ -69,6 +71,9 @@ typedef struct apsm_groom_report {
     size_t dropped_components, dropped_faces;
     double dropped_area; /* share of the area */
     size_t holes, hole_faces;
+    size_t openings;    /* left open */
+    double open_length; /* of their borders, over the square root of the area */
+    bool sided;         /* open, and so flat that the file's order of corners says what is outside */
     double largest_cap; /* area of the largest cap as a share of the mesh's */
     double largest_cap_at[3];
     bool inverted;             /* all triangles faced inward */

@@ -221,8 +221,17 @@ static apsm_status refuse_hole(const repair *r, const double at[3], size_t n, do
     return apsm_fail(
         r->ctx, APSM_ERR_GEOMETRY,
         "%s: the opening near %.6g %.6g %.6g (%zu edges) needs a cap of %.0f %% of the "
-        "surface; a shape has to be closed: extend the surface, or close it beforehand",
+        "surface: say --open to leave openings as they are, or --fill to close this one too",
         r->name, at[0], at[1], at[2], n, 100.0 * share);
+}
+
+/* What was there before a cap that is not wanted. */
+static void take_back(repair *r, const cap *before, size_t nv, cap *all)
+{
+    all->nf = before->nf;
+    all->area = before->area;
+    r->mesh.nv = nv;
+    r->report->openings++;
 }
 
 /* Closes one loop and judges its cap. */
@@ -231,10 +240,12 @@ static apsm_status close_loop(repair *r, const apsm_topology *t, double area, ui
 {
     double at[3];
     loop_middle(&r->mesh, loop, n, at);
-    const double before = all->area;
-    if (!r->opt->fill_holes) return refuse_hole(r, at, n, 0.0);
+    const cap before = *all;
+    const size_t nv = r->mesh.nv;
+    if (!r->opt->fill_holes && !r->opt->open) return refuse_hole(r, at, n, 0.0);
     APSM_TRY(fill_loop(&r->mesh, t, loop, n, all));
-    const double share = (all->area - before) / area;
+    const double share = (all->area - before.area) / area;
+    if (r->opt->open && share > r->opt->open_share) return take_back(r, &before, nv, all), APSM_OK;
     if (!(share <= r->opt->max_cap_share)) return refuse_hole(r, at, n, share);
     r->report->holes++;
     if (share > r->report->largest_cap) {

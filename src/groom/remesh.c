@@ -10,6 +10,8 @@
  *   - a mesh far too fine is coarsened in stages, each 1.4 times the last;
  *   - at the end, points of the original still too far from the result draw the nearest vertex
  *     to them.
+ * A border's vertices lie on the original's border: edges there are split at places of it, collapse
+ * only into each other and where the border hardly moves, are not flipped, and relax along it.
  * Loops run in the order of indices, so the result is reproducible. */
 #include "groom/remesh.h"
 
@@ -17,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/rim.h"
 #include "geometry/vec3.h"
 #include "groom/edge_size.h"
 #include "groom/fan.h"
@@ -29,6 +32,7 @@ static const double sliver = 0.35, no_area = 0.03; /* qualities, see fan.c */
 static const double lenience = 3.0;                /* of fidelity for slivers */
 static const double split_reach = 0.2; /* a split edge's middle is projected within this length */
 static const double facing_cos = 0.2;  /* projection accepts normals within 78 degrees */
+static const double corner_cos = 0.8;  /* a border that turns by more than 37 degrees: a corner */
 enum { MOST_VALENCE = 10, RECOVERIES = 2 };
 /* Splitting comes to two or three times the faces wanted at most, but for spikes and needles, of
  * which it could make faces without end. */
@@ -49,6 +53,7 @@ typedef struct job {
     surgery s;
     const apsm_bvh *original;
     const double *original_size; /* of the original's vertices */
+    const apsm_rim *rim;         /* of the original */
     apsm_remesh_options opt;
     double scale;      /* of all sizes, to meet the number of faces */
     size_t most_faces; /* that splitting may come to */
@@ -78,10 +83,25 @@ static bool project(const job *j, const double x[3], const double n[3], double r
     return true;
 }
 
+/* An edge of the border is split at a place of the original's. */
+static apsm_status split_border(job *j, uint32_t h)
+{
+    surgery *s = &j->s;
+    const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
+    const double reach = split_reach * split_reach * vec3_distance2(a, b);
+    double x[3];
+    apsm_rim_point on;
+    for (int c = 0; c < 3; c++) x[c] = 0.5 * (a[c] + b[c]);
+    apsm_rim_closest(j->rim, x, &on);
+    uint32_t made;
+    return surgery_split(s, h, on.distance2 < reach ? on.x : x, &made);
+}
+
 /* Splits h at its middle, put on the original if that is near. */
 static apsm_status split_edge(job *j, uint32_t h)
 {
     surgery *s = &j->s;
+    if (he_on_border(s, h)) return split_border(j, h);
     const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
     const double length2 = vec3_distance2(a, b);
     double x[3], n[3], m[3], size;
@@ -104,14 +124,14 @@ static apsm_status split_long(job *j)
     surgery *s = &j->s;
     double over = 1.0; /* largest ratio of an edge to its limit */
     for (uint32_t h = 0; h < 3 * s->nf; h++)
-        if (he_live(s, h))
+        if (he_real(s, h))
             over = fmax(over, sqrt(edge_length2(s, h)) / (longest * edge_size_at(j, h)));
     int k;
     frexp(over, &k);
     for (; k >= 0; k--) {
         const uint32_t end = (uint32_t)(3 * s->nf); /* new edges wait for the next round */
         for (uint32_t h = 0; h < end; h++) {
-            if (!he_live(s, h) || h > s->twin[h]) continue;
+            if (!he_real(s, h) || h > s->twin[h]) continue;
             const double most = ldexp(longest * edge_size_at(j, h), k);
             if (edge_length2(s, h) <= most * most) continue;
             if (s->live_f > j->most_faces) return APSM_ERR_GEOMETRY;
@@ -119,6 +139,17 @@ static apsm_status split_long(job *j)
         }
     }
     return APSM_OK;
+}
+
+/* Whether the border stays within `away` when to(h) is pulled into from(h). */
+static bool border_stays(const surgery *s, uint32_t h, double away)
+{
+    const uint32_t a = he_from(s, h), b = he_to(s, h);
+    const uint32_t out = surgery_to_ghost(s, b);
+    if (out == APSM_NONE) return true;
+    /* b's two neighbours on the border are beside the ghost; one of them is a */
+    const uint32_t p = he_apex(s, out), q = he_apex(s, s->twin[out]), other = p == a ? q : p;
+    return vec3_segment_distance2(s->V + 3 * b, s->V + 3 * a, s->V + 3 * other) <= away * away;
 }
 
 /* Whether vertex b = to(h) may be pulled into a = from(h): faces keep facing their way and do
@@ -129,16 +160,17 @@ static bool may_collapse(const job *j, uint32_t h, double limit)
     const uint32_t a = he_from(s, h), b = he_to(s, h);
     const uint32_t skip1 = h / 3, skip2 = s->twin[h] / 3;
     const double *x = s->V + 3 * a;
+    const double away = j->opt.fidelity * j->scale * fmin(s->size[a], s->size[b]);
+    if (!surgery_pulls(s, h) || !border_stays(s, h, away)) return false;
     uint32_t k = s->out[b];
     do {
         const uint32_t v = he_to(s, k);
-        if (v != a) {
+        if (v != a && !is_ghost(s, v)) {
             const double most = longest * fmin(limit, j->scale * fmin(s->size[a], s->size[v]));
             if (vec3_distance2(x, s->V + 3 * v) > most * most) return false;
         }
         k = he_turn(s, k);
     } while (k != s->out[b]);
-    const double away = j->opt.fidelity * j->scale * fmin(s->size[a], s->size[b]);
     return fan_keeps_facing(s, b, x, skip1, skip2) &&
            fan_distance2(s, b, x, s->V + 3 * b, skip1, skip2) <= away * away;
 }
@@ -163,13 +195,13 @@ static void try_collapse(job *j, uint32_t h, double limit)
 static void collapse_short(job *j, double limit)
 {
     for (uint32_t h = 0; h < 3 * j->s.nf; h++)
-        if (he_live(&j->s, h) && h < j->s.twin[h]) try_collapse(j, h, limit);
+        if (he_real(&j->s, h) && h < j->s.twin[h]) try_collapse(j, h, limit);
 }
 
 /* Whether the edge can be flipped and leave a surface. */
 static bool may_turn(const surgery *s, uint32_t h)
 {
-    return surgery_valence(s, he_from(s, h)) > 3 && surgery_valence(s, he_to(s, h)) > 3 &&
+    return !he_on_border(s, h) && surgery_valence(s, he_from(s, h)) > 3 && surgery_valence(s, he_to(s, h)) > 3 &&
            !surgery_joined(s, he_apex(s, h), he_apex(s, s->twin[h]));
 }
 
@@ -185,9 +217,12 @@ static bool may_flip(const job *j, uint32_t h)
     return fan_flip_is_flat(s, h, away);
 }
 
-static int excess2(size_t valence)
+/* Squared difference of v's valence, with n neighbours more, from what is regular: six, on a border
+ * four and its ghost. */
+static int excess2(const surgery *s, uint32_t v, int more)
 {
-    const int e = (int)valence - 6;
+    const int regular = surgery_to_ghost(s, v) == APSM_NONE ? 6 : 5;
+    const int e = (int)surgery_valence(s, v) + more - regular;
     return e * e;
 }
 
@@ -196,12 +231,11 @@ static void flip_to_valence(job *j)
 {
     surgery *s = &j->s;
     for (uint32_t h = 0; h < 3 * s->nf; h++) {
-        if (!he_live(s, h) || h > s->twin[h]) continue;
-        const size_t a = surgery_valence(s, he_from(s, h)), b = surgery_valence(s, he_to(s, h));
-        const size_t c = surgery_valence(s, he_apex(s, h));
-        const size_t d = surgery_valence(s, he_apex(s, s->twin[h]));
-        const int before = excess2(a) + excess2(b) + excess2(c) + excess2(d);
-        const int after = excess2(a - 1) + excess2(b - 1) + excess2(c + 1) + excess2(d + 1);
+        if (!he_real(s, h) || h > s->twin[h] || he_on_border(s, h)) continue;
+        const uint32_t a = he_from(s, h), b = he_to(s, h);
+        const uint32_t c = he_apex(s, h), d = he_apex(s, s->twin[h]);
+        const int before = excess2(s, a, 0) + excess2(s, b, 0) + excess2(s, c, 0) + excess2(s, d, 0);
+        const int after = excess2(s, a, -1) + excess2(s, b, -1) + excess2(s, c, 1) + excess2(s, d, 1);
         if (after < before && fan_flip_quality(s, h) > 0.6 && may_flip(j, h)) surgery_flip(s, h);
     }
 }
@@ -211,8 +245,8 @@ static void flip_to_shape(job *j)
 {
     surgery *s = &j->s;
     for (uint32_t h = 0; h < 3 * s->nf; h++)
-        if (he_live(s, h) && h < s->twin[h] && fan_flip_quality(s, h) > 1.0 + 1e-9 &&
-            may_flip(j, h))
+        if (he_real(s, h) && h < s->twin[h] && !he_on_border(s, h) &&
+            fan_flip_quality(s, h) > 1.0 + 1e-9 && may_flip(j, h))
             surgery_flip(s, h);
 }
 
@@ -226,13 +260,39 @@ static bool try_move(job *j, uint32_t v, const double x[3], double away)
     return true;
 }
 
+/* A border's vertex to the middle of its two neighbours there, on the original's border.  Corners
+ * stay. */
+static void relax_border(job *j, uint32_t v, uint32_t out)
+{
+    surgery *s = &j->s;
+    const double *x = s->V + 3 * v, *p = s->V + 3 * he_apex(s, out),
+                 *q = s->V + 3 * he_apex(s, s->twin[out]);
+    double before[3], after[3], middle[3];
+    vec3_sub(x, p, before);
+    vec3_sub(q, x, after);
+    const double turn = vec3_dot(before, after) / (vec3_norm(before) * vec3_norm(after));
+    if (!(turn > corner_cos)) return;
+    for (int c = 0; c < 3; c++) middle[c] = 0.5 * (p[c] + q[c]);
+    const double away = j->opt.fidelity * j->scale * s->size[v];
+    apsm_rim_point on;
+    apsm_rim_closest(j->rim, middle, &on);
+    if (vec3_segment_distance2(x, p, on.x) <= away * away ||
+        vec3_segment_distance2(x, on.x, q) <= away * away)
+        try_move(j, v, on.x, away);
+}
+
 /* Steps 4 and 5: every vertex to the middle of its fan, within the surface, and back on it. */
 static void relax(job *j)
 {
     surgery *s = &j->s;
     for (uint32_t v = 0; v < s->nv; v++) {
-        if (s->out[v] == APSM_NONE) continue;
+        if (!surgery_keeps(s, v)) continue;
         double g[3], n[3], step[3];
+        const uint32_t border = surgery_to_ghost(s, v);
+        if (border != APSM_NONE) {
+            relax_border(j, v, border);
+            continue;
+        }
         if (!fan_middle(s, v, g, n)) continue;
         vec3_sub(g, s->V + 3 * v, step);
         vec3_add_scaled(step, -vec3_dot(step, n), n);
@@ -254,7 +314,7 @@ static double mean_edge(const surgery *s)
     double sum = 0.0;
     size_t n = 0;
     for (uint32_t h = 0; h < 3 * s->nf; h++)
-        if (he_live(s, h)) {
+        if (he_real(s, h)) {
             sum += sqrt(edge_length2(s, h));
             n++;
         }
@@ -288,12 +348,12 @@ static void mend_sliver(job *j, uint32_t h)
     const bool needle = edge_length2(s, side[1]) < 0.01 * edge_length2(s, side[0]);
     const uint32_t ways[2] = { side[1], s->twin[side[1]] };
     for (int k = 0; k < 2; k++)
-        if (surgery_collapsible(s, ways[k]) &&
+        if (surgery_pulls(s, ways[k]) && surgery_collapsible(s, ways[k]) &&
             ((q < no_area && needle) || may_collapse(j, ways[k], INFINITY))) {
             surgery_collapse(s, ways[k]);
             return;
         }
-    if (fan_flip_quality(s, side[0]) > 1.0 + 1e-9 &&
+    if (!he_on_border(s, side[0]) && fan_flip_quality(s, side[0]) > 1.0 + 1e-9 &&
         (q < no_area ? may_turn(s, side[0]) : may_flip(j, side[0])))
         surgery_flip(s, side[0]);
 }
@@ -305,7 +365,8 @@ static void mend_slivers(job *j)
     j->opt.fidelity *= lenience;
     for (int round = 0; round < 3; round++)
         for (uint32_t f = 0; f < j->s.nf; f++)
-            if (he_live(&j->s, 3 * f) && fan_face_quality(&j->s, 3 * f) < sliver)
+            if (he_live(&j->s, 3 * f) && !he_ghost_face(&j->s, 3 * f) &&
+                fan_face_quality(&j->s, 3 * f) < sliver)
                 mend_sliver(j, 3 * f);
     j->opt.fidelity = strict;
 }
@@ -360,14 +421,18 @@ static size_t find_missed(const job *j, const apsm_bvh *result, missed *list)
     return n;
 }
 
-/* Draws the corner of `face` nearest to x to it, if it has not moved already. */
-static bool draw_corner(job *j, const double x[3], const uint32_t corner[3], bool *fixed)
+/* Draws the corner of `face` nearest to the original's vertex to it, if it has not moved already.
+ * What is on the border stays there. */
+static bool draw_corner(job *j, uint32_t vertex, const uint32_t corner[3], bool *fixed)
 {
     surgery *s = &j->s;
+    const double *x = apsm_bvh_mesh(j->original)->V + 3 * (size_t)vertex;
+    const bool on_border = j->rim->n && j->rim->on[vertex];
     uint32_t v = corner[0];
     for (int k = 1; k < 3; k++)
         if (vec3_distance2(x, s->V + 3 * corner[k]) < vec3_distance2(x, s->V + 3 * v))
             v = corner[k];
+    if ((surgery_to_ghost(s, v) != APSM_NONE) != on_border) return false;
     if (fixed[v] || fan_quality(s, v, x) < recovered_quality ||
         !try_move(j, v, x, j->opt.fidelity * j->scale * s->size[v]))
         return false;
@@ -390,12 +455,12 @@ static apsm_status recover(job *j)
     if (status == APSM_OK) {
         size_t n = 0;
         for (uint32_t v = 0; v < j->s.nv; v++)
-            if (j->s.out[v] != APSM_NONE) name[n++] = v;
+            if (surgery_keeps(&j->s, v)) name[n++] = v;
         n = find_missed(j, tree, list);
         for (size_t i = 0; i < n; i++) {
             const uint32_t *c = now.F + 3 * list[i].face;
             const uint32_t corner[3] = { name[c[0]], name[c[1]], name[c[2]] };
-            draw_corner(j, from->V + 3 * list[i].vertex, corner, fixed);
+            draw_corner(j, list[i].vertex, corner, fixed);
         }
     }
     apsm_bvh_free(tree);
@@ -449,11 +514,20 @@ static apsm_status check_mesh(apsm_context *ctx, const apsm_mesh *mesh)
 {
     apsm_mesh_defects d;
     APSM_TRY(apsm_mesh_inspect(mesh, &d));
-    if (d.components != 1 || d.border_edges || d.nonmanifold_edges || d.nonmanifold_vertices ||
-        d.flipped_edges || d.unused_vertices)
+    if (d.components != 1 || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges ||
+        d.unused_vertices)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
-                         "remesh: not one closed, oriented surface; repair it first");
+                         "remesh: not one oriented surface; repair it first");
     return APSM_OK;
+}
+
+static apsm_status find_rim(const apsm_mesh *mesh, apsm_rim *rim)
+{
+    apsm_topology topology;
+    APSM_TRY(apsm_topology_build(mesh, &topology));
+    const apsm_status status = apsm_rim_build(mesh, &topology, rim);
+    apsm_topology_free(&topology);
+    return status;
 }
 
 apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh *original,
@@ -473,12 +547,16 @@ apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     double common, *size = malloc(from->nv * sizeof *size);
     if (!size) return APSM_ERR_MEMORY;
     j.original_size = size;
-    apsm_status status = edge_size(from, o, faces, size, &common);
+    apsm_rim rim = { 0 };
+    j.rim = &rim;
+    apsm_status status = find_rim(from, &rim);
+    if (status == APSM_OK) status = edge_size(from, o, faces, size, &common);
     if (status == APSM_OK) status = surgery_begin(&j.s, mesh);
     if (status == APSM_OK) {
         status = run(ctx, &j, mesh, faces, common, out);
         surgery_free(&j.s);
     }
+    apsm_rim_free(&rim);
     free(size);
     if (status == APSM_OK && report) {
         report->edge = common * j.scale;

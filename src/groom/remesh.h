@@ -1,4 +1,4 @@
-/* remesh.h -- near-isotropic remeshing of closed triangle meshes. */
+/* remesh.h -- near-isotropic remeshing of triangle meshes. */
 #ifndef APSM_REMESH_H
 #define APSM_REMESH_H
 
@@ -40,12 +40,14 @@ typedef struct apsm_remesh_report {
 } apsm_remesh_report;
 
 /* out (owned by the caller, overwritten) is `mesh` with about opt->target_faces well-shaped
- * faces: closed, oriented, of the same genus.  `original` is the tree of the surface to stay on,
+ * faces: closed, or open with the same border loops, oriented, of the same genus.  `original` is the tree of the surface to stay on,
  * usually of `mesh` itself.  Coordinates of out are float32 numbers, so that PLY and STL files
  * hold it without loss.  opt NULL: defaults; report NULL: not wanted (saves the measuring).
  * Scaling mesh by a power of two scales the result exactly.
  *
- * APSM_ERR_GEOMETRY if mesh is not a closed connected manifold, or if spikes or needles would need
+ * Vertices of a border stay on the original's border, which keeps its corners.
+ *
+ * APSM_ERR_GEOMETRY if mesh is not a connected manifold, or if spikes or needles would need
  * many times the faces wanted.  O(nf log nf) time, O(nf) memory.
  * Source: Botsch & Kobbelt, "A remeshing approach to multiresolution modeling", SGP 2004;
  * sizes as in Dunyach et al., "Adaptive remeshing for real-time mesh deformation", 2013. */

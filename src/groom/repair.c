@@ -5,9 +5,9 @@
  *   stitch    edges with more than two faces are resolved, vertices split into their fans
  *   orient    neighbours agree on what is outside
  *   parts     the largest part stays
- *   holes     openings are closed
+ *   holes     openings are closed, or those that may stay are counted
  *   slivers   faces without area are edited away
- *   outward   the volume is positive
+ *   outward   the volume is positive (of an open mesh: with lids over its openings)
  * No step moves a vertex by more than opt->merge diagonals. */
 #include "groom/repair.h"
 
@@ -15,10 +15,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/rim.h"
 #include "geometry/vec3.h"
 
 /* A closed surface with less volume than this, over area^(3/2), is a sheet (a ball has 0.094). */
 static const double least_volume = 1e-6;
+/* An open one with less under its lids does not say which side is outside (a hemisphere has 0.13). */
+static const double least_bulge = 0.005;
 /* Farther out than so many times what is usual, no vertex of a shape is. */
 static const double stray = 1000.0;
 
@@ -145,11 +148,54 @@ static apsm_status something_left(const repair *r)
                      r->name);
 }
 
+/* Volume under lids from every border edge to its loop's middle. */
+static double lid_volume(const apsm_rim *rim)
+{
+    const apsm_mesh *m = rim->mesh;
+    double sum = 0.0;
+    for (size_t loop = 0; loop < rim->loops; loop++) {
+        const uint32_t first = rim->loop_start[loop], end = rim->loop_start[loop + 1];
+        double middle[3] = { 0.0, 0.0, 0.0 };
+        for (uint32_t e = first; e < end; e++)
+            vec3_add_scaled(middle, 1.0 / (end - first), m->V + 3 * m->F[rim->half_edge[e]]);
+        for (uint32_t e = first; e < end; e++) {
+            const uint32_t h = rim->half_edge[e];
+            double n[3];
+            vec3_cross(m->V + 3 * m->F[h % 3 == 2 ? h - 2 : h + 1], m->V + 3 * m->F[h], n);
+            sum += vec3_dot(n, middle) / 6.0;
+        }
+    }
+    return sum;
+}
+
+/* Of the mesh with its openings, if any, under lids. */
+static apsm_status closed_volume(repair *r, double area, double *volume)
+{
+    apsm_topology topology;
+    apsm_rim rim;
+    *volume = apsm_mesh_volume(&r->mesh);
+    if (!r->report->openings) return APSM_OK;
+    APSM_TRY(apsm_topology_build(&r->mesh, &topology));
+    const apsm_status status = apsm_rim_build(&r->mesh, &topology, &rim);
+    apsm_topology_free(&topology);
+    if (status != APSM_OK) return status;
+    *volume += lid_volume(&rim);
+    r->report->open_length = apsm_rim_length(&rim) / sqrt(area);
+    apsm_rim_free(&rim);
+    return APSM_OK;
+}
+
 static apsm_status face_outward(repair *r)
 {
     apsm_mesh *m = &r->mesh;
-    const double volume = apsm_mesh_volume(m), area = apsm_mesh_area(m);
-    if (!(fabs(volume) > least_volume * area * sqrt(area)))
+    const double area = apsm_mesh_area(m), unit = area * sqrt(area);
+    double volume;
+    APSM_TRY(closed_volume(r, area, &volume));
+    if (r->report->openings) {
+        r->report->sided = !(fabs(volume) > least_bulge * unit);
+        if (r->report->sided) return APSM_OK;
+    }
+    if (!(fabs(volume) > least_volume * unit))
         return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
                          "%s: the surface encloses no volume (a sheet?); give it thickness",
                          r->name);
@@ -168,7 +214,9 @@ static apsm_status check_result(repair *r)
 {
     apsm_mesh_defects d;
     APSM_TRY(apsm_mesh_inspect(&r->mesh, &d));
-    if (!apsm_mesh_is_closed_manifold(&d) || d.components != 1) {
+    const bool closed = d.border_edges == 0 || r->report->openings > 0;
+    if (!closed || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges ||
+        d.degenerate_faces || d.components != 1) {
         const double *at = d.border_edges ? d.border_at : d.nonmanifold_at;
         return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
                          "%s: could not be made one closed surface (%zu border, %zu non-manifold "
@@ -178,7 +226,8 @@ static apsm_status check_result(repair *r)
     }
     apsm_topology topology;
     APSM_TRY(apsm_topology_build(&r->mesh, &topology));
-    r->report->genus = (2 - apsm_mesh_euler(&r->mesh, &topology)) / 2;
+    r->report->genus =
+        (2 - (long)r->report->openings - apsm_mesh_euler(&r->mesh, &topology)) / 2;
     apsm_topology_free(&topology);
     return APSM_OK;
 }

@@ -19,6 +19,7 @@ static double side2(const surgery *s, uint32_t h)
 static bool mend(surgery *s, uint32_t f, size_t *mended)
 {
     uint32_t longest = 3 * f, shortest = 3 * f;
+    if (he_ghost_face(s, 3 * f)) return true;
     for (uint32_t h = 3 * f + 1; h < 3 * f + 3; h++) {
         if (side2(s, h) > side2(s, longest)) longest = h;
         if (side2(s, h) < side2(s, shortest)) shortest = h;
@@ -28,17 +29,20 @@ static bool mend(surgery *s, uint32_t f, size_t *mended)
     const double l2 = side2(s, longest);
     if (vec3_dot(n, n) > flat * flat * l2 * l2) return true;
     (*mended)++;
-    if (side2(s, shortest) <= 0.01 * l2 && surgery_collapsible(s, shortest)) {
+    if (!surgery_pulls(s, shortest)) shortest = s->twin[shortest];
+    const bool collapsible = surgery_pulls(s, shortest) && surgery_collapsible(s, shortest);
+    if (side2(s, shortest) <= 0.01 * l2 && collapsible) {
         surgery_collapse(s, shortest);
         return true;
     }
     const uint32_t c = he_apex(s, longest), d = he_apex(s, s->twin[longest]);
-    if (!surgery_joined(s, c, d) && surgery_valence(s, he_from(s, longest)) > 3 &&
+    if (!he_on_border(s, longest) && !surgery_joined(s, c, d) &&
+        surgery_valence(s, he_from(s, longest)) > 3 &&
         surgery_valence(s, he_to(s, longest)) > 3) {
         surgery_flip(s, longest);
         return true;
     }
-    if (!surgery_collapsible(s, shortest)) return false;
+    if (!collapsible) return false;
     surgery_collapse(s, shortest);
     return true;
 }
@@ -49,7 +53,8 @@ apsm_status repair_slivers(repair *r)
     size_t mended = 0, before = 1, after = 0;
     apsm_mesh_defects d;
     APSM_TRY(apsm_mesh_inspect(&r->mesh, &d));
-    if (d.border_edges || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges)
+    const bool open_refused = d.border_edges && !r->opt->open;
+    if (open_refused || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges)
         return APSM_OK; /* said by the check of the result */
     APSM_TRY(surgery_begin(&s, &r->mesh));
     for (int round = 0; round < ROUNDS && after != before; round++) {

@@ -1,5 +1,5 @@
-/* Local changes of a closed triangle mesh on indexed half-edges.  Every operation keeps the mesh
- * closed, oriented and of the same genus, given the conditions stated in surgery.h (link
+/* Local changes of a triangle mesh on indexed half-edges.  Every operation keeps the mesh
+ * closed (by ghosts, if it was open), oriented and of the same genus, given the conditions stated in surgery.h (link
  * condition: Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge contraction", 1999). */
 #include "groom/surgery.h"
 
@@ -46,24 +46,89 @@ void surgery_free(surgery *s)
     *s = (surgery){ 0 };
 }
 
+static apsm_status begin_closed(surgery *s, const apsm_mesh *mesh, const apsm_topology *topology)
+{
+    APSM_TRY(reserve(s, mesh->nv, mesh->nf));
+    s->nv = mesh->nv;
+    s->nf = s->live_f = mesh->nf;
+    memcpy(s->V, mesh->V, 3 * s->nv * sizeof *s->V);
+    memcpy(s->F, mesh->F, 3 * s->nf * sizeof *s->F);
+    memcpy(s->twin, topology->twin, 3 * s->nf * sizeof *s->twin);
+    for (size_t h = 3 * s->nf; h-- > 0;) s->out[s->F[h]] = (uint32_t)h;
+    return APSM_OK;
+}
+
+/* Adds the ghosts' vertices and faces to closed, a copy of the mesh with room for them.  from
+ * (nv): the border's half-edge that starts at a vertex, or APSM_NONE; it is used up. */
+static void add_ghosts(surgery *s, uint32_t *from, apsm_mesh *closed)
+{
+    s->first_ghost = (uint32_t)closed->nv;
+    for (uint32_t v = 0; v < s->first_ghost; v++) {
+        if (from[v] == APSM_NONE) continue;
+        const uint32_t ghost = (uint32_t)closed->nv++;
+        memcpy(closed->V + 3 * (size_t)ghost, closed->V + 3 * (size_t)v, 3 * sizeof *closed->V);
+        for (uint32_t a = v; from[a] != APSM_NONE;) {
+            const uint32_t b = closed->F[he_next(from[a])];
+            uint32_t *face = closed->F + 3 * closed->nf++;
+            face[0] = b, face[1] = a, face[2] = ghost;
+            from[a] = APSM_NONE;
+            a = b;
+        }
+        s->ghosts++;
+    }
+}
+
+static apsm_status begin_open(surgery *s, const apsm_mesh *mesh, const apsm_topology *topology,
+                              size_t border)
+{
+    apsm_mesh closed;
+    apsm_topology with_ghosts;
+    uint32_t *from = malloc(mesh->nv * sizeof *from);
+    if (!from) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_mesh_alloc(&closed, mesh->nv + border, mesh->nf + border);
+    if (status == APSM_OK) {
+        memset(from, 0xff, mesh->nv * sizeof *from);
+        for (uint32_t h = 0; h < 3 * mesh->nf; h++)
+            if (topology->twin[h] == APSM_NONE) from[mesh->F[h]] = h;
+        memcpy(closed.V, mesh->V, 3 * mesh->nv * sizeof *mesh->V);
+        memcpy(closed.F, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
+        closed.nv = mesh->nv;
+        closed.nf = mesh->nf;
+        add_ghosts(s, from, &closed);
+        status = apsm_topology_build(&closed, &with_ghosts);
+        if (status == APSM_OK) {
+            status = begin_closed(s, &closed, &with_ghosts);
+            apsm_topology_free(&with_ghosts);
+        }
+        apsm_mesh_free(&closed);
+    }
+    free(from);
+    return status;
+}
+
 apsm_status surgery_begin(surgery *s, const apsm_mesh *mesh)
 {
     *s = (surgery){ 0 };
     apsm_topology topology;
     APSM_TRY(apsm_topology_build(mesh, &topology));
-    const apsm_status status = reserve(s, mesh->nv, mesh->nf);
-    if (status == APSM_OK) {
-        s->nv = mesh->nv;
-        s->nf = s->live_f = mesh->nf;
-        memcpy(s->V, mesh->V, 3 * s->nv * sizeof *s->V);
-        memcpy(s->F, mesh->F, 3 * s->nf * sizeof *s->F);
-        memcpy(s->twin, topology.twin, 3 * s->nf * sizeof *s->twin);
-        for (size_t h = 3 * s->nf; h-- > 0;) s->out[s->F[h]] = (uint32_t)h;
-    } else {
-        surgery_free(s);
-    }
+    size_t border = 0;
+    for (size_t h = 0; h < 3 * mesh->nf; h++) border += topology.twin[h] == APSM_NONE;
+    const apsm_status status = border ? begin_open(s, mesh, &topology, border)
+                                      : begin_closed(s, mesh, &topology);
+    if (status != APSM_OK) surgery_free(s);
     apsm_topology_free(&topology);
     return status;
+}
+
+uint32_t surgery_to_ghost(const surgery *s, uint32_t v)
+{
+    uint32_t h = s->out[v];
+    if (s->ghosts == 0) return APSM_NONE;
+    do {
+        if (is_ghost(s, he_to(s, h))) return h;
+        h = he_turn(s, h);
+    } while (h != s->out[v]);
+    return APSM_NONE;
 }
 
 size_t surgery_valence(const surgery *s, uint32_t v)
@@ -201,21 +266,40 @@ void surgery_collapse(surgery *s, uint32_t h)
     s->out[b] = APSM_NONE;
 }
 
+bool surgery_pulls(const surgery *s, uint32_t h)
+{
+    if (s->ghosts == 0) return true;
+    if (is_ghost(s, he_from(s, h)) || is_ghost(s, he_to(s, h))) return false;
+    return surgery_to_ghost(s, he_to(s, h)) == APSM_NONE || he_on_border(s, h);
+}
+
+size_t surgery_faces(const surgery *s)
+{
+    size_t n = s->live_f;
+    for (uint32_t k = 0; k < s->ghosts; k++) n -= surgery_valence(s, s->first_ghost + k);
+    return n;
+}
+
+bool surgery_keeps(const surgery *s, uint32_t v)
+{
+    return s->out[v] != APSM_NONE && !is_ghost(s, v);
+}
+
 apsm_status surgery_result(const surgery *s, apsm_mesh *mesh)
 {
     uint32_t *name = malloc(s->nv * sizeof *name + 1);
     if (!name) return APSM_ERR_MEMORY;
     uint32_t nv = 0;
-    for (size_t v = 0; v < s->nv; v++)
-        if (s->out[v] != APSM_NONE) name[v] = nv++;
-    const apsm_status status = apsm_mesh_alloc(mesh, nv, s->live_f);
+    for (uint32_t v = 0; v < s->nv; v++)
+        if (surgery_keeps(s, v)) name[v] = nv++;
+    const apsm_status status = apsm_mesh_alloc(mesh, nv, surgery_faces(s));
     if (status == APSM_OK) {
         size_t n = 0;
-        for (size_t v = 0; v < s->nv; v++)
-            if (s->out[v] != APSM_NONE)
-                memcpy(mesh->V + 3 * name[v], s->V + 3 * v, 3 * sizeof *s->V);
-        for (size_t h = 0; h < 3 * s->nf; h++)
-            if (he_live(s, (uint32_t)h)) mesh->F[n++] = name[s->F[h]];
+        for (uint32_t v = 0; v < s->nv; v++)
+            if (surgery_keeps(s, v))
+                memcpy(mesh->V + 3 * name[v], s->V + 3 * (size_t)v, 3 * sizeof *s->V);
+        for (uint32_t h = 0; h < 3 * s->nf; h++)
+            if (he_live(s, h) && !he_ghost_face(s, h)) mesh->F[n++] = name[s->F[h]];
     }
     free(name);
     return status;

@@ -1,7 +1,11 @@
-/* surgery.h -- a closed triangle mesh that can be edited: split, collapse, flip.
+/* surgery.h -- a triangle mesh that can be edited: split, collapse, flip.
  *
  * Half-edge h = 3f + k runs from F[h] to F[next(h)], as in topology.h, and twin[h] always
- * exists.  Removed faces have F[3f] = APSM_NONE, removed vertices out[v] = APSM_NONE. */
+ * exists.  Removed faces have F[3f] = APSM_NONE, removed vertices out[v] = APSM_NONE.
+ *
+ * An open mesh is closed by ghosts: one vertex a border loop, joined to all of it.  Ghosts have no
+ * place, their faces no shape, and neither is in the result; so an edge of the border is one whose
+ * other face has a ghost for apex. */
 #ifndef APSM_GROOM_SURGERY_H
 #define APSM_GROOM_SURGERY_H
 
@@ -19,11 +23,15 @@ typedef struct surgery {
     uint32_t *mark;      /* cap_v: last stamp that met the vertex */
     uint32_t *F, *twin;  /* cap_f x 3 */
     uint32_t stamp;
+    uint32_t first_ghost, ghosts; /* vertices first_ghost .. first_ghost + ghosts - 1 */
 } surgery;
 
-/* mesh must be a closed oriented manifold without unused vertices; size is left unset. */
+/* mesh must be an oriented manifold without unused vertices; size is left unset. */
 apsm_status surgery_begin(surgery *s, const apsm_mesh *mesh) APSM_NODISCARD;
 void surgery_free(surgery *s);
+/* Faces of the result, and whether a vertex is in it. */
+size_t surgery_faces(const surgery *s);
+bool surgery_keeps(const surgery *s, uint32_t v);
 /* The edited mesh without gaps; vertices and faces keep their order. */
 apsm_status surgery_result(const surgery *s, apsm_mesh *mesh) APSM_NODISCARD;
 
@@ -56,6 +64,30 @@ static inline uint32_t he_turn(const surgery *s, uint32_t h)
 {
     return s->twin[he_prev(h)];
 }
+static inline bool is_ghost(const surgery *s, uint32_t v)
+{
+    return v - s->first_ghost < s->ghosts;
+}
+/* Live, and an edge of the mesh itself. */
+static inline bool he_real(const surgery *s, uint32_t h)
+{
+    return he_live(s, h) && !is_ghost(s, he_from(s, h)) && !is_ghost(s, he_to(s, h));
+}
+/* Whether h's face is a ghost's. */
+static inline bool he_ghost_face(const surgery *s, uint32_t h)
+{
+    const uint32_t *c = s->F + (h - h % 3);
+    return s->ghosts && (is_ghost(s, c[0]) || is_ghost(s, c[1]) || is_ghost(s, c[2]));
+}
+/* Whether h is an edge of the border. */
+static inline bool he_on_border(const surgery *s, uint32_t h)
+{
+    return is_ghost(s, he_apex(s, h)) || is_ghost(s, he_apex(s, s->twin[h]));
+}
+/* The half-edge from v to its ghost; APSM_NONE if v is not on the border. */
+uint32_t surgery_to_ghost(const surgery *s, uint32_t v);
+/* Whether pulling to(h) into from(h) leaves the border where it is but for its own edge. */
+bool surgery_pulls(const surgery *s, uint32_t h);
 
 size_t surgery_valence(const surgery *s, uint32_t v);
 /* Whether an edge joins a and b. */

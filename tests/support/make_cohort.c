@@ -7,7 +7,8 @@
  * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), rough
  * (size of bumps that no other shape has, relative to the variation; 0.25 is much), turn (largest,
  * degrees), size (standard deviation of log size), mirror (every so many-th shape is mirrored and
- * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), mess (level of mesh_mess.h, for
+ * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), open (above so much of the height
+ * and more the surface is missing: open, shapes and truth alike, at the same place of all), mess (level of mesh_mess.h, for
  * masks of mesh_mask.h), coarse, fine (the meshes' grids, relative to the truth's, are drawn from
  * fine to coarse), x, y, z (write masks with this spacing), mixed (spacings differ by up to this
  * factor), crop (voxels of the mask lost beyond the borders of its image). */
@@ -18,6 +19,7 @@
 #include "apsm/context.h"
 #include "apsm/formats.h"
 #include "files/files.h"
+#include "geometry/clip.h"
 #include "make_cohort.h"
 #include "mesh_mask.h"
 #include "mesh_mess.h"
@@ -40,11 +42,12 @@ enum {
     MIXED,
     CROP,
     ROUGH,
+    OPEN,
     OPTIONS
 };
 static const char *const names[OPTIONS] = { "count", "seed",  "strength", "turn", "size", "mirror",
                                             "cut",   "mess",  "coarse",   "fine", "x",    "y",
-                                            "z",     "mixed", "crop",     "rough" };
+                                            "z",     "mixed", "crop",     "rough", "open" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -128,11 +131,29 @@ static apsm_status make_folder(const job *j, const char *name)
     return apsm_make_folder(j->ctx, path);
 }
 
+/* Takes away what lies above a share of the template's height. */
+static apsm_status open_template(job *j)
+{
+    apsm_mesh *m = &j->template_mesh, open;
+    double lo[3], hi[3], *below = malloc(m->nv * sizeof *below);
+    if (!below) return APSM_ERR_MEMORY;
+    apsm_mesh_bounds(m, lo, hi);
+    for (size_t v = 0; v < m->nv; v++)
+        below[v] = lo[2] + j->v[OPEN] * (hi[2] - lo[2]) - m->V[3 * v + 2];
+    const apsm_status status = apsm_mesh_clip(m, below, &open);
+    free(below);
+    if (status != APSM_OK) return status;
+    apsm_mesh_free(m);
+    *m = open;
+    return APSM_OK;
+}
+
 static apsm_status make_all(job *j)
 {
     APSM_TRY(make_folder(j, "shapes"));
     APSM_TRY(make_folder(j, "truth"));
     APSM_TRY(anatomy_template(j->ctx, j->kind, 1, -INFINITY, &j->template_mesh));
+    if (j->v[OPEN] < 1) APSM_TRY(open_template(j));
     for (size_t i = 0; i < (size_t)j->v[COUNT]; i++) APSM_TRY(make_one(j, i));
     return APSM_OK;
 }
@@ -148,7 +169,7 @@ int make_cohort(apsm_context *ctx, int argc, char **argv)
         .ctx = ctx,
         .kind = anatomy_find(argv[1]),
         .folder = argv[2],
-        .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1, [MIXED] = 1, [CROP] = -1 }
+        .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1, [MIXED] = 1, [CROP] = -1, [OPEN] = 1 }
     };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, j.v)) return 2;
     const apsm_status status = make_all(&j);
