@@ -54,8 +54,9 @@ extern "C" {
     BOOL(open, false,                                                                              \
          "meshes may be open surfaces: openings stay that take a lid of more than 1 % of the "     \
          "area (with no-fill-holes: all)")                                                         \
-    BOOL(fill, false, "close openings of any size; else one that takes a lid of more than 10 % of " \
-                      "the area is a question")                                                    \
+    BOOL(fill, false,                                                                              \
+         "close openings of any size; else one that takes a lid of more than 10 % of the area is " \
+         "a question")                                                                             \
     REAL(closing, -1, -1, 1,                                                                       \
          "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
          "and gaps narrower than twice that are filled; 0: none; -1: where the surface has "       \

@@ -154,7 +154,7 @@ static apsm_status cut_all(clip *c, apsm_mesh *out)
     return ok ? APSM_OK : APSM_ERR_MEMORY;
 }
 
-apsm_status apsm_mesh_clip(const apsm_mesh *mesh, const double *field, apsm_mesh *out)
+apsm_status apsm_mesh_clip_field(const apsm_mesh *mesh, const double *field, apsm_mesh *out)
 {
     clip c = { .mesh = mesh, .field = field, .side = malloc(mesh->nv + 1) };
     *out = (apsm_mesh){ 0 };

@@ -73,7 +73,7 @@ typedef struct apsm_groom_report {
     size_t holes, hole_faces;
     size_t openings;    /* left open */
     double open_length; /* of their borders, over the square root of the area */
-    bool sided;         /* open, and so flat that the file's order of corners says what is outside */
+    bool sided; /* open, and so flat that the file's order of corners says what is outside */
     double largest_cap; /* area of the largest cap as a share of the mesh's */
     double largest_cap_at[3];
     bool inverted;             /* all triangles faced inward */

@@ -201,7 +201,8 @@ static void collapse_short(job *j, double limit)
 /* Whether the edge can be flipped and leave a surface. */
 static bool may_turn(const surgery *s, uint32_t h)
 {
-    return !he_on_border(s, h) && surgery_valence(s, he_from(s, h)) > 3 && surgery_valence(s, he_to(s, h)) > 3 &&
+    return !he_on_border(s, h) && surgery_valence(s, he_from(s, h)) > 3 &&
+           surgery_valence(s, he_to(s, h)) > 3 &&
            !surgery_joined(s, he_apex(s, h), he_apex(s, s->twin[h]));
 }
 
@@ -234,8 +235,10 @@ static void flip_to_valence(job *j)
         if (!he_real(s, h) || h > s->twin[h] || he_on_border(s, h)) continue;
         const uint32_t a = he_from(s, h), b = he_to(s, h);
         const uint32_t c = he_apex(s, h), d = he_apex(s, s->twin[h]);
-        const int before = excess2(s, a, 0) + excess2(s, b, 0) + excess2(s, c, 0) + excess2(s, d, 0);
-        const int after = excess2(s, a, -1) + excess2(s, b, -1) + excess2(s, c, 1) + excess2(s, d, 1);
+        const int before =
+            excess2(s, a, 0) + excess2(s, b, 0) + excess2(s, c, 0) + excess2(s, d, 0);
+        const int after =
+            excess2(s, a, -1) + excess2(s, b, -1) + excess2(s, c, 1) + excess2(s, d, 1);
         if (after < before && fan_flip_quality(s, h) > 0.6 && may_flip(j, h)) surgery_flip(s, h);
     }
 }

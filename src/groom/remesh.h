@@ -40,10 +40,10 @@ typedef struct apsm_remesh_report {
 } apsm_remesh_report;
 
 /* out (owned by the caller, overwritten) is `mesh` with about opt->target_faces well-shaped
- * faces: closed, or open with the same border loops, oriented, of the same genus.  `original` is the tree of the surface to stay on,
- * usually of `mesh` itself.  Coordinates of out are float32 numbers, so that PLY and STL files
- * hold it without loss.  opt NULL: defaults; report NULL: not wanted (saves the measuring).
- * Scaling mesh by a power of two scales the result exactly.
+ * faces: closed, or open with the same border loops, oriented, of the same genus.  `original` is
+ * the tree of the surface to stay on, usually of `mesh` itself.  Coordinates of out are float32
+ * numbers, so that PLY and STL files hold it without loss.  opt NULL: defaults; report NULL: not
+ * wanted (saves the measuring). Scaling mesh by a power of two scales the result exactly.
  *
  * Vertices of a border stay on the original's border, which keeps its corners.
  *

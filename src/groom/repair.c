@@ -20,7 +20,8 @@
 
 /* A closed surface with less volume than this, over area^(3/2), is a sheet (a ball has 0.094). */
 static const double least_volume = 1e-6;
-/* An open one with less under its lids does not say which side is outside (a hemisphere has 0.13). */
+/* An open one with less under its lids does not say which side is outside (a hemisphere has 0.13).
+ */
 static const double least_bulge = 0.005;
 /* Farther out than so many times what is usual, no vertex of a shape is. */
 static const double stray = 1000.0;
@@ -226,8 +227,7 @@ static apsm_status check_result(repair *r)
     }
     apsm_topology topology;
     APSM_TRY(apsm_topology_build(&r->mesh, &topology));
-    r->report->genus =
-        (2 - (long)r->report->openings - apsm_mesh_euler(&r->mesh, &topology)) / 2;
+    r->report->genus = (2 - (long)r->report->openings - apsm_mesh_euler(&r->mesh, &topology)) / 2;
     apsm_topology_free(&topology);
     return APSM_OK;
 }

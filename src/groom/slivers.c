@@ -37,8 +37,7 @@ static bool mend(surgery *s, uint32_t f, size_t *mended)
     }
     const uint32_t c = he_apex(s, longest), d = he_apex(s, s->twin[longest]);
     if (!he_on_border(s, longest) && !surgery_joined(s, c, d) &&
-        surgery_valence(s, he_from(s, longest)) > 3 &&
-        surgery_valence(s, he_to(s, longest)) > 3) {
+        surgery_valence(s, he_from(s, longest)) > 3 && surgery_valence(s, he_to(s, longest)) > 3) {
         surgery_flip(s, longest);
         return true;
     }

@@ -1,6 +1,7 @@
 /* Local changes of a triangle mesh on indexed half-edges.  Every operation keeps the mesh
- * closed (by ghosts, if it was open), oriented and of the same genus, given the conditions stated in surgery.h (link
- * condition: Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge contraction", 1999). */
+ * closed (by ghosts, if it was open), oriented and of the same genus, given the conditions stated
+ * in surgery.h (link condition: Dey, Edelsbrunner, Guha & Nekhayev, "Topology preserving edge
+ * contraction", 1999). */
 #include "groom/surgery.h"
 
 #include <stdlib.h>
@@ -113,8 +114,8 @@ apsm_status surgery_begin(surgery *s, const apsm_mesh *mesh)
     APSM_TRY(apsm_topology_build(mesh, &topology));
     size_t border = 0;
     for (size_t h = 0; h < 3 * mesh->nf; h++) border += topology.twin[h] == APSM_NONE;
-    const apsm_status status = border ? begin_open(s, mesh, &topology, border)
-                                      : begin_closed(s, mesh, &topology);
+    const apsm_status status =
+        border ? begin_open(s, mesh, &topology, border) : begin_closed(s, mesh, &topology);
     if (status != APSM_OK) surgery_free(s);
     apsm_topology_free(&topology);
     return status;

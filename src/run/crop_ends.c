@@ -159,6 +159,8 @@ apsm_status groom_crop_ends(apsm_run *run, groom_inputs *in, const apsm_alignmen
     *cropped = false;
     APSM_TRY(manifest_set_cropped(run, NULL));
     if (run->options.cuts == APSM_CUTS_KEEP || alignment->cuts == 0) return APSM_OK;
+    for (size_t i = 0; i < n; i++)
+        if (in->report[i].openings > 0) return APSM_OK; /* open ends are ends, not lids */
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
     if (!meshes) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) meshes[i] = &in->mesh[i];

@@ -56,6 +56,7 @@ static int set_mesh(json_t *o, const apsm_groom_report *r)
     int failed = set_count(o, "dropped_parts", r->dropped_components);
     failed |= json_object_set_new(o, "dropped_area", json_real(r->dropped_area));
     failed |= set_count(o, "holes", r->holes);
+    failed |= set_count(o, "openings", r->openings);
     return failed | json_object_set_new(o, "largest_cap", json_real(r->largest_cap));
 }
 
@@ -98,6 +99,12 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
         if (in->report[i].border)
             failed |=
                 add_note(notes, name, "its mask touches the image's border and was closed there");
+        if (in->report[i].largest_cap > 0.01) {
+            snprintf(text, sizeof text,
+                     "an opening was closed with a lid of %.2g %% of the surface",
+                     100.0 * in->report[i].largest_cap);
+            failed |= add_note(notes, name, text);
+        }
         if (in->report[i].closed_voxels > 0) {
             snprintf(text, sizeof text,
                      "closed by a radius of %.4g: %.2g %% of its voxels are filled",

@@ -7,11 +7,12 @@
  * shapes on one triangulation.  Options: count, seed, strength (of the variation, 1), rough
  * (size of bumps that no other shape has, relative to the variation; 0.25 is much), turn (largest,
  * degrees), size (standard deviation of log size), mirror (every so many-th shape is mirrored and
- * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), open (above so much of the height
- * and more the surface is missing: open, shapes and truth alike, at the same place of all), mess (level of mesh_mess.h, for
- * masks of mesh_mask.h), coarse, fine (the meshes' grids, relative to the truth's, are drawn from
- * fine to coarse), x, y, z (write masks with this spacing), mixed (spacings differ by up to this
- * factor), crop (voxels of the mask lost beyond the borders of its image). */
+ * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), open (above so much of the
+ * height and more the surface is missing: open, shapes and truth alike, at the same place of all),
+ * mess (level of mesh_mess.h, for masks of mesh_mask.h), coarse, fine (the meshes' grids, relative
+ * to the truth's, are drawn from fine to coarse), x, y, z (write masks with this spacing), mixed
+ * (spacings differ by up to this factor), crop (voxels of the mask lost beyond the borders of its
+ * image). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -45,8 +46,8 @@ enum {
     OPEN,
     OPTIONS
 };
-static const char *const names[OPTIONS] = { "count", "seed",  "strength", "turn", "size", "mirror",
-                                            "cut",   "mess",  "coarse",   "fine", "x",    "y",
+static const char *const names[OPTIONS] = { "count", "seed",  "strength", "turn",  "size", "mirror",
+                                            "cut",   "mess",  "coarse",   "fine",  "x",    "y",
                                             "z",     "mixed", "crop",     "rough", "open" };
 
 typedef struct job {
@@ -140,7 +141,7 @@ static apsm_status open_template(job *j)
     apsm_mesh_bounds(m, lo, hi);
     for (size_t v = 0; v < m->nv; v++)
         below[v] = lo[2] + j->v[OPEN] * (hi[2] - lo[2]) - m->V[3 * v + 2];
-    const apsm_status status = apsm_mesh_clip(m, below, &open);
+    const apsm_status status = apsm_mesh_clip_field(m, below, &open);
     free(below);
     if (status != APSM_OK) return status;
     apsm_mesh_free(m);
@@ -165,12 +166,16 @@ bool is_cohort(const char *word)
 
 int make_cohort(apsm_context *ctx, int argc, char **argv)
 {
-    job j = {
-        .ctx = ctx,
-        .kind = anatomy_find(argv[1]),
-        .folder = argv[2],
-        .v = { [COUNT] = 10, [STRENGTH] = 1, [COARSE] = 1, [FINE] = 1, [MIXED] = 1, [CROP] = -1, [OPEN] = 1 }
-    };
+    job j = { .ctx = ctx,
+              .kind = anatomy_find(argv[1]),
+              .folder = argv[2],
+              .v = { [COUNT] = 10,
+                     [STRENGTH] = 1,
+                     [COARSE] = 1,
+                     [FINE] = 1,
+                     [MIXED] = 1,
+                     [CROP] = -1,
+                     [OPEN] = 1 } };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, j.v)) return 2;
     const apsm_status status = make_all(&j);
     apsm_mesh_free(&j.template_mesh);

@@ -1,6 +1,8 @@
 /* Remeshing: what must hold on shapes with sharp tips, thin sheets, handles, slivers. */
 #include "cmocka_all.h"
 
+#include "geometry/clip.h"
+#include "geometry/rim.h"
 #include "geometry/topology.h"
 #include "groom/remesh.h"
 #include "shapes.h"
@@ -180,19 +182,62 @@ static void slivers_become_good_faces(void **state)
     apsm_mesh_free(&out);
 }
 
-static void open_mesh_is_refused(void **state)
+/* The half-axes 40, 20, 15 below z = 5 and, with a corner, before x = 10. */
+static apsm_mesh bowl(bool corner)
+{
+    apsm_mesh whole = shape_ellipsoid(6, 40, 20, 15), open;
+    double *inside = malloc(whole.nv * sizeof *inside);
+    assert_non_null(inside);
+    for (size_t v = 0; v < whole.nv; v++) {
+        inside[v] = 5.0 - whole.V[3 * v + 2];
+        if (corner) inside[v] = fmin(inside[v], 10.0 - whole.V[3 * v]);
+    }
+    assert_int_equal(apsm_mesh_clip_field(&whole, inside, &open), APSM_OK);
+    free(inside);
+    apsm_mesh_free(&whole);
+    return open;
+}
+
+static double rim_of(const apsm_mesh *mesh, apsm_rim *rim)
+{
+    apsm_topology t;
+    assert_int_equal(apsm_topology_build(mesh, &t), APSM_OK);
+    assert_int_equal(apsm_mesh_euler(mesh, &t), 1);
+    assert_int_equal(apsm_rim_build(mesh, &t, rim), APSM_OK);
+    apsm_topology_free(&t);
+    assert_int_equal(rim->loops, 1);
+    return apsm_rim_length(rim);
+}
+
+static void open_mesh_keeps_its_rim(void **state)
 {
     (void)state;
-    apsm_context *ctx = apsm_context_new();
-    apsm_mesh mesh = shape_sphere(2, 1.0), out;
-    apsm_bvh *tree;
-    mesh.nf--;
-    assert_int_equal(apsm_bvh_build(&mesh, &tree), APSM_OK);
-    assert_int_equal(apsm_remesh(ctx, &mesh, tree, NULL, &out, NULL), APSM_ERR_GEOMETRY);
-    assert_true(strlen(apsm_error_text(ctx)) > 0);
-    apsm_bvh_free(tree);
-    apsm_mesh_free(&mesh);
-    apsm_context_free(ctx);
+    for (int corner = 0; corner < 2; corner++) {
+        apsm_mesh mesh = bowl(corner);
+        apsm_remesh_report r;
+        apsm_rim before, after;
+        apsm_mesh out = remeshed(&mesh, 5000, &r);
+        assert_in_range(out.nf, 4000, 6000);
+        assert_below("mean distance", fmax(r.forward_mean, r.backward_mean),
+                     1e-3 * diagonal(&mesh));
+        const double length = rim_of(&mesh, &before);
+        assert_below("length of the rim", fabs(rim_of(&out, &after) / length - 1.0), 0.005);
+        for (size_t e = 0; e < before.n; e++) { /* both ways: corners stay, nothing bulges */
+            apsm_rim_point on;
+            apsm_rim_closest(&after, mesh.V + 3 * mesh.F[before.half_edge[e]], &on);
+            assert_below("rim from rim", sqrt(on.distance2), 0.15 * r.edge);
+        }
+        for (size_t e = 0; e < after.n; e++) {
+            apsm_rim_point on;
+            apsm_rim_closest(&before, out.V + 3 * out.F[after.half_edge[e]], &on);
+            assert_below("vertex of the rim", sqrt(on.distance2), 1e-5);
+        }
+        assert_true(r.min_angle > 10.0);
+        apsm_rim_free(&before);
+        apsm_rim_free(&after);
+        apsm_mesh_free(&mesh);
+        apsm_mesh_free(&out);
+    }
 }
 
 int main(void)
@@ -206,7 +251,7 @@ int main(void)
         cmocka_unit_test(cube_keeps_its_edges),
         cmocka_unit_test(power_of_two_scales_exactly),
         cmocka_unit_test(slivers_become_good_faces),
-        cmocka_unit_test(open_mesh_is_refused),
+        cmocka_unit_test(open_mesh_keeps_its_rim),
     };
     return cmocka_run_group_tests_name("remesh", tests, NULL, NULL);
 }

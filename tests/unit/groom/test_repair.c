@@ -4,6 +4,7 @@
 #include <stdio.h>
 
 #include "geometry/topology.h"
+#include "geometry/vec3.h"
 #include "groom/groom.h"
 #include "shapes.h"
 
@@ -122,6 +123,70 @@ static void holes_are_closed(void **state)
     assert_near(r.largest_cap_at[2], 0.9, 0.02);
     assert_near(apsm_mesh_volume(&out), ball, 0.02 * ball);
     apsm_mesh_free(&out);
+}
+
+/* A ball without its top beyond z and without one face elsewhere. */
+static apsm_mesh opened_ball(double z_most)
+{
+    apsm_mesh mesh = shape_sphere(4, 1.0);
+    size_t n = 0;
+    for (size_t f = 0; f < mesh.nf; f++) {
+        double z = 0.0;
+        for (size_t k = 0; k < 3; k++) z += mesh.V[3 * mesh.F[3 * f + k] + 2] / 3.0;
+        if (z > z_most || f == mesh.nf / 2) continue;
+        memmove(mesh.F + 3 * n++, mesh.F + 3 * f, 3 * sizeof *mesh.F);
+    }
+    mesh.nf = n;
+    return mesh;
+}
+
+/* Status of repair with an option set; the report is that of the result, or left zero. */
+static apsm_status repaired(bool open, bool fill, bool inside_out, apsm_groom_report *r)
+{
+    apsm_context *ctx = apsm_context_new();
+    apsm_groom_options opt = apsm_groom_defaults();
+    apsm_mesh mesh = opened_ball(0.4), out = { 0 };
+    for (size_t f = 0; inside_out && f < mesh.nf; f++) {
+        const uint32_t a = mesh.F[3 * f];
+        mesh.F[3 * f] = mesh.F[3 * f + 1];
+        mesh.F[3 * f + 1] = a;
+    }
+    opt.open = open;
+    if (fill) opt.max_cap_share = 1.0;
+    *r = (apsm_groom_report){ 0 };
+    const apsm_status status = apsm_repair(ctx, "shape", &mesh, &opt, &out, r);
+    if (status != APSM_OK) {
+        assert_non_null(strstr(apsm_error_text(ctx), "--open"));
+        assert_non_null(strstr(apsm_error_text(ctx), "--fill"));
+    } else if (open) {
+        const double *V = out.V;
+        double n[3];
+        vec3_triangle(V + 3 * out.F[0], V + 3 * out.F[1], V + 3 * out.F[2], n);
+        assert_true(vec3_dot(n, V + 3 * out.F[0]) > 0.0); /* outward, whatever it was */
+    }
+    apsm_mesh_free(&mesh);
+    apsm_mesh_free(&out);
+    apsm_context_free(ctx);
+    return status;
+}
+
+static void large_opening_is_a_question(void **state)
+{
+    (void)state;
+    apsm_groom_report r;
+    assert_int_equal(repaired(false, false, false, &r), APSM_ERR_GEOMETRY);
+    assert_int_equal(repaired(false, true, false, &r), APSM_OK);
+    assert_int_equal(r.holes, 2);
+    assert_int_equal(r.openings, 0);
+    for (int inside_out = 0; inside_out < 2; inside_out++) {
+        assert_int_equal(repaired(true, false, inside_out, &r), APSM_OK);
+        assert_int_equal(r.holes, 1); /* the face */
+        assert_int_equal(r.openings, 1);
+        assert_int_equal(r.genus, 0);
+        assert_int_equal(r.inverted, inside_out);
+        const double rim = 2.0 * 3.14159265358979323846 * sqrt(1.0 - 0.4 * 0.4);
+        assert_near(r.open_length, rim / sqrt(0.7 * 4.0 * 3.14159265358979323846), 0.15);
+    }
 }
 
 enum { ROUND = 400, ALONG = 40 };
@@ -490,6 +555,7 @@ int main(void)
         cmocka_unit_test(sound_mesh_is_left_alone),
         cmocka_unit_test(triangle_soup_is_welded),
         cmocka_unit_test(holes_are_closed),
+        cmocka_unit_test(large_opening_is_a_question),
         cmocka_unit_test(open_tubes_get_flat_ends),
         cmocka_unit_test(duplicate_and_degenerate_faces_go),
         cmocka_unit_test(faces_on_both_sides_count_once),
