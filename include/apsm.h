@@ -6,6 +6,7 @@
 #include "apsm/compare.h"
 #include "apsm/context.h"
 #include "apsm/evaluate.h"
+#include "apsm/exchange.h"
 #include "apsm/fit.h"
 #include "apsm/formats.h"
 #include "apsm/joint.h"

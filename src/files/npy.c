@@ -202,22 +202,37 @@ apsm_status apsm_npy_read(apsm_context *ctx, const char *path, size_t *I, size_t
     return status;
 }
 
+size_t apsm_npy_header(const char *descr, size_t axes, const size_t *shape,
+                       char out[APSM_NPY_HEADER])
+{
+    char text[APSM_NPY_HEADER], list[80] = "";
+    size_t used = 0;
+    for (size_t a = 0; a < axes; a++)
+        used += (size_t)snprintf(list + used, sizeof list - used, a ? " %zu," : "%zu,", shape[a]);
+    if (axes > 1) list[used - 1] = '\0'; /* only (n,) keeps its comma */
+    const int length =
+        snprintf(text, sizeof text, "{'descr': '%s', 'fortran_order': False, 'shape': (%s), }",
+                 descr, list);
+    /* Blanks and a newline, so that the values begin at a multiple of 64. */
+    const size_t whole = (HEADER_AT + (size_t)length + 1 + ALIGN - 1) / ALIGN * ALIGN;
+    const size_t rest = whole - HEADER_AT;
+    const unsigned char fixed[4] = { 1, 0, (unsigned char)rest, (unsigned char)(rest >> 8) };
+    memcpy(out, magic, MAGIC);
+    memcpy(out + MAGIC, fixed, sizeof fixed);
+    memset(out + HEADER_AT, ' ', rest - 1);
+    memcpy(out + HEADER_AT, text, (size_t)length);
+    out[whole - 1] = '\n';
+    return whole;
+}
+
 apsm_status apsm_npy_write(apsm_context *ctx, const char *path, size_t I, size_t n, const double *P)
 {
-    char shape[64], text[256];
+    const size_t shape[3] = { I, n, 3 };
+    char head[APSM_NPY_HEADER];
     apsm_writer *w;
     APSM_TRY(apsm_writer_open(ctx, path, &w));
-    snprintf(shape, sizeof shape, I ? "%zu, " : "", I);
-    const int used =
-        snprintf(text, sizeof text,
-                 "{'descr': '<f8', 'fortran_order': False, 'shape': (%s%zu, 3), }", shape, n);
-    /* Blanks and a newline, so that the values begin at a multiple of 64. */
-    const size_t whole = (HEADER_AT + (size_t)used + 1 + ALIGN - 1) / ALIGN * ALIGN;
-    const size_t length = whole - HEADER_AT;
-    const unsigned char fixed[4] = { 1, 0, (unsigned char)length, (unsigned char)(length >> 8) };
-    apsm_writer_write(w, magic, MAGIC);
-    apsm_writer_write(w, fixed, sizeof fixed);
-    apsm_writer_printf(w, "%-*s\n", (int)length - 1, text);
+    const size_t length = apsm_npy_header("<f8", I ? 3 : 2, I ? shape : shape + 1, head);
+    apsm_writer_write(w, head, length);
     for (size_t k = 0; k < 3 * n * (I ? I : 1); k++) put_value(w, P[k]);
     return apsm_writer_commit(w);
 }

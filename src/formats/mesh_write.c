@@ -122,6 +122,13 @@ static void write_legacy_vtk(apsm_writer *w, size_t points, const double *P, siz
     apsm_writer_write(w, "\n", 1);
 }
 
+static apsm_status write_vtp(apsm_context *ctx, const char *path, apsm_writer *w,
+                             const apsm_mesh *mesh, size_t n, const apsm_mesh_field *field)
+{
+    const vtp_piece piece = { mesh->nv, mesh->nf, mesh->V, mesh->F, n, field };
+    return vtp_write(ctx, path, w, &piece);
+}
+
 /* ---- faces of the library ---- */
 
 static bool is_single(const char *path)
@@ -157,7 +164,7 @@ apsm_status apsm_write_mesh(apsm_context *ctx, const char *path, const apsm_mesh
     if (vtk)
         write_legacy_vtk(w, mesh->nv, mesh->V, mesh->nf, mesh->F);
     else if (vtp)
-        return vtp_write(ctx, path, w, mesh->nv, mesh->V, mesh->nf, mesh->F);
+        return write_vtp(ctx, path, w, mesh, 0, NULL);
     else if (obj)
         write_obj(w, mesh);
     else if (path_ends_in(path, ".stl"))
@@ -171,10 +178,13 @@ apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path, const ap
                                    size_t n, const apsm_mesh_field *field)
 {
     apsm_writer *w;
-    if (!path_ends_in(path, ".ply"))
-        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED, "%s: fields are written to .ply only", path);
+    const bool vtp = path_ends_in(path, ".vtp");
+    if (!vtp && !path_ends_in(path, ".ply"))
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: fields are written to .ply and .vtp only", path);
     APSM_TRY(check_points(ctx, path, mesh->nv, mesh->V));
     APSM_TRY(apsm_writer_open(ctx, path, &w));
+    if (vtp) return write_vtp(ctx, path, w, mesh, n, field);
     write_ply_fields(w, mesh, n, field);
     return apsm_writer_commit(w);
 }
@@ -191,7 +201,8 @@ apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path, size_t n
         return apsm_fail(ctx, APSM_ERR_ARG, "%s: more than 2^30 points; nothing is written", path);
     APSM_TRY(check_points(ctx, path, n, P));
     APSM_TRY(apsm_writer_open(ctx, path, &w));
-    if (!vtk) return vtp_write(ctx, path, w, n, P, n, NULL);
+    if (!vtk)
+        return vtp_write(ctx, path, w, &(vtp_piece){ .points = n, .cells = n, .P = P });
     write_legacy_vtk(w, n, P, n, NULL);
     return apsm_writer_commit(w);
 }

@@ -81,28 +81,33 @@ static void little_endian(size_t n, const double *x, unsigned char *out)
 }
 
 /* raw: scratch for the largest array. */
-static bool put_piece(sink *k, unsigned char *raw, size_t points, const double *P, size_t cells,
-                      const uint32_t *cell)
+static bool put_piece(sink *k, unsigned char *raw, const vtp_piece *p)
 {
-    const size_t corners = cell ? 3 : 1;
-    const char *const section = cell ? "Polys" : "Verts";
-    apsm_writer_printf(k->w, "<Points>\n");
-    little_endian(3 * points, P, raw);
-    bool good = put_array(k, "Points", "Float64", raw, 24 * points);
+    const size_t corners = p->cell ? 3 : 1;
+    const char *const section = p->cell ? "Polys" : "Verts";
+    bool good = true;
+    if (p->fields > 0) apsm_writer_printf(k->w, "<PointData Scalars=\"%s\">\n", p->field[0].name);
+    for (size_t f = 0; f < p->fields; f++) {
+        little_endian(p->points, p->field[f].value, raw);
+        good = good && put_array(k, p->field[f].name, "Float64", raw, 8 * p->points);
+    }
+    apsm_writer_printf(k->w, p->fields > 0 ? "</PointData>\n<Points>\n" : "<Points>\n");
+    little_endian(3 * p->points, p->P, raw);
+    good = good && put_array(k, "Points", "Float64", raw, 24 * p->points);
     apsm_writer_printf(k->w, "</Points>\n<%s>\n", section);
-    for (size_t c = 0; c < corners * cells; c++) put_u64(raw + 8 * c, cell ? cell[c] : c);
-    good = good && put_array(k, "connectivity", "Int64", raw, 8 * corners * cells);
-    for (size_t f = 0; f < cells; f++) put_u64(raw + 8 * f, corners * (f + 1));
-    good = good && put_array(k, "offsets", "Int64", raw, 8 * cells);
+    for (size_t c = 0; c < corners * p->cells; c++) put_u64(raw + 8 * c, p->cell ? p->cell[c] : c);
+    good = good && put_array(k, "connectivity", "Int64", raw, 8 * corners * p->cells);
+    for (size_t f = 0; f < p->cells; f++) put_u64(raw + 8 * f, corners * (f + 1));
+    good = good && put_array(k, "offsets", "Int64", raw, 8 * p->cells);
     apsm_writer_printf(k->w, "</%s>\n", section);
     return good;
 }
 
-apsm_status vtp_write(apsm_context *ctx, const char *path, apsm_writer *w, size_t points,
-                      const double *P, size_t cells, const uint32_t *cell)
+apsm_status vtp_write(apsm_context *ctx, const char *path, apsm_writer *w, const vtp_piece *piece)
 {
-    const size_t largest = 24 * (points > cells ? points : cells),
-                 room = largest + (largest / BLOCK + 1) * 64 + 1024;
+    const size_t largest = 24 * (piece->points > piece->cells ? piece->points : piece->cells),
+                 room = largest + (largest / BLOCK + 1) * 64 + 1024,
+                 vertices = piece->cell ? 0 : piece->cells;
     unsigned char *const raw = malloc(largest + 1);
     sink k = { .w = w, .packed = malloc(room), .room = room };
     apsm_writer_printf(w,
@@ -111,8 +116,8 @@ apsm_status vtp_write(apsm_context *ctx, const char *path, apsm_writer *w, size_
                        "compressor=\"vtkZLibDataCompressor\">\n<PolyData>\n<Piece "
                        "NumberOfPoints=\"%zu\" NumberOfVerts=\"%zu\" NumberOfLines=\"0\" "
                        "NumberOfStrips=\"0\" NumberOfPolys=\"%zu\">\n",
-                       points, cell ? (size_t)0 : cells, cell ? cells : (size_t)0);
-    const bool good = raw && k.packed && put_piece(&k, raw, points, P, cells, cell);
+                       piece->points, vertices, piece->cells - vertices);
+    const bool good = raw && k.packed && put_piece(&k, raw, piece);
     apsm_writer_printf(w, "</Piece>\n</PolyData>\n</VTKFile>\n");
     free(raw);
     free(k.packed);

@@ -1,0 +1,44 @@
+/* exchange.h -- models for other programs, and shapes warped by particles.
+ *
+ * Experimental: may still change. */
+#ifndef APSM_EXCHANGE_H
+#define APSM_EXCHANGE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* All borrowed. */
+typedef struct apsm_export_settings {
+    const char *model;  /* model folder that has been evaluated */
+    const char *format; /* one of apsm_export_formats */
+    const char *path;   /* the file, or for formats of several files the folder, to write */
+    size_t modes;       /* at most so many; 0: as many as the format usually has */
+    size_t n_sd;        /* 0: two standard deviations */
+    const double *sd;   /* where on a mode its meshes are, to both sides; positive */
+    bool overwrite;     /* what an earlier export has left there */
+} apsm_export_settings;
+
+/* "vtp", "ply", "stl", "obj": a folder of meshes (mean, modes, shapes); "gltf": a file with the
+ * modes as morph targets; "scalismo", "statismo": HDF5, where the library was built with it;
+ * "monai", "slicermorph", "csv": a folder of tables; "npz": NumPy arrays (docs/formats.md).
+ * Ends in NULL. */
+APSM_API const char *const *apsm_export_formats(void);
+
+/* The dense model: every vertex of the template's mesh follows the particles, by the warp of
+ * docs/method.md.  Everything is in the world frame of the model.  A folder gets export.json, which
+ * says what is in it and whether the model is certified.  APSM_ERR_STATE: the model has not been
+ * evaluated, or something else is where the export would go; APSM_ERR_UNSUPPORTED: no such format
+ * in this build. */
+APSM_API apsm_status apsm_export_model(apsm_context *ctx,
+                                       const apsm_export_settings *settings) APSM_NODISCARD;
+
+#ifdef __cplusplus
+}
+#endif
+#endif

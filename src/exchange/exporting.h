@@ -1,0 +1,32 @@
+/* exporting.h -- an export under way, and its formats. */
+#ifndef APSM_EXCHANGE_EXPORTING_H
+#define APSM_EXCHANGE_EXPORTING_H
+
+#include "apsm/exchange.h"
+#include "exchange/dense.h"
+#include "files/files.h"
+
+typedef struct exporting {
+    apsm_context *ctx;
+    const apsm_export_settings *settings;
+    dense_model dense;
+    size_t modes; /* to write: at most those there are */
+    size_t n_sd;
+    const double *sd;
+    struct json_t *files; /* names in the folder so far */
+} exporting;
+
+/* *path (malloc'ed) <- a file of the export's folder, whose name is noted and must be new. */
+apsm_status exporting_file(exporting *e, char **path, const char *format, ...) APSM_NODISCARD
+    APSM_PRINTF(3, 4);
+
+/* Each writes what its format holds. */
+apsm_status export_meshes(exporting *e) APSM_NODISCARD;
+apsm_status export_gltf(exporting *e) APSM_NODISCARD;
+apsm_status export_tables(exporting *e) APSM_NODISCARD;
+apsm_status export_npz(exporting *e) APSM_NODISCARD;
+apsm_status export_monai(exporting *e) APSM_NODISCARD;
+apsm_status export_slicermorph(exporting *e) APSM_NODISCARD;
+apsm_status export_statismo(exporting *e) APSM_NODISCARD;
+
+#endif
