@@ -121,6 +121,8 @@ static const cli_slot texts[] = {
     { CLI_EXTENT, offsetof(cli_args, extent) },
     { CLI_LANDMARK_FILE, offsetof(cli_args, landmarks) },
     { CLI_MODEL, offsetof(cli_args, model) },
+    { CLI_MODES, offsetof(cli_args, modes) },
+    { CLI_SD, offsetof(cli_args, sd) },
     { CLI_CONFIG, offsetof(cli_args, config) },
 };
 static const cli_slot flags[] = {

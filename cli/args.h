@@ -73,13 +73,14 @@ typedef struct cli_args {
     const char **inputs; /* array owned, texts of argv */
     const char
         *out_dir;   /* MODEL_DIR, however given, or what convert and render write; NULL if not */
-    const char *to; /* of convert: extension of the files in out_dir; NULL if not given */
+    const char *to; /* of convert and export: the format; NULL if not given */
     const char *parts, *align_parts;         /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
     const char *hand, *extent;               /* of fit, as given; NULL if not */
     const char *subjects, *formula, *of, *on, *within, *permutations, *bootstraps; /* of test */
     const char *landmarks; /* of fit: the file; NULL if not */
     const char *model;     /* of export: the file; NULL if not */
+    const char *modes, *sd; /* of export, as given; NULL if not */
     const char *config;    /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;

@@ -19,15 +19,22 @@ enum {
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
       STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
-          CLI_CERTIFY | CLI_COMPARE,
+          CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE,
       "DIR", NULL, NULL,
-      "the model folder (convert, render, fit, certify: the file or folder to write); made if it "
+      "the model folder (convert, render, fit, certify, export: the file or folder to write); made if it "
       "does not exist",
       NULL },
-    { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT, "EXT", NULL, NULL,
-      "write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, npy, "
-      "mrk.json, vtk or vtp",
+    { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT | CLI_EXPORT, "EXT", NULL, NULL,
+      "convert: write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, "
+      "npy, mrk.json, vtk or vtp; export: vtp, ply, stl, obj, monai, slicermorph or csv (into a "
+      "folder), gltf, npz, scalismo or statismo (into a file)",
       NULL },
+    { "modes", 0, CLI_MODES, CLI_GROUP_INPUT, CLI_EXPORT, "N", NULL, NULL,
+      "export at most so many modes (default: all; of meshes and gltf those that make up 95 % of "
+      "the variance, 10 at most)",
+      NULL },
+    { "sd", 0, CLI_SD, CLI_GROUP_INPUT, CLI_EXPORT, "X[,X]", NULL, NULL,
+      "where on a mode its meshes are, in standard deviations to both sides (default 2)", NULL },
     { "what", 0, CLI_WHAT, CLI_GROUP_INPUT, CLI_RENDER, "WORD", NULL, NULL,
       "one picture: mean, modes, shape or cohort (default: all four, into a folder)", NULL },
     { "shape", 0, CLI_SHAPE, CLI_GROUP_INPUT, CLI_RENDER, "NAME", NULL, NULL,

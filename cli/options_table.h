@@ -12,6 +12,8 @@ typedef enum cli_action {
     CLI_SET_PAIR, /* --set key=value */
     CLI_OUT,
     CLI_TO,
+    CLI_MODES,
+    CLI_SD,
     CLI_PARTS,
     CLI_ALIGN_PARTS,
     CLI_WHAT,

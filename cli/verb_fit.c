@@ -1,4 +1,4 @@
-/* fit, export: a finished model meets new shapes, and leaves its folder. */
+/* fit, exclude, add: a finished model meets new shapes. */
 #include <string.h>
 
 #include "apsm/fit.h"
@@ -79,28 +79,5 @@ apsm_status apsm_cli_add(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     const apsm_status status = apsm_run_add(run);
     apsm_run_close(run);
     if (status == APSM_OK) cli_say(ui, "added; report: %s/report.html", args->inputs[0]);
-    return status;
-}
-
-apsm_status apsm_cli_export(apsm_context *ctx, const cli_args *args, cli_ui *ui)
-{
-    apsm_fit_model *model = NULL;
-    long long bytes = 0;
-    if (!args->model)
-        return apsm_fail(ctx, APSM_ERR_ARG, "export needs a file to write: apsm export %s",
-                         args->verb->operands);
-    if (apsm_file_exists(args->model) && !args->overwrite)
-        return apsm_fail(ctx, APSM_ERR_STATE, "%s: is there already; give --overwrite",
-                         args->model);
-    if (apsm_is_folder(args->model))
-        return apsm_fail(ctx, APSM_ERR_ARG, "%s: is a folder; name a file", args->model);
-    APSM_TRY(apsm_fit_model_load(ctx, args->inputs[0], &model));
-    apsm_status status = apsm_fit_model_write(ctx, model, args->model);
-    if (status == APSM_OK) status = apsm_file_size(ctx, args->model, &bytes);
-    if (status == APSM_OK)
-        cli_say(ui, "%s: %zu particles, %zu shapes, %.1f MB", args->model,
-                apsm_fit_model_particles(model), apsm_fit_model_shapes(model),
-                (double)bytes / 1048576);
-    apsm_fit_model_free(model);
     return status;
 }

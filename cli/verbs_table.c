@@ -107,9 +107,14 @@ static const cli_verb_info verbs[] = {
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
       "mean_difference.ply.",
       .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
-    { CLI_EXPORT, "export", "MODEL_DIR --model FILE", "a model as one file",
-      "Writes all that fit needs of a model into one file, which can be used where the cohort is "
-      "not. It holds no names of shapes.",
+    { CLI_EXPORT, "export", "MODEL_DIR --to FORMAT -o OUT | MODEL_DIR --model FILE",
+      "a model for other programs, or as one file",
+      "With --to: the model on the vertices of the template's mesh, for other programs. vtp, ply, "
+      "stl, obj: a folder of meshes, the mean, its modes and every shape; gltf: a .glb file whose "
+      "morph targets are the modes; scalismo, statismo: HDF5 (where the build has it); monai: "
+      "pca_mean_surface.vtp and pca_model.json; slicermorph: the folder of its GPA; csv, npz: "
+      "tables and arrays. With --model: all that fit needs in one file, which can be used where "
+      "the cohort is not; it holds no names of shapes.",
       .first = "one model folder", .most = 1, .call = apsm_cli_export },
     { CLI_CHECK, "check", "INPUT...|MODEL_DIR", "what is wrong with inputs or a project",
       "Reads everything and tells every problem in one line; writes nothing. The exit code is 0 if "
