@@ -78,10 +78,10 @@ typedef struct cli_args {
     const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
     const char *hand, *extent;               /* of fit, as given; NULL if not */
     const char *subjects, *formula, *of, *on, *within, *permutations, *bootstraps; /* of test */
-    const char *landmarks; /* of fit: the file; NULL if not */
-    const char *model;     /* of export: the file; NULL if not */
+    const char *landmarks;  /* of fit: the file; NULL if not */
+    const char *model;      /* of export: the file; NULL if not */
     const char *modes, *sd; /* of export, as given; NULL if not */
-    const char *config;    /* already in set; here for messages */
+    const char *config;     /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
     cli_pair *set;

@@ -21,7 +21,8 @@ static const cli_option own[] = {
       STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
           CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE,
       "DIR", NULL, NULL,
-      "the model folder (convert, render, fit, certify, export: the file or folder to write); made if it "
+      "the model folder (convert, render, fit, certify, export: the file or folder to write); made "
+      "if it "
       "does not exist",
       NULL },
     { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT | CLI_EXPORT, "EXT", NULL, NULL,

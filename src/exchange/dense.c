@@ -55,6 +55,7 @@ size_t dense_model_main_modes(const dense_model *m)
     double all = 0, so_far = 0;
     size_t n = 0;
     for (size_t k = 0; k < s->modes; k++) all += s->variance[k];
-    while (n < s->modes && n < MOST && (n == 0 || so_far < enough * all)) so_far += s->variance[n++];
+    while (n < s->modes && n < MOST && (n == 0 || so_far < enough * all))
+        so_far += s->variance[n++];
     return n;
 }

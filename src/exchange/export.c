@@ -40,9 +40,9 @@ enum { FORMATS = sizeof formats / sizeof formats[0] };
 
 const char *const *apsm_export_formats(void)
 {
-    static const char *const names[FORMATS + 1] = { "vtp",      "ply",   "stl",         "obj",
-                                                    "gltf",     "scalismo", "statismo", "monai",
-                                                    "slicermorph", "csv", "npz",        NULL };
+    static const char *const names[FORMATS + 1] = { "vtp",         "ply",      "stl",      "obj",
+                                                    "gltf",        "scalismo", "statismo", "monai",
+                                                    "slicermorph", "csv",      "npz",      NULL };
     return names;
 }
 
@@ -81,58 +81,67 @@ apsm_status exporting_file(exporting *e, char **path, const char *format, ...)
     return status;
 }
 
-/* A name in export.json that leads out of the folder is none of ours. */
-static bool stays_inside(const char *name)
+static bool is_listed(const json_t *files, const char *path)
 {
-    return name && name[0] && name[0] != '/' && !strstr(name, "..");
+    size_t k;
+    json_t *name;
+    if (strcmp(path, EXPORT_JSON) == 0) return true;
+    json_array_foreach(files, k, name)
+    {
+        if (strcmp(json_string_value(name) ? json_string_value(name) : "", path) == 0) return true;
+    }
+    return false;
 }
 
-static apsm_status remove_file(exporting *e, const char *name)
+/* Nothing that is not of the earlier export may be in its folder; then all of it goes. */
+static apsm_status remove_files(exporting *e, const apsm_file_list *there, const json_t *files)
 {
-    char *path = apsm_path_join(e->settings->path, name);
-    if (!path) return no_memory(e);
-    const bool failed = apsm_file_exists(path) && unlink(path) != 0;
-    const apsm_status status =
-        failed ? apsm_fail(e->ctx, APSM_ERR_IO, "%s: cannot be replaced; remove it", path)
-               : APSM_OK;
-    free(path);
+    const char *folder = e->settings->path;
+    apsm_status status = APSM_OK;
+    for (size_t k = 0; k < there->n; k++)
+        if (!is_listed(files, there->path[k]))
+            return apsm_fail(e->ctx, APSM_ERR_STATE,
+                             "%s/%s: is not of the export that is there; move it, or name another "
+                             "folder",
+                             folder, there->path[k]);
+    for (size_t k = 0; k < there->n && status == APSM_OK; k++) {
+        char *path = apsm_path_join(folder, there->path[k]);
+        if (!path) return no_memory(e);
+        if (unlink(path) != 0)
+            status = apsm_fail(e->ctx, APSM_ERR_IO, "%s: cannot be replaced; remove it", path);
+        free(path);
+    }
     return status;
 }
 
-/* The files of an earlier export go, and no others. */
-static apsm_status remove_earlier(exporting *e, const char *list)
+static apsm_status remove_earlier(exporting *e, const apsm_file_list *there)
 {
-    json_t *root = NULL, *name;
-    size_t k;
-    APSM_TRY(apsm_json_read(e->ctx, list, &root));
-    apsm_status status = apsm_json_check(e->ctx, list, root, "apsm-export", 1);
-    json_array_foreach(json_object_get(root, "files"), k, name)
-    {
-        const char *text = json_string_value(name);
-        if (status == APSM_OK && stays_inside(text)) status = remove_file(e, text);
-    }
+    char *list = apsm_path_join(e->settings->path, EXPORT_JSON);
+    json_t *root = NULL;
+    apsm_status status = list ? APSM_OK : no_memory(e);
+    const bool ours = list && apsm_file_exists(list);
+    if (status == APSM_OK && !(ours && e->settings->overwrite))
+        status = apsm_fail(e->ctx, APSM_ERR_STATE, "%s: holds %s already; %s", e->settings->path,
+                           ours ? "an export" : "other files",
+                           ours ? "give --overwrite" : "name another folder");
+    if (status == APSM_OK) status = apsm_json_read(e->ctx, list, &root);
+    if (status == APSM_OK) status = apsm_json_check(e->ctx, list, root, "apsm-export", 1);
+    if (status == APSM_OK) status = remove_files(e, there, json_object_get(root, "files"));
     json_decref(root);
-    return status == APSM_OK ? remove_file(e, EXPORT_JSON) : status;
+    free(list);
+    return status;
 }
 
 static apsm_status prepare_folder(exporting *e)
 {
     const char *folder = e->settings->path;
-    char *list = apsm_path_join(folder, EXPORT_JSON);
     apsm_file_list there = { 0 };
-    apsm_status status = list ? APSM_OK : no_memory(e);
-    if (status == APSM_OK && apsm_file_exists(folder))
-        status = apsm_fail(e->ctx, APSM_ERR_ARG, "%s: is a file; name a folder", folder);
-    if (status == APSM_OK && apsm_is_folder(folder))
-        status = apsm_list_files(e->ctx, folder, true, &there);
-    const bool ours = list && apsm_file_exists(list);
-    if (status == APSM_OK && there.n > 0 && !(ours && e->settings->overwrite))
-        status = apsm_fail(e->ctx, APSM_ERR_STATE,
-                           "%s: holds %s already; %s", folder, ours ? "an export" : "other files",
-                           ours ? "give --overwrite" : "name another folder");
-    if (status == APSM_OK && there.n > 0) status = remove_earlier(e, list);
+    apsm_status status = APSM_OK;
+    if (apsm_file_exists(folder))
+        return apsm_fail(e->ctx, APSM_ERR_ARG, "%s: is a file; name a folder", folder);
+    if (apsm_is_folder(folder)) status = apsm_list_files(e->ctx, folder, true, &there);
+    if (status == APSM_OK && there.n > 0) status = remove_earlier(e, &there);
     apsm_file_list_free(&there);
-    free(list);
     return status == APSM_OK ? apsm_make_folder(e->ctx, folder) : status;
 }
 
@@ -153,20 +162,19 @@ static json_t *describe(exporting *e)
     const model_folder *m = &e->dense.folder;
     json_t *sd = apsm_json_vector(e->n_sd, e->sd);
     return json_pack("{s:s, s:i, s:s, s:s, s:I, s:I, s:I, s:I, s:o, s:b, s:s, s:O}", "format",
-                     "apsm-export", "version", 1, "apsm", apsm_version(), "to",
-                     e->settings->format, "shapes", (json_int_t)m->I, "particles",
-                     (json_int_t)m->J, "vertices", (json_int_t)e->dense.mean.nv, "modes",
-                     (json_int_t)e->modes, "standard_deviations", sd, "certified",
-                     (int)model_folder_is_all_certified(m), "frame",
-                     "world frame of the model, LPS, unit of the inputs", "files", e->files);
+                     "apsm-export", "version", 1, "apsm", apsm_version(), "to", e->settings->format,
+                     "shapes", (json_int_t)m->I, "particles", (json_int_t)m->J, "vertices",
+                     (json_int_t)e->dense.mean.nv, "modes", (json_int_t)e->modes,
+                     "standard_deviations", sd, "certified", (int)model_folder_is_all_certified(m),
+                     "frame", "world frame of the model, LPS, unit of the inputs", "files",
+                     e->files);
 }
 
 static apsm_status write_description(exporting *e)
 {
     json_t *root = describe(e);
     char *path = apsm_path_join(e->settings->path, EXPORT_JSON);
-    const apsm_status status =
-        root && path ? apsm_json_write(e->ctx, path, root) : no_memory(e);
+    const apsm_status status = root && path ? apsm_json_write(e->ctx, path, root) : no_memory(e);
     json_decref(root);
     free(path);
     return status;
@@ -186,7 +194,8 @@ static apsm_status check_settings(apsm_context *ctx, const apsm_export_settings 
     for (size_t k = 0; k < s->n_sd; k++)
         if (!(s->sd[k] > 0) || !isfinite(s->sd[k]))
             return apsm_fail(ctx, APSM_ERR_ARG,
-                             "--sd: give numbers above 0; both sides of the mean are written");
+                             "--sd %g: give numbers above 0; both sides of the mean are written",
+                             s->sd[k]);
     return APSM_OK;
 }
 

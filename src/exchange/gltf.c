@@ -24,19 +24,17 @@ static int add_accessor(glb *g, size_t count, bool indices, const float *lo, con
 {
     const size_t bytes = count * (indices ? 4 : 12);
     const int number = (int)json_array_size(g->accessors);
-    json_array_append_new(g->views,
-                          json_pack("{s:i, s:I, s:I, s:i}", "buffer", 0, "byteOffset",
-                                    (json_int_t)g->bytes, "byteLength", (json_int_t)bytes, "target",
-                                    indices ? INDEX_BUFFER : VERTEX_BUFFER));
-    json_t *accessor =
-        json_pack("{s:i, s:i, s:I, s:s}", "bufferView", number, "componentType",
-                  indices ? UINT : FLOAT, "count", (json_int_t)count, "type",
-                  indices ? "SCALAR" : "VEC3");
+    json_array_append_new(g->views, json_pack("{s:i, s:I, s:I, s:i}", "buffer", 0, "byteOffset",
+                                              (json_int_t)g->bytes, "byteLength", (json_int_t)bytes,
+                                              "target", indices ? INDEX_BUFFER : VERTEX_BUFFER));
+    json_t *accessor = json_pack("{s:i, s:i, s:I, s:s}", "bufferView", number, "componentType",
+                                 indices ? UINT : FLOAT, "count", (json_int_t)count, "type",
+                                 indices ? "SCALAR" : "VEC3");
     if (lo) {
-        json_object_set_new(accessor, "min", json_pack("[f, f, f]", (double)lo[0], (double)lo[1],
-                                                       (double)lo[2]));
-        json_object_set_new(accessor, "max", json_pack("[f, f, f]", (double)hi[0], (double)hi[1],
-                                                       (double)hi[2]));
+        json_object_set_new(accessor, "min",
+                            json_pack("[f, f, f]", (double)lo[0], (double)lo[1], (double)lo[2]));
+        json_object_set_new(accessor, "max",
+                            json_pack("[f, f, f]", (double)hi[0], (double)hi[1], (double)hi[2]));
     }
     json_array_append_new(g->accessors, accessor);
     g->bytes += bytes;
@@ -95,10 +93,9 @@ static json_t *describe_mesh(const exporting *e, glb *g, double *y)
 static json_t *describe_scene(const exporting *e, glb *g, double *y)
 {
     json_t *mesh = describe_mesh(e, g, y);
-    json_t *material =
-        json_pack("{s:s, s:b, s:{s:[f, f, f, f], s:f, s:f}}", "name", "surface", "doubleSided", 1,
-                  "pbrMetallicRoughness", "baseColorFactor", 0.86, 0.83, 0.75, 1.0,
-                  "metallicFactor", 0.0, "roughnessFactor", 0.7);
+    json_t *material = json_pack("{s:s, s:b, s:{s:[f, f, f, f], s:f, s:f}}", "name", "surface",
+                                 "doubleSided", 1, "pbrMetallicRoughness", "baseColorFactor", 0.86,
+                                 0.83, 0.75, 1.0, "metallicFactor", 0.0, "roughnessFactor", 0.7);
     json_t *node = json_pack("{s:s, s:i, s:[i,i,i,i, i,i,i,i, i,i,i,i, i,i,i,i], s:{s:s}}", "name",
                              "model", "mesh", 0, "matrix", 1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 0,
                              0, 0, 1, "extras", "frame",
@@ -174,8 +171,9 @@ static bool ends_in(const char *path, const char *end)
 apsm_status export_gltf(exporting *e)
 {
     if (!ends_in(e->settings->path, ".glb"))
-        return apsm_fail(e->ctx, APSM_ERR_ARG, "%s: glTF is written as one binary file; end it in "
-                                               ".glb",
+        return apsm_fail(e->ctx, APSM_ERR_ARG,
+                         "%s: glTF is written as one binary file; end it in "
+                         ".glb",
                          e->settings->path);
     double *y = malloc(3 * e->dense.mean.nv * sizeof *y);
     glb g = { json_array(), json_array(), 0 };

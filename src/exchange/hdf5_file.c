@@ -77,8 +77,8 @@ bool h5_put_group(hid_t file, const char *path)
 bool h5_put_attribute(hid_t file, const char *group, const char *name, const char *text)
 {
     const hid_t type = text_type(text), space = H5Screate(H5S_SCALAR);
-    const hid_t attribute = H5Acreate_by_name(file, group, name, type, space, H5P_DEFAULT,
-                                              H5P_DEFAULT, H5P_DEFAULT);
+    const hid_t attribute =
+        H5Acreate_by_name(file, group, name, type, space, H5P_DEFAULT, H5P_DEFAULT, H5P_DEFAULT);
     bool good = attribute >= 0 && H5Awrite(attribute, type, text) >= 0;
     if (attribute >= 0 && H5Aclose(attribute) < 0) good = false;
     H5Sclose(space);

@@ -61,9 +61,8 @@ static apsm_status write_mode(mesh_work *w, size_t k, double sd)
     for (size_t v = 0; v < mean->nv; v++)
         w->value[v] = sd * vec3_dot(w->y + 3 * v, w->normal + 3 * v);
     apsm_format_number(fabs(sd), number);
-    apsm_status status =
-        exporting_file(w->e, &path, "modes/mode_%02zu_%s%ssd.%s", k + 1,
-                       sd < 0 ? "minus" : "plus", number, w->e->settings->format);
+    apsm_status status = exporting_file(w->e, &path, "modes/mode_%02zu_%s%ssd.%s", k + 1,
+                                        sd < 0 ? "minus" : "plus", number, w->e->settings->format);
     if (status == APSM_OK) status = write_mesh(w, "displacement", path);
     free(path);
     return status;
@@ -101,8 +100,8 @@ static apsm_status write_shape(mesh_work *w, size_t i)
     char *path = NULL;
     dense_model_shape(&e->dense, i, w->mesh.V);
     if (holds_fields(e)) APSM_TRY(measure_shape(w, i));
-    apsm_status status = exporting_file(e, &path, "shapes/%s.%s", e->dense.folder.names[i],
-                                        e->settings->format);
+    apsm_status status =
+        exporting_file(e, &path, "shapes/%s.%s", e->dense.folder.names[i], e->settings->format);
     if (status == APSM_OK) status = write_mesh(w, "surface_distance", path);
     free(path);
     return status;

@@ -94,8 +94,8 @@ static bool put_names(zipFile zip, const model_folder *m)
         size_t length = strlen(m->names[i]);
         good = put(zip, m->names[i], length);
         for (; good && length < longest; length += sizeof zeros)
-            good = put(zip, zeros,
-                       longest - length < sizeof zeros ? longest - length : sizeof zeros);
+            good =
+                put(zip, zeros, longest - length < sizeof zeros ? longest - length : sizeof zeros);
     }
     return good && zipCloseFileInZip(zip) == ZIP_OK;
 }

@@ -126,8 +126,7 @@ static apsm_status write_landmarks(exporting *e, json_t *files)
     for (size_t i = 0; i < m->I; i++) {
         char *path = NULL;
         apsm_status status = exporting_file(e, &path, "landmarks/%s.mrk.json", m->names[i]);
-        if (status == APSM_OK)
-            status = apsm_points_write(e->ctx, path, m->J, m->P + i * 3 * m->J);
+        if (status == APSM_OK) status = apsm_points_write(e->ctx, path, m->J, m->P + i * 3 * m->J);
         free(path);
         APSM_TRY(status);
         json_array_append_new(files, json_sprintf("%s.mrk.json", m->names[i]));
@@ -143,10 +142,10 @@ static apsm_status write_log(exporting *e, json_t *files)
                             "Time", "", "InputPath", "landmarks", "OutputPath", ".", "Files", files,
                             "LMFormat", ".mrk.json", "NumberLM", (json_int_t)e->dense.folder.J,
                             "ExcludedLM", "SemiLandmarks", "Boas", 1);
-    json_t *names = json_pack("{s:s, s:s, s:s, s:s, s:s, s:s}", "MeanShape", "meanShape.csv",
-                              "Eigenvalues", "eigenvalues.csv", "Eigenvectors", "eigenvector.csv",
-                              "OutputData", "outputData.csv", "PCScores", "pcScores.csv",
-                              "Covariates", "");
+    json_t *names =
+        json_pack("{s:s, s:s, s:s, s:s, s:s, s:s}", "MeanShape", "meanShape.csv", "Eigenvalues",
+                  "eigenvalues.csv", "Eigenvectors", "eigenvector.csv", "OutputData",
+                  "outputData.csv", "PCScores", "pcScores.csv", "Covariates", "");
     json_object_update(log, names);
     json_decref(names);
     json_t *root = json_pack("{s:s, s:[o]}", "@schema",

@@ -52,8 +52,7 @@ static bool put_info(hid_t file, const apsm_shape_model *pca, size_t modes, floa
 {
     for (size_t i = 0; i < pca->I; i++)
         for (size_t k = 0; k < modes; k++)
-            x[k * pca->I + i] =
-                (float)(pca->score[i * pca->modes + k] / sqrt(pca->variance[k]));
+            x[k * pca->I + i] = (float)(pca->score[i * pca->modes + k] / sqrt(pca->variance[k]));
     return h5_put_floats(file, "/modelinfo/scores", modes, pca->I, x) &&
            h5_put_text(file, "/modelinfo/build-time", "") &&
            h5_put_text(file, "/modelinfo/modelBuilder-0/buildTime", "") &&

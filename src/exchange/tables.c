@@ -111,8 +111,8 @@ static apsm_status write_scores(exporting *e)
     char *path = NULL;
     apsm_status status = exporting_file(e, &path, "scores.csv");
     if (status == APSM_OK)
-        status = scores_csv_write(e->ctx, path, e->dense.folder.names, "mode",
-                                  &e->dense.folder.model);
+        status =
+            scores_csv_write(e->ctx, path, e->dense.folder.names, "mode", &e->dense.folder.model);
     free(path);
     return status;
 }

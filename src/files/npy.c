@@ -210,9 +210,8 @@ size_t apsm_npy_header(const char *descr, size_t axes, const size_t *shape,
     for (size_t a = 0; a < axes; a++)
         used += (size_t)snprintf(list + used, sizeof list - used, a ? " %zu," : "%zu,", shape[a]);
     if (axes > 1) list[used - 1] = '\0'; /* only (n,) keeps its comma */
-    const int length =
-        snprintf(text, sizeof text, "{'descr': '%s', 'fortran_order': False, 'shape': (%s), }",
-                 descr, list);
+    const int length = snprintf(
+        text, sizeof text, "{'descr': '%s', 'fortran_order': False, 'shape': (%s), }", descr, list);
     /* Blanks and a newline, so that the values begin at a multiple of 64. */
     const size_t whole = (HEADER_AT + (size_t)length + 1 + ALIGN - 1) / ALIGN * ALIGN;
     const size_t rest = whole - HEADER_AT;

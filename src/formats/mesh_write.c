@@ -180,8 +180,8 @@ apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path, const ap
     apsm_writer *w;
     const bool vtp = path_ends_in(path, ".vtp");
     if (!vtp && !path_ends_in(path, ".ply"))
-        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: fields are written to .ply and .vtp only", path);
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED, "%s: fields are written to .ply and .vtp only",
+                         path);
     APSM_TRY(check_points(ctx, path, mesh->nv, mesh->V));
     APSM_TRY(apsm_writer_open(ctx, path, &w));
     if (vtp) return write_vtp(ctx, path, w, mesh, n, field);
@@ -201,8 +201,7 @@ apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path, size_t n
         return apsm_fail(ctx, APSM_ERR_ARG, "%s: more than 2^30 points; nothing is written", path);
     APSM_TRY(check_points(ctx, path, n, P));
     APSM_TRY(apsm_writer_open(ctx, path, &w));
-    if (!vtk)
-        return vtp_write(ctx, path, w, &(vtp_piece){ .points = n, .cells = n, .P = P });
+    if (!vtk) return vtp_write(ctx, path, w, &(vtp_piece){ .points = n, .cells = n, .P = P });
     write_legacy_vtk(w, n, P, n, NULL);
     return apsm_writer_commit(w);
 }

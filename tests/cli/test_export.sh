@@ -1,0 +1,85 @@
+#!/bin/bash
+# apsm export --to: every format, read by other readers than ours where they are installed.
+# $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+readers=$(cd "$(dirname "$0")" && pwd)/read_exports.py
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+
+# export CODE WORDS ARGUMENT...
+export_() {
+    local code=$1 words=$2
+    shift 2
+    "$apsm" export "$@" >said 2>&1
+    local got=$?
+    [ $got -eq "$code" ] || fail "export $*: exit code $got, not $code: $(cat said)"
+    grep -qF -- "$words" said || fail "export $* does not say '$words': $(cat said)"
+}
+
+mkdir cohort
+for i in 0 1 2 3 4 5; do "$synthetic" bump cohort/s$i.ply index $i count 8 level 3; done
+"$apsm" run cohort -o model -J 32 --faces 800 --stage1-epochs 3 --stage2-epochs 3 --quiet || fail run
+find model -type f -exec cksum {} + | sort >before
+
+for format in vtp ply stl obj monai slicermorph csv; do
+    export_ 0 "$format of model" model --to $format -o $format
+    [ -s $format/export.json ] || fail "$format has no export.json"
+done
+export_ 0 "npz of model" model --to npz -o model.npz
+export_ 0 "gltf of model" model --to gltf -o model.glb
+if "$apsm" export model --to scalismo -o model.h5 >said 2>&1; then
+    export_ 0 "statismo of model" model --to statismo -o again.h5
+    cmp -s model.h5 again.h5 || fail "the same HDF5 file has other bytes"
+else
+    grep -q 'APSM_HDF5=ON' said || fail "without HDF5: $(cat said)"
+    [ -e model.h5 ] && fail "half an HDF5 file"
+    echo "NOT TESTED: scalismo and statismo; this build has no HDF5 (-DAPSM_HDF5=ON)"
+fi
+
+# The same model gives the same bytes.
+export_ 0 "npz of model" model --to npz -o again.npz
+cmp -s model.npz again.npz || fail "the same .npz has other bytes"
+
+# Modes and deviations as asked for; an earlier export makes room, what is not ours does not.
+export_ 1 "give --overwrite" model --to ply -o ply
+export_ 0 "ply of model" model --to ply -o ply --overwrite --modes 1 --sd 1,3
+[ "$(ls ply/modes | tr '\n' ' ')" = "mode_01_minus1sd.ply mode_01_minus3sd.ply mode_01_plus1sd.ply mode_01_plus3sd.ply " ] ||
+    fail "modes: $(ls ply/modes)"
+echo mine >ply/modes/mode_02_plus1sd.ply
+export_ 1 "is not of the export" model --to ply -o ply --overwrite --modes 2 --sd 1
+[ "$(cat ply/modes/mode_02_plus1sd.ply)" = mine ] || fail "a file of somebody else was replaced"
+[ -s ply/mean.ply ] || fail "a refused export removed an earlier one"
+mkdir other && echo mine >other/notes.txt
+export_ 1 "other files" model --to csv -o other --overwrite
+export_ 1 "give --overwrite" model --to npz -o model.npz
+export_ 2 "is a file" model --to csv -o model.npz
+export_ 2 "is a folder" model --to npz -o csv
+export_ 2 "--to bmp: give vtp" model --to bmp -o x
+export_ 2 "--sd 0" model --to ply -o x --sd 0,1
+export_ 2 "--modes 0" model --to ply -o x --modes 0
+export_ 2 "needs a format and an output" model
+export_ 2 "needs an output" model --to ply
+export_ 2 ".glb" model --to gltf -o model.gltf
+export_ 1 "no such file" nothing --to ply -o x
+[ -e x ] && fail "a refused export left x"
+find model -type f -exec cksum {} + | sort | cmp -s before - || fail "export changed the model"
+
+for python in python3 /usr/bin/python3; do
+    command -v $python >/dev/null && $python -c 'import numpy' 2>/dev/null && break
+    python=
+done
+if [ -n "$python" ]; then
+    "$python" "$readers" . || fail "what other readers see of the exports"
+else
+    echo "NOT TESTED: exports read by others; there is no Python with NumPy (python3-numpy)"
+fi
+exit $failed
