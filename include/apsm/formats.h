@@ -29,8 +29,8 @@ typedef struct apsm_mesh_field {
     const char *name;
     const double *value; /* nv */
 } apsm_mesh_field;
-/* Binary PLY with n fields as float32 properties of the vertices, or VTP with them as float64 arrays
- * of its points, atomically. */
+/* Binary PLY with n fields as float32 properties of the vertices, or VTP with them as float64
+ * arrays of its points, atomically. */
 APSM_API apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path,
                                             const apsm_mesh *mesh, size_t n,
                                             const apsm_mesh_field *field) APSM_NODISCARD;
