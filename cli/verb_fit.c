@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "apsm/fit.h"
+#include "apsm/report.h"
 #include "files/files.h"
 #include "verbs.h"
 
@@ -41,8 +42,11 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                                    .overwrite = args->overwrite };
     APSM_TRY(take_options(ctx, args, &settings.options));
     APSM_TRY(apsm_fit_run(ctx, &settings, &n));
-    cli_say(ui, "fitted: %zu good, %zu to review; refused: %zu; failed: %zu; figures in %s/fit.csv",
-            n.good, n.review, n.refused, n.failed, args->out_dir);
+    APSM_TRY(apsm_fit_report_write(ctx, args->out_dir));
+    cli_say(ui,
+            "fitted: %zu good, %zu to review; refused: %zu; failed: %zu; figures in %s/fit.csv, to "
+            "look at: %s/report.html",
+            n.good, n.review, n.refused, n.failed, args->out_dir, args->out_dir);
     if (n.refused + n.failed == 0) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                      "%zu of %zu shapes were not fitted; %s/fit.csv has the reasons",

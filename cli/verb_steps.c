@@ -2,6 +2,8 @@
 #include <stdlib.h>
 
 #include "apsm/joint.h"
+#include "apsm/report.h"
+#include "files/files.h"
 #include "verbs.h"
 
 typedef apsm_status (*step_fn)(apsm_run *);
@@ -102,9 +104,19 @@ apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *u
     return do_step(ctx, args, apsm_run_evaluate);
 }
 
+/* A folder that fit has left. */
+static bool holds_fits(const char *folder)
+{
+    char *path = apsm_path_join(folder, "fit.json");
+    const bool holds = path && apsm_file_exists(path);
+    free(path);
+    return holds;
+}
+
 apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    APSM_TRY(do_step(ctx, args, apsm_run_report));
+    APSM_TRY(holds_fits(args->out_dir) ? apsm_fit_report_write(ctx, args->out_dir)
+                                       : do_step(ctx, args, apsm_run_report));
     cli_say(ui, "report: %s/report.html", args->out_dir);
     return APSM_OK;
 }

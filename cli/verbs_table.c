@@ -42,10 +42,11 @@ static const cli_verb_info verbs[] = {
       "particle files of any program (aligned) with a mesh for each, in the same order and frame. "
       "With -o FILE it is also written as certificate.json is.",
       .first = "something to look at", .call = apsm_cli_certify },
-    { CLI_REPORT, "report", "MODEL_DIR", "the model as one page for the browser",
+    { CLI_REPORT, "report", "MODEL_DIR|FITS_DIR", "the model as one page for the browser",
       "Writes MODEL_DIR/report.html from what evaluate left in the folder: mean and modes to play "
       "with, the cohort, surface distances, quality of the model, the certificate, where it comes "
-      "from. One file that needs no network: open it with a double click, send it by mail.",
+      "from. Of a folder of fit: the new shapes beside the mean. One file that needs no network: "
+      "open it with a double click, send it by mail.",
       .out = "a model folder", .call = apsm_cli_report },
     { CLI_RENDER, "render", "MODEL_DIR", "pictures of the model as PNG files",
       "Draws the mean, the first modes at two standard deviations, a shape with its particles, and "

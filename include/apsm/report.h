@@ -19,6 +19,11 @@ extern "C" {
  * shapes of V vertices and J particles. */
 APSM_API apsm_status apsm_report_write(apsm_context *ctx, const char *folder) APSM_NODISCARD;
 
+/* Writes FOLDER/report.html for a folder of apsm_fit_run: the new shapes beside the mean, how they
+ * differ, how sure that is.  Of more than 150 shapes with a surface that many are drawn, those that
+ * need review first; the table has all. */
+APSM_API apsm_status apsm_fit_report_write(apsm_context *ctx, const char *folder) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/formats.h"
 #include "files/files.h"
 #include "files/particles_file.h"
 #include "geometry/affine.h"
@@ -240,6 +241,20 @@ apsm_status fit_write_shape(apsm_context *ctx, const char *folder, const fit_ori
     char *path = place(folder, "meshes", row->name, "_fit.ply");
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status = write_ply(ctx, path, origin->model, fit);
+    free(path);
+    return status;
+}
+
+apsm_status fit_write_mean(apsm_context *ctx, const char *folder, const apsm_fit_model *m)
+{
+    apsm_mesh mean = { 0 };
+    char *path = apsm_path_join(folder, "meshes/mean.ply");
+    apsm_status status = path ? apsm_mesh_copy(apsm_fit_model_mesh(m), &mean) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        apsm_warp_apply(&m->fidelity->warp, m->model.mean, mean.V);
+        status = apsm_write_mesh(ctx, path, &mean);
+    }
+    apsm_mesh_free(&mean);
     free(path);
     return status;
 }

@@ -32,6 +32,9 @@ void fit_origin_of(const apsm_fit_model *model, const char *path, const apsm_fit
 /* particles/, meshes/ and shapes/ of one fit in the folder; these folders are there. */
 apsm_status fit_write_shape(apsm_context *ctx, const char *folder, const fit_origin *origin,
                             const fit_row *row, const apsm_fit *fit) APSM_NODISCARD;
+/* meshes/mean.ply: the mean shape, in the world frame, with the faces of all fits. */
+apsm_status fit_write_mean(apsm_context *ctx, const char *folder,
+                           const apsm_fit_model *m) APSM_NODISCARD;
 /* fit.json and fit.csv. */
 apsm_status fit_write_tables(apsm_context *ctx, const char *folder, const fit_origin *origin,
                              size_t n, const fit_row *rows) APSM_NODISCARD;

@@ -225,10 +225,12 @@ static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
     if (has(o->folder, FIT_JSON) && !o->overwrite)
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: holds fits already; give another folder, or --overwrite", o->folder);
-    if (has(o->folder, FIT_CSV) && !has(o->folder, FIT_JSON))
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: holds a " FIT_CSV " that no fit has left; give another folder",
-                         o->folder);
+    static const char *const ours[] = { FIT_CSV, "report.html" };
+    for (size_t k = 0; k < 2; k++)
+        if (has(o->folder, ours[k]) && !has(o->folder, FIT_JSON))
+            return apsm_fail(ctx, APSM_ERR_STATE,
+                             "%s: holds a %s that no fit has left; give another folder", o->folder,
+                             ours[k]);
     for (size_t k = 0; k < 3; k++) {
         if (has(o->folder, part[k]) && !has(o->folder, FIT_JSON) && !o->overwrite)
             return apsm_fail(ctx, APSM_ERR_STATE,
@@ -344,6 +346,7 @@ apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
         return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: an argument is NULL");
     *totals = (apsm_fit_totals){ 0 };
     apsm_status status = open_session(ctx, &s);
+    if (status == APSM_OK) status = fit_write_mean(ctx, settings->folder, s.model);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");
     if (status == APSM_OK)
         status = fit_write_tables(ctx, settings->folder, &s.origin, s.list.n, s.rows);

@@ -15,15 +15,12 @@
 #include "report/colours.h"
 #include "report/display.h"
 #include "report/pack.h"
-#include "report/viewer.h"
+#include "report/page.h"
 
 enum { DATA_VERSION = 1 };
 
 /* Steps in which numbers are told: a shape's length in 16,384, far below what a screen resolves. */
 static const double position_levels = 16383, mode_levels = 8191;
-
-/* Where the data go in the viewer. */
-static const char mark[] = "APSM-DATA-GOES-HERE";
 
 typedef struct composing {
     const model_folder *m;
@@ -205,15 +202,6 @@ static json_t *json_colours(composing *c)
     return colours;
 }
 
-/* Last component of the folder's path, whatever it is called on the command line. */
-static char *title_of(const char *folder)
-{
-    char *parent = apsm_path_join(folder, "..");
-    char *title = parent ? apsm_path_relative(parent, folder) : NULL;
-    free(parent);
-    return title;
-}
-
 static json_t *compose(composing *c, const char *title)
 {
     const model_folder *m = c->m;
@@ -232,43 +220,15 @@ static json_t *compose(composing *c, const char *title)
 
 /* ---- the page ---- */
 
-static const char *find_mark(void)
-{
-    const char *html = (const char *)apsm_viewer_html;
-    const size_t n = sizeof mark - 1;
-    for (size_t k = 0; k + n <= apsm_viewer_html_size; k++)
-        if (memcmp(html + k, mark, n) == 0) return html + k;
-    return NULL;
-}
-
-static apsm_status write_page(apsm_context *ctx, composing *c, const json_t *root, apsm_writer *out)
-{
-    const char *html = (const char *)apsm_viewer_html, *at = find_mark();
-    if (!at) return apsm_fail(ctx, APSM_ERR_UNSUPPORTED, "this build has no viewer");
-    const char *rest = at + sizeof mark - 1;
-    apsm_writer_write(out, html, (size_t)(at - html));
-    APSM_TRY(pack_write(ctx, &c->bytes, root, out));
-    apsm_writer_write(out, rest, (size_t)(html + apsm_viewer_html_size - rest));
-    return APSM_OK;
-}
-
 static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
 {
-    apsm_writer *out = NULL;
-    char *title = title_of(c->m->path);
+    char *title = page_title(c->m->path);
     if (!title) return APSM_ERR_MEMORY;
     json_t *root = compose(c, title), *answers = NULL;
     free(title);
     apsm_status status = answers_read(ctx, c->m, &answers);
     if (answers) json_object_set_new(root, "answers", answers);
-    if (status == APSM_OK) status = apsm_writer_open(ctx, path, &out);
-    if (status == APSM_OK) {
-        status = write_page(ctx, c, root, out);
-        if (status == APSM_OK)
-            status = apsm_writer_commit(out);
-        else
-            apsm_writer_abort(out);
-    }
+    if (status == APSM_OK) status = page_write(ctx, path, root, &c->bytes);
     json_decref(root);
     return status;
 }

@@ -39,10 +39,10 @@ find model -type f -exec cksum {} + | sort >before
 "$synthetic" new/whole.ply new/turned.ply turn 140 shift 300
 fit 0 "refused: 0; failed: 0" model new -o one --threads 1
 fit 0 "refused: 0; failed: 0" model new -o two --threads 2
-diff -r one two >/dev/null || fail "threads change the files"
+diff -r -x report.html one two >/dev/null || fail "threads change the files" # which tells its folder
 find model -type f -exec cksum {} + | sort | cmp -s - before || fail "fit changed the model"
 for f in particles/whole_local.particles particles/whole_world.particles \
-    particles/whole_original.particles meshes/whole_fit.ply shapes/whole.json; do
+    particles/whole_original.particles meshes/whole_fit.ply meshes/mean.ply shapes/whole.json report.html; do
     [ -s "one/$f" ] || fail "no $f"
 done
 [ "$(wc -l <one/particles/whole_world.particles)" -eq 32 ] || fail "not 32 particles"
@@ -61,6 +61,13 @@ cmp -s one/meshes/whole_fit.ply alone/meshes/whole_fit.ply || fail "other shapes
 fit 0 "refused: 0; failed: 0" m.apsm new/whole.ply -o file
 cmp -s file/particles/whole_world.particles alone/particles/whole_world.particles ||
     fail "the model file fits otherwise than its folder"
+
+rm alone/report.html && "$apsm" report alone -q >said && cmp -s alone/report.html file/report.html &&
+    fail "two folders have one title"
+[ -s alone/report.html ] || fail "report of fits is not made again"
+mkdir page && echo mine >page/report.html
+fit 1 "holds a report.html that no fit has left" model new/whole.ply -o page
+[ "$(cat page/report.html)" = mine ] || fail "a stranger's report was replaced"
 
 # Strangers, and what is not a model.
 "$synthetic" new/whole.ply half.ply scale 0.5

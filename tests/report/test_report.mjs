@@ -46,14 +46,14 @@ function makeModel() {
 // ---- the browser ----
 
 const complaints = [];
-async function open(browser, options = {}) {
+async function open(browser, options = {}, folderOfPage = model) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, offline: true, ...options });
   const page = await context.newPage();
   page.on("console", (m) => ["error", "warning"].includes(m.type()) && complaints.push(`console: ${m.text()}`));
   page.on("pageerror", (e) => complaints.push(`page: ${e.message}`));
   page.on("dialog", (d) => (complaints.push(`dialog: ${d.message()}`), d.dismiss()));
   page.on("request", (r) => /^(file|data|blob):/.test(r.url()) || complaints.push(`request: ${r.url()}`));
-  await page.goto(pathToFileURL(join(model, "report.html")).href);
+  await page.goto(pathToFileURL(join(folderOfPage, "report.html")).href);
   await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
   await settle(page);
   return page;
@@ -389,6 +389,24 @@ async function main() {
     const pdf = await page.pdf({ format: "A4" });
     assert.ok(pdf.length > 30000);
     if (pictures) writeFileSync(join(pictures, "print.pdf"), pdf);
+  });
+  await check("new shapes are shown beside the mean", async () => {
+    const fits = join(folder, "fits <b>");
+    try { run("fit", model, join(folder, "in"), "-o", fits, "-q"); } catch { /* some are refused: exit code 1 */ }
+    const pageOfFits = await open(browser, {}, fits);
+    assert.equal(await pageOfFits.locator("#table tbody tr").count(), NAMES.length);
+    assert.ok((await look(pageOfFits, "#shape figure:nth-child(1) canvas")).share > 0.05, "the shape is not drawn");
+    assert.ok((await look(pageOfFits, "#shape figure:nth-child(2) canvas")).share > 0.05, "the mean is not drawn");
+    const reach = await pageOfFits.evaluate(() => {
+      const { model } = window.apsmReport, V = model.array(model.shown[0].vertices, "warped");
+      return Math.max(...V.map((x, k) => Math.abs(x - model.V0[k])));
+    });
+    assert.ok(reach > 0 && reach < 10, `vertices are read wrongly: ${reach}`);
+    await pageOfFits.selectOption("#shape .tools label:nth-child(2) select", "deviation");
+    await pageOfFits.keyboard.press("n");
+    assert.ok((await pageOfFits.locator("#shape svg path.curve").count()) > 0, "no scores");
+    await picture(pageOfFits, "fits");
+    await pageOfFits.context().close();
   });
   await check("without WebGL the figures and tables are still there", async () => {
     const plain = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-background-networking"] });

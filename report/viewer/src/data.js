@@ -25,12 +25,11 @@ function unpack(bytes, [offset, n, stride, width]) {
   return out;
 }
 
-export class Model {
+/** JSON with arrays that are given by their place among the packed bytes. */
+export class Packed {
   constructor(root, bytes) {
     Object.assign(this, root);
     this.bytes = bytes;
-    this.J = root.particles;
-    this.I = root.shapes.length;
     this.cache = new Map();
     this.reads = {
       positions: (q) => Float32Array.from(q, (v, k) => root.origin[k % 3] + root.step * v),
@@ -51,14 +50,24 @@ export class Model {
   }
 }
 
-export async function readModel(text) {
+export class Model extends Packed {
+  constructor(root, bytes) {
+    super(root, bytes);
+    this.J = root.particles;
+    this.I = root.shapes.length;
+  }
+}
+
+/** What the page holds, made by the kind (a class) of its format. */
+export async function readPage(text, kinds) {
   if (!("DecompressionStream" in window))
     throw new Error("this browser is too old for the page; use one of 2023 or later");
   const bytes = await inflate(fromBase64(text.trim()));
   const length = new DataView(bytes.buffer).getUint32(0, true);
   const root = JSON.parse(new TextDecoder().decode(bytes.subarray(4, 4 + length)));
-  if (root.format !== "apsm-report") throw new Error("the data of this page are damaged");
-  return new Model(root, bytes.subarray(4 + length));
+  const Kind = kinds[root.format];
+  if (!Kind) throw new Error("the data of this page are damaged");
+  return new Kind(root, bytes.subarray(4 + length));
 }
 
 /** Unit normals of the vertices, weighted by area; into `out` if given. */

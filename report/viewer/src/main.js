@@ -1,10 +1,11 @@
 // Fills the page: one function a part of the report.
 import { byId, checkbox, choice, el, percent, plural, show, table } from "./dom.js";
-import { median, normalsAt, outliers, readModel, vertexNormals } from "./data.js";
+import { Model, median, normalsAt, outliers, readPage, vertexNormals } from "./data.js";
 import { cssGradient, palettes, particleColours } from "./colors.js";
 import * as gl from "./gl.js";
 import { curve, histogram, scatter } from "./charts.js";
 import { fillAnswers } from "./answers.js";
+import { Fits, fillFits, stageOf } from "./fits.js";
 
 const state = {
   chosen: 0, // shape
@@ -614,20 +615,35 @@ function setStage() {
   return r;
 }
 
-async function start() {
-  chooseTheme();
-  model = await readModel(byId("data").textContent);
-  byId("data").remove();
-  const reach = setStage();
-  radius = Math.min(0.15 * (model.certificate.h || reach), 0.03 * reach);
-  tint = particleColours(model.array(model.colours, "integers"));
-  shorts = shortNames(model.shapes.map((s) => s.name));
-  facts = gatherFacts();
+function startFits(fits) {
+  const stage = stageOf(fits);
+  gl.setStage(stage.centre, stage.radius, stage.yaw);
+  tryGraphics();
+  const page = fillFits(fits, { radius: 0.02 * stage.radius });
+  window.apsmReport = { model: fits, ...page, pose: gl.pose, idle: gl.idle };
+  document.documentElement.dataset.ready = "yes";
+}
+
+function tryGraphics() {
   try {
     gl.startGraphics();
   } catch (error) {
     problem("This browser cannot draw in three dimensions (WebGL); figures and tables are complete all the same.");
   }
+}
+
+async function start() {
+  chooseTheme();
+  const page = await readPage(byId("data").textContent, { "apsm-report": Model, "apsm-fits": Fits });
+  byId("data").remove();
+  if (page instanceof Fits) return startFits(page);
+  model = page;
+  const reach = setStage();
+  radius = Math.min(0.15 * (model.certificate.h || reach), 0.03 * reach);
+  tint = particleColours(model.array(model.colours, "integers"));
+  shorts = shortNames(model.shapes.map((s) => s.name));
+  facts = gatherFacts();
+  tryGraphics();
   fillHeader();
   const modes = fillModes();
   const tiles = fillCohort(findOutliers());

@@ -1,0 +1,215 @@
+// The page of `apsm fit`: a table of the new shapes, and for the chosen one its surface, how it differs from
+// the mean, how sure that is, and its scores.  All figures come from the fits' own files.
+import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
+import { Packed, vertexNormals } from "./data.js";
+import { cssGradient, palettes } from "./colors.js";
+import * as gl from "./gl.js";
+
+const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
+const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
+
+export class Fits extends Packed {
+  constructor(root, bytes) {
+    super(root, bytes);
+    this.V0 = this.array(root.mean.vertices, "positions");
+    this.F = this.array(root.mean.faces, "integers");
+    this.N0 = vertexNormals(this.V0, this.F);
+    this.of = new Map(root.shown.map((s, k) => [s.shape, k]));
+  }
+}
+
+/** Weights of the six nearest particles at every vertex. */
+function spreader(V, P) {
+  const n = V.length / 3, J = P.length / 3, K = Math.min(6, J);
+  const index = new Uint32Array(n * K), weight = new Float32Array(n * K);
+  const near = [];
+  for (let v = 0; v < n; v++) {
+    near.length = 0;
+    for (let j = 0; j < J; j++) {
+      const d = (V[3 * v] - P[3 * j]) ** 2 + (V[3 * v + 1] - P[3 * j + 1]) ** 2 + (V[3 * v + 2] - P[3 * j + 2]) ** 2;
+      if (near.length < K || d < near[K - 1][0]) {
+        let at = near.length < K ? near.length : K - 1;
+        while (at > 0 && near[at - 1][0] > d) at--;
+        near.splice(at, 0, [d, j]);
+        if (near.length > K) near.pop();
+      }
+    }
+    const reach = 0.35 * near[K - 1][0] || 1;
+    let sum = 0;
+    near.forEach(([d], k) => (sum += weight[v * K + k] = Math.exp(-(d - near[0][0]) / reach)));
+    near.forEach(([, j], k) => { weight[v * K + k] /= sum; index[v * K + k] = j; });
+  }
+  return (values) => Float32Array.from({ length: n }, (_, v) => {
+    let sum = 0;
+    for (let k = 0; k < K; k++) sum += weight[v * K + k] * values[index[v * K + k]];
+    return sum;
+  });
+}
+
+function differences(model, V) {
+  const out = new Float32Array(V.length / 3), { V0, N0 } = model;
+  for (let k = 0; k < V.length; k += 3)
+    out[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
+  return out;
+}
+
+function legend(palette, texts) {
+  const strip = el("div", { class: "strip" });
+  strip.style.background = cssGradient(palettes[palette]);
+  return el("div", { class: "legend" }, strip, el("div", { class: "ends" }, texts.map((t) => el("span", {}, t))));
+}
+
+/** Bars of the scores in standard deviations; the band is where two thirds and 95 % of shapes lie. */
+function scoreChart(shown, name) {
+  const n = Math.min(shown.scores.length, 15), W = 420, H = 220, left = 40, right = 10, top = 10, bottom = 34;
+  const z = shown.scores.slice(0, n).map((b, k) => b / Math.sqrt(shown.variances[k]));
+  const most = Math.max(3, ...z.map(Math.abs));
+  const y = (v) => top + ((most - v) / (2 * most)) * (H - top - bottom), x = (k) => left + ((k + 0.5) / n) * (W - left - right);
+  const wide = Math.min(18, (0.7 * (W - left - right)) / n);
+  return svg("svg", { viewBox: `0 0 ${W} ${H}`, role: "img", "aria-label": `scores of ${name} in standard deviations` },
+    svg("rect", { class: "band", x: left, y: y(2), width: W - left - right, height: y(-2) - y(2) }),
+    [-2, -1, 0, 1, 2].map((t) => [
+      svg("path", { class: "mesh", d: `M${left} ${y(t)}H${W - right}` }),
+      svg("text", { x: left - 6, y: y(t) + 4, "text-anchor": "end" }, String(t).replace("-", "\u2212")),
+    ]),
+    z.map((v, k) => [
+      svg("path", { class: "curve", "stroke-width": wide, d: `M${x(k)} ${y(0)}V${y(v)}`, style: `stroke-width:${wide}px` },
+        svg("title", {}, `mode ${k + 1}: ${show(v)} sd`)),
+      svg("text", { x: x(k), y: H - bottom + 15, "text-anchor": "middle" }, String(k + 1)),
+    ]),
+    svg("text", { x: (left + W - right) / 2, y: H - 4, "text-anchor": "middle" }, "mode; score in standard deviations of the model"));
+}
+
+function facts(f) {
+  const d = f.surface_distance;
+  return [
+    ["verdict", f.verdict + (f.reason ? `: ${f.reason}` : "")],
+    ["input", f.input],
+    f.mirrored === undefined ? null : ["hand", f.mirrored ? "mirrored to the model's side" : "as the model"],
+    f.partial ? ["seen", `${percent(f.observed_share)} of the particles; the rest is what the model expects`] : null,
+    d ? ["distance of surface and fit", `${show(d.mean)} on average, ${show(d.max)} at most`] : null,
+    f.mahalanobis === undefined ? null
+      : ["distance from the mean", `Mahalanobis ${show(f.mahalanobis)} in ${plural(f.mahalanobis_modes, "mode")}; one further out is met with probability ${pText(f.tail_probability)}`],
+    f.residual === undefined ? null : ["missed by the modes", `${show(f.residual)} a coordinate (shapes left out: ${show(f.residual_usual)})`],
+    f.certificate ? ["certificate", f.certificate.verdict] : null,
+  ].filter(Boolean);
+}
+
+export function fillFits(model, { radius }) {
+  const rows = model.table, count = (v) => rows.filter((r) => r.verdict === v).length;
+  byId("title").textContent = `Fits \u201c${model.title}\u201d`;
+  document.title = `${model.title} \u2013 fits`;
+  byId("summary").textContent = `${plural(rows.length, "new shape")} by the model ${model.model.path} ` +
+    `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). Lengths are in the unit of the input (mm for images).`;
+  const fine = count("good") === rows.length;
+  byId("verdict").append(el("div", { class: `verdict ${fine ? "good" : "bad"}` },
+    el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
+    el("div", {}, el("strong", {}, `${count("good")} good. `),
+      [["needs review", "to review"], ["refused", "refused"], ["failed", "could not be read"]]
+        .filter(([v]) => count(v) > 0).map(([v, text]) => `${count(v)} ${text}. `),
+      "A shape that is refused is not of the model\u2019s kind, and has no particles.")));
+
+  document.querySelector("nav").replaceChildren(el("a", { href: "#shape" }, "Shape"), el("a", { href: "#table" }, "Table"));
+  const main = document.querySelector("main");
+  for (const section of main.querySelectorAll("section")) section.remove();
+  const section = (id, text) => {
+    const body = el("div", { class: "body" });
+    main.append(el("section", { id, "aria-labelledby": `h-${id}` }, el("h2", { id: `h-${id}` }, text), body));
+    return body;
+  };
+  document.querySelector(".skip").setAttribute("href", "#shape");
+  const body = section("shape", "A shape and the mean");
+
+  const state = { chosen: model.shown[0]?.shape ?? -1, colour: "difference", same: true, particles: false };
+  const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": "the new shape; drag turns" });
+  const meanCanvas = el("canvas", { tabindex: 0, role: "img", "aria-label": "the mean shape; drag turns" });
+  const view = new gl.View(canvas, { large: true, radius }), meanView = new gl.View(meanCanvas, { large: true, radius });
+  const key = el("div", {}), details = el("div", {}), chart = el("div", {}), heading = el("h3", {});
+  const made = new Map();
+  const parts = (k) => {
+    if (!made.has(k)) {
+      const s = model.shown[k], V = model.array(s.vertices, "warped"), P = s.particles && model.array(s.particles, "positions");
+      const N = vertexNormals(V, model.F), spread = P && spreader(V, P);
+      const values = { difference: differences(model, V) };
+      if (spread) {
+        values.deviation = spread(model.array(s.deviation, "distances"));
+        values.observed = spread(Float32Array.from(model.array(s.observed, "integers")));
+      }
+      const tint = P && new Float32Array(P.length).fill(0.25);
+      const geometry = Object.fromEntries(Object.entries(values).map(([name, value]) => [name, gl.surfaceGeometry(V, model.F, N, value)]));
+      made.set(k, { values, geometry, dots: P && gl.particleGeometry(P, tint) });
+    }
+    return made.get(k);
+  };
+  const reachOf = (k) => parts(k).values.difference.reduce((m, x) => Math.max(m, Math.abs(x)), 0) || 1;
+  const everywhere = () => model.shown.slice(0, 40).reduce((m, _, k) => Math.max(m, reachOf(k)), 0) || 1;
+  let common = 0;
+
+  const bare = gl.surfaceGeometry(model.V0, model.F, model.N0, new Float32Array(model.V0.length / 3));
+  const dress = () => {
+    const f = rows[state.chosen], k = model.of.get(state.chosen);
+    heading.textContent = f ? f.name : "";
+    details.replaceChildren(f ? table(["what", "found"], facts(f)) : "");
+    if (k === undefined) {
+      view.set({ surface: null, particles: null });
+      key.replaceChildren(f ? "No surface of this shape is on the page." : "");
+      chart.replaceChildren();
+      return;
+    }
+    const made = parts(k), colour = made.geometry[state.colour] ? state.colour : "difference";
+    const reach = state.same ? (common ||= everywhere()) : reachOf(k), most = model.largest_distance;
+    const how = {
+      difference: ["signed", [-reach, reach], [`\u2212${show(reach)} inside the mean`, "0", `+${show(reach)} outside`]],
+      deviation: ["heat", [0, most], ["sure", `standard deviation ${show(most)}`]],
+      observed: ["signed", [2, -1], ["not seen", "seen"]],
+    }[colour];
+    view.set({ surface: made.geometry[colour], particles: state.particles ? made.dots : null, palette: how[0], range: how[1] });
+    meanView.set({ surface: bare, particles: null });
+    key.replaceChildren(legend(how[0], how[2]));
+    chart.replaceChildren(scoreChart(model.shown[k], f.name));
+  };
+  const choose = (i) => { state.chosen = i; picker.value = String(i); dress(); };
+  const select = choice("Shape ", rows.map((r, i) => [String(i), `${r.name}${r.verdict === "good" ? "" : ` (${r.verdict})`}`]), String(state.chosen), (v) => choose(Number(v)));
+  const picker = select.querySelector("select");
+  body.append(
+    el("div", { class: "tools" }, select,
+      choice("Colour ", [["difference", "difference from the mean"], ["deviation", "uncertainty"], ["observed", "seen or expected"]], "difference", (v) => { state.colour = v; dress(); }),
+      checkbox("One scale for all shapes", true, (on) => { state.same = on; dress(); }),
+      checkbox("Particles", false, (on) => { state.particles = on; dress(); })),
+    el("div", { class: "split even" },
+      el("figure", {}, el("div", { class: "view" }, canvas), el("figcaption", { class: "small soft" }, "the new shape, in the model\u2019s frame")),
+      el("figure", {}, el("div", { class: "view" }, meanCanvas), el("figcaption", { class: "small soft" }, "the mean"))),
+    key, heading, el("div", { class: "split even" }, details, chart));
+
+  const list = section("table", "All shapes");
+  if (model.shown.length < count("good") + count("needs review"))
+    list.append(el("p", { class: "soft" }, `Surfaces of ${model.shown.length} shapes are on this page, those that need review first; all are in meshes/.`));
+  list.append(table(["shape", "verdict", "reason", "distance", "Mahalanobis", "probability", "seen", "hand"],
+    rows.map((r, i) => [
+      el("button", { type: "button", class: "link", onclick: () => { choose(i); byId("shape").scrollIntoView(); } }, r.name),
+      el("span", { class: `badge ${SIGN[r.verdict] === "good" ? "plain" : "bad"}` }, r.verdict), r.reason,
+      show(r.surface_distance?.mean), show(r.mahalanobis), pText(r.tail_probability),
+      r.observed_share === undefined ? "\u2013" : percent(r.observed_share),
+      r.mirrored === undefined ? "\u2013" : r.mirrored ? "mirrored" : "same"]), [3, 4, 5, 6]));
+  const first = rows.findIndex((r, i) => r.verdict !== "good" && model.of.has(i));
+  choose(first >= 0 ? first : state.chosen);
+  addEventListener("keydown", (e) => {
+    if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (e.key === "n" || e.key === "p") choose((state.chosen + (e.key === "n" ? 1 : -1) + rows.length) % rows.length);
+  });
+  return { state, choose };
+}
+
+/** Where all shapes lie. */
+export function stageOf(model) {
+  const V = model.V0, c = [0, 0, 0];
+  for (let k = 0; k < V.length; k++) c[k % 3] += (3 * V[k]) / V.length;
+  let r = 0, xx = 0, xy = 0, yy = 0;
+  for (let k = 0; k < V.length; k += 3) {
+    const x = V[k] - c[0], y = V[k + 1] - c[1];
+    r = Math.max(r, Math.hypot(x, y, V[k + 2] - c[2]));
+    xx += x * x; xy += x * y; yy += y * y;
+  }
+  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
+  return { centre: c, radius: 1.02 * r, yaw: angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25 };
+}
