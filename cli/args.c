@@ -113,6 +113,7 @@ static const cli_slot texts[] = {
     { CLI_SUBJECTS, offsetof(cli_args, subjects) },
     { CLI_FORMULA, offsetof(cli_args, formula) },
     { CLI_OF, offsetof(cli_args, of) },
+    { CLI_AT, offsetof(cli_args, at) },
     { CLI_ON, offsetof(cli_args, on) },
     { CLI_WITHIN, offsetof(cli_args, within) },
     { CLI_PERMUTATIONS, offsetof(cli_args, permutations) },

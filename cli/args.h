@@ -28,6 +28,7 @@ typedef enum cli_verb {
     CLI_TEST = 1 << 18,
     CLI_MEASURE = 1 << 21,
     CLI_NORM = 1 << 22,
+    CLI_PREDICT = 1 << 23,
     CLI_CERTIFY = 1 << 27
 } cli_verb;
 
@@ -77,7 +78,8 @@ typedef struct cli_args {
     const char *parts, *align_parts;         /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
     const char *hand, *extent;               /* of fit, as given; NULL if not */
-    const char *subjects, *formula, *of, *on, *within, *permutations, *bootstraps; /* of test */
+    const char *subjects, *formula, *of, *at, *on, *within, *permutations,
+        *bootstraps;        /* of test */
     const char *landmarks;  /* of fit: the file; NULL if not */
     const char *model;      /* of export: the file; NULL if not */
     const char *modes, *sd; /* of export, as given; NULL if not */

@@ -11,7 +11,7 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK | CLI_FIT,
-    STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM,
+    STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM | CLI_PREDICT,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
           CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE
 };
@@ -58,8 +58,12 @@ static const cli_option own[] = {
       "what the shapes depend on, \"~ group + age + group:age\": columns of the table, of the "
       "project, or centroid_size",
       NULL },
-    { "of", 0, CLI_OF, CLI_GROUP_INPUT, CLI_TEST, "TERM", NULL, NULL,
-      "the term that is tested, the others being allowed for (default: the first)", NULL },
+    { "of", 0, CLI_OF, CLI_GROUP_INPUT, CLI_TEST | CLI_PREDICT, "TERM", NULL, NULL,
+      "the term that is tested, the others being allowed for (default: the first); predict: the "
+      "column",
+      NULL },
+    { "at", 0, CLI_AT, CLI_GROUP_INPUT, CLI_PREDICT, "X,Y", NULL, NULL,
+      "values of the column for which the shape to be expected is written as a mesh", NULL },
     { "subjects", 0, CLI_SUBJECTS, CLI_GROUP_INPUT, STATISTICS, "FILE", NULL, NULL,
       "table of the subjects (.csv, .tsv): a header, then a line each, first the shape's name",
       NULL },
@@ -129,8 +133,8 @@ static const cli_option own[] = {
       NULL },
     { "set", 0, CLI_SET_PAIR, CLI_GROUP_MODEL, STEPS, "KEY=VALUE", NULL, NULL,
       "any option of the method (see --help-all)", NULL },
-    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST | CLI_NORM, "N", "seed", NULL,
-      "seed of all random numbers (default 0); the result depends on it, not on the threads",
+    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST | CLI_NORM | CLI_PREDICT, "N", "seed",
+      NULL, "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
       STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT |

@@ -24,6 +24,7 @@ typedef enum cli_action {
     CLI_SUBJECTS,
     CLI_FORMULA,
     CLI_OF,
+    CLI_AT,
     CLI_ON,
     CLI_WITHIN,
     CLI_PERMUTATIONS,

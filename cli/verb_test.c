@@ -1,4 +1,4 @@
-/* test, measure, norm: from a model to answers. */
+/* test, measure, norm, predict: from a model to answers. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -54,6 +54,24 @@ apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui
                                              .subjects = args->subjects,
                                              .out = args->out_dir };
     return apsm_statistics_measure(ctx, &settings);
+}
+
+apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    const char *seed = cli_args_get(args, "seed");
+    const apsm_predict_settings settings = { .folder = args->inputs[0],
+                                             .of = args->of,
+                                             .subjects = args->subjects,
+                                             .n_files = args->n_inputs - 1,
+                                             .files = args->inputs + 1,
+                                             .at = args->at,
+                                             .out = args->out_dir };
+    if (!args->of)
+        return apsm_fail(ctx, APSM_ERR_ARG, "predict needs a column: apsm predict %s",
+                         args->verb->operands);
+    if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
+    return apsm_statistics_predict(ctx, &settings);
 }
 
 apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui)

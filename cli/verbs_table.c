@@ -89,6 +89,14 @@ static const cli_verb_info verbs[] = {
       "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o.",
       .first = "a model folder and shapes", .more = "a model folder and shapes",
       .call = apsm_cli_norm },
+    { CLI_PREDICT, "predict", "MODEL_DIR --of COLUMN [PARTICLES|FIT...]",
+      "a column from the shape: age, a measurement, one of two groups",
+      "Learns a column of the table of subjects from the shape (ridge regression on the particles) "
+      "and tells how well that goes, by cross-validation with every step inside the folds; tells "
+      "the value of new shapes that were fitted, with a 95 % interval; and with --at the shape "
+      "that is to be expected for given values. Writes COLUMN_prediction.json and .csv to "
+      "statistics/ in the model folder, or to the folder of -o.",
+      .first = "a model folder", .call = apsm_cli_predict },
     { CLI_EXCLUDE, "exclude", "MODEL_DIR NAME...", "a model without some of its shapes",
       "Takes shapes out of a finished model: mean, modes, figures and report are made anew, "
       "nothing "

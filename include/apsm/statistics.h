@@ -61,6 +61,25 @@ typedef struct apsm_norm_settings {
 APSM_API apsm_status apsm_statistics_norm(apsm_context *ctx,
                                           const apsm_norm_settings *settings) APSM_NODISCARD;
 
+/* All borrowed; {0} and the first two are enough. */
+typedef struct apsm_predict_settings {
+    const char *folder;   /* a model folder */
+    const char *of;       /* column: numbers, or two groups */
+    const char *subjects; /* .csv or .tsv of what is known; NULL: what was kept, the project's */
+    size_t n_files;
+    const char *const *files; /* new shapes: world particles, or folders that fit has made */
+    const char *at;  /* "40,60": values for which the shape to be expected is written; NULL: none */
+    const char *out; /* folder of the results; NULL: statistics/ in the model folder */
+} apsm_predict_settings;
+
+/* A column from the shape, by ridge regression on the particles: how well, by ten-fold
+ * cross-validation with every step inside the folds; of new shapes, with an interval; and how the
+ * shape changes with the column.  Writes OF_prediction.json and .csv, and
+ * OF_prediction_at_VALUE.ply.
+ */
+APSM_API apsm_status apsm_statistics_predict(apsm_context *ctx,
+                                             const apsm_predict_settings *settings) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

@@ -14,7 +14,9 @@
 #include "statistics/formula.h"
 #include "statistics/particle_files.h"
 #include "statistics/permutation_test.h"
+#include "statistics/results.h"
 
+#define FORMAT_NORM "apsm-norm"
 enum { NORM_VERSION = 1, HALVINGS = 50, LEAST_FREEDOM = 5 };
 static const double modes_share = 0.95, alpha = 0.05;
 
@@ -78,6 +80,21 @@ static apsm_status list_names(norm_job *w)
     return APSM_OK;
 }
 
+/* norm.csv, or a file for each new shape. */
+static apsm_status claim_files(const norm_job *w)
+{
+    char *folder = results_folder(w->s->folder, w->s->out);
+    apsm_status status = folder ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t f = 0; f <= w->n && status == APSM_OK; f++) {
+        char name[512] = "norm.csv";
+        const char *const names[] = { name };
+        if (f > 0) snprintf(name, sizeof name, "%.400s_norm.csv", w->files.name[f - 1]);
+        status = results_claim(w->ctx, folder, "norm.json", FORMAT_NORM, 1, names);
+    }
+    free(folder);
+    return status;
+}
+
 static apsm_status read_all(norm_job *w)
 {
     const apsm_norm_settings *s = w->s;
@@ -88,6 +105,7 @@ static apsm_status read_all(norm_job *w)
         &w->m));
     APSM_TRY(particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->files));
     w->n = w->files.n;
+    APSM_TRY(claim_files(w));
     APSM_TRY(list_names(w));
     APSM_TRY(apsm_table_from_project(w->ctx, &w->m.project, &w->table));
     APSM_TRY(widen_table(w));
@@ -405,7 +423,7 @@ static json_t *json_result(const norm_job *w)
     for (size_t i = 0; i < w->N; i++)
         if (!model_folder_is_certified(&w->m, w->row[i]))
             json_array_append_new(uncertified, json_string(w->names[w->row[i]]));
-    return json_pack("{s:s, s:i, s:o, s:I, s:I, s:o, s:o}", "format", "apsm-norm", "version",
+    return json_pack("{s:s, s:i, s:o, s:I, s:I, s:o, s:o}", "format", FORMAT_NORM, "version",
                      NORM_VERSION, "formula",
                      w->s->formula ? json_string(w->s->formula) : json_null(), "shapes",
                      (json_int_t)w->N, "coefficients", (json_int_t)w->q, "not_certified",
@@ -489,7 +507,7 @@ static apsm_status write_file(const norm_job *w, const char *folder, size_t f)
 
 static apsm_status write_results(const norm_job *w)
 {
-    char *folder = w->s->out ? strdup(w->s->out) : apsm_path_join(w->s->folder, "statistics");
+    char *folder = results_folder(w->s->folder, w->s->out);
     apsm_status status = folder ? apsm_make_folder(w->ctx, folder) : APSM_ERR_MEMORY;
     for (size_t f = 0; f < w->n + 2 && status == APSM_OK; f++) status = write_file(w, folder, f);
     free(folder);

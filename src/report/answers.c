@@ -29,20 +29,30 @@ static apsm_status read_columns(apsm_context *ctx, const model_folder *m, json_t
     return status;
 }
 
-/* A result of `apsm test` joins the list if it is of this model. */
-static apsm_status take_test(apsm_context *ctx, const char *path, const char *model, json_t *tests)
+/* Results of `apsm test` and `apsm predict`. */
+typedef struct result_lists {
+    json_t *tests, *predictions;
+} result_lists;
+
+/* A result joins its list if it is of this model. */
+static apsm_status take_result(apsm_context *ctx, const char *path, const char *model,
+                               const result_lists *lists)
 {
     json_t *root = NULL;
     APSM_TRY(apsm_json_read(ctx, path, &root));
     const char *format = json_string_value(json_object_get(root, "format"));
     const char *of = json_string_value(json_object_get(root, "model_sha256"));
-    if (format && strcmp(format, "apsm-test") == 0) {
+    json_t *list = !format                                  ? NULL
+                   : strcmp(format, "apsm-test") == 0       ? lists->tests
+                   : strcmp(format, "apsm-prediction") == 0 ? lists->predictions
+                                                            : NULL;
+    if (list) {
         if (of && strcmp(of, model) == 0)
-            json_array_append(tests, root);
+            json_array_append(list, root);
         else
             apsm_log(ctx, APSM_LOG_WARNING,
                      "%s: is of another model than the folder's now, and not in the report; run "
-                     "apsm test again",
+                     "apsm test or predict again",
                      path);
     }
     json_decref(root);
@@ -55,8 +65,8 @@ static bool is_json(const char *path)
     return n > 5 && strcmp(path + n - 5, ".json") == 0;
 }
 
-static apsm_status read_tests(apsm_context *ctx, const model_folder *m, const char *folder,
-                              json_t *tests)
+static apsm_status read_results(apsm_context *ctx, const model_folder *m, const char *folder,
+                                const result_lists *lists)
 {
     char model[65];
     apsm_file_list list = { 0 };
@@ -67,7 +77,7 @@ static apsm_status read_tests(apsm_context *ctx, const model_folder *m, const ch
     for (size_t k = 0; status == APSM_OK && k < list.n; k++) {
         if (!is_json(list.path[k])) continue;
         path = apsm_path_join(folder, list.path[k]);
-        status = path ? take_test(ctx, path, model, tests) : APSM_ERR_MEMORY;
+        status = path ? take_result(ctx, path, model, lists) : APSM_ERR_MEMORY;
         free(path);
     }
     apsm_file_list_free(&list);
@@ -78,14 +88,20 @@ apsm_status answers_read(apsm_context *ctx, const model_folder *m, json_t **answ
 {
     *answers = NULL;
     char *folder = model_folder_path(m, "statistics");
-    json_t *columns = json_array(), *tests = json_array();
-    apsm_status status = folder && columns && tests ? APSM_OK : APSM_ERR_MEMORY;
+    json_t *columns = json_array();
+    const result_lists lists = { json_array(), json_array() };
+    apsm_status status =
+        folder && columns && lists.tests && lists.predictions ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = read_columns(ctx, m, columns);
-    if (status == APSM_OK && apsm_is_folder(folder)) status = read_tests(ctx, m, folder, tests);
-    if (status == APSM_OK && (json_array_size(columns) > 0 || json_array_size(tests) > 0))
-        *answers = json_pack("{s:O, s:O}", "columns", columns, "tests", tests);
+    if (status == APSM_OK && apsm_is_folder(folder)) status = read_results(ctx, m, folder, &lists);
+    if (status == APSM_OK && json_array_size(columns) + json_array_size(lists.tests) +
+                                     json_array_size(lists.predictions) >
+                                 0)
+        *answers = json_pack("{s:O, s:O, s:O}", "columns", columns, "tests", lists.tests,
+                             "predictions", lists.predictions);
     json_decref(columns);
-    json_decref(tests);
+    json_decref(lists.tests);
+    json_decref(lists.predictions);
     free(folder);
     return status;
 }

@@ -16,7 +16,9 @@
 #include "statistics/effect.h"
 #include "statistics/formula.h"
 #include "statistics/permutation_test.h"
+#include "statistics/results.h"
 
+#define FORMAT_TEST "apsm-test"
 enum { TEST_VERSION = 1, PERMUTATIONS = 10000, BOOTSTRAPS = 1000, NEIGHBOURS = 6, FOLDS = 10 };
 static const double alpha = 0.05, power = 0.8, modes_share = 0.95;
 
@@ -425,7 +427,7 @@ static json_t *json_result(const group_test *t, const char *model_sha256)
     char of[200];
     apsm_term_name(&t->formula.term[t->formula.of], sizeof of, of);
     json_t *root = json_pack("{s:s, s:i, s:s, s:s, s:s, s:s, s:I, s:I, s:I, s:b}", "format",
-                             "apsm-test", "version", TEST_VERSION, "formula", t->s->formula, "of",
+                             FORMAT_TEST, "version", TEST_VERSION, "formula", t->s->formula, "of",
                              of, "on", on_word(t), "on_text", on_texts[t->on], "subjects",
                              (json_int_t)t->N, "coefficients", (json_int_t)t->design.q,
                              "permutations", (json_int_t)r->permutations, "exact", r->exact);
@@ -512,18 +514,38 @@ static apsm_status hash_model(const group_test *t, char hex[65])
     return status;
 }
 
-/* Only files of ours are replaced: the folder is the model's own, or the user's to name. */
+/* OF_ON, without extension. */
+static void result_name(const group_test *t, size_t size, char *name)
+{
+    char of[120];
+    apsm_term_name(&t->formula.term[t->formula.of], sizeof of, of);
+    snprintf(name, size, "%s_%.60s", of, on_word(t));
+    results_plain_name(name);
+}
+
+static apsm_status claim_files(const group_test *t)
+{
+    char stem[200], json[240], csv[240];
+    const char *const names[] = { csv };
+    char *folder = results_folder(t->s->folder, t->s->out);
+    result_name(t, sizeof stem, stem);
+    snprintf(json, sizeof json, "%s.json", stem);
+    snprintf(csv, sizeof csv, "%s.csv", stem);
+    const apsm_status status =
+        folder ? results_claim(t->ctx, folder, json, FORMAT_TEST, 1, names) : APSM_ERR_MEMORY;
+    free(folder);
+    return status;
+}
+
 static apsm_status write_results(const group_test *t)
 {
-    char of[120], name[200], sha256[65] = "";
-    char *folder = t->s->out ? strdup(t->s->out) : apsm_path_join(t->s->folder, "statistics");
-    apsm_term_name(&t->formula.term[t->formula.of], sizeof of, of);
+    char stem[200], name[240], sha256[65] = "";
+    char *folder = results_folder(t->s->folder, t->s->out);
+    result_name(t, sizeof stem, stem);
     apsm_status status = folder ? apsm_make_folder(t->ctx, folder) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = hash_model(t, sha256);
     for (int k = 0; k < 2 && status == APSM_OK; k++) {
-        snprintf(name, sizeof name, "%s_%.60s.%s", of, on_word(t), k ? "csv" : "json");
-        for (char *c = name; c < strrchr(name, '.'); c++)
-            if (*c == '/' || *c == ':' || *c == '.') *c = '_';
+        snprintf(name, sizeof name, "%s.%s", stem, k ? "csv" : "json");
         char *path = apsm_path_join(folder, name);
         json_t *root = k == 0 ? json_result(t, sha256) : NULL;
         status = !path    ? APSM_ERR_MEMORY
@@ -595,6 +617,7 @@ apsm_status apsm_statistics_test(apsm_context *ctx, const apsm_test_settings *se
 {
     group_test t = { .ctx = ctx, .s = settings };
     apsm_status status = read_all(&t);
+    if (status == APSM_OK) status = claim_files(&t);
     if (status == APSM_OK) status = choose_rows(&t);
     if (status == APSM_OK) status = take_variables(&t);
     if (status == APSM_OK) status = take_normals(&t);

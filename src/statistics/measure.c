@@ -14,6 +14,7 @@
 #include "model/warp.h"
 #include "statistics/measurement.h"
 #include "statistics/particle_files.h"
+#include "statistics/results.h"
 #include "statistics/table.h"
 
 enum { MEASUREMENTS_VERSION = 1, MODES_MOST = 10 };
@@ -24,6 +25,11 @@ typedef struct measured {
     char *name;
     const double *P; /* J x 3, world frame; borrowed */
 } measured;
+
+#define FORMAT_MEASUREMENTS "apsm-measurements"
+enum { FILES = 4 };
+static const char *const file_names[FILES] = { "measurements.json", "measurements.csv",
+                                               "measurements_model.csv", "measurements_files.csv" };
 
 typedef struct measuring {
     apsm_context *ctx;
@@ -340,7 +346,7 @@ static json_t *json_rows(const measuring *w, size_t first, size_t end)
 static json_t *json_result(const measuring *w)
 {
     const size_t model = w->shapes, files = model + w->mean_and_modes;
-    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o}", "format", "apsm-measurements", "version",
+    return json_pack("{s:s, s:i, s:o, s:o, s:o, s:o}", "format", FORMAT_MEASUREMENTS, "version",
                      MEASUREMENTS_VERSION, "measurements", json_definitions(w), "shapes",
                      json_rows(w, 0, model), "model", json_rows(w, model, files), "files",
                      json_rows(w, files, w->rows));
@@ -356,10 +362,8 @@ static apsm_status write_csv(const measuring *w, const char *path, size_t first,
 
 static apsm_status write_one(const measuring *w, const char *folder, size_t k)
 {
-    static const char *const names[] = { "measurements.json", "measurements.csv",
-                                         "measurements_model.csv", "measurements_files.csv" };
     const size_t ends[] = { 0, w->shapes, w->shapes + w->mean_and_modes, w->rows };
-    char *path = apsm_path_join(folder, names[k]);
+    char *path = apsm_path_join(folder, file_names[k]);
     if (!path) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
     if (k == 0) {
@@ -375,7 +379,7 @@ static apsm_status write_one(const measuring *w, const char *folder, size_t k)
 
 static apsm_status write_results(const measuring *w)
 {
-    char *folder = w->s->out ? strdup(w->s->out) : apsm_path_join(w->s->folder, "statistics");
+    char *folder = results_folder(w->s->folder, w->s->out);
     apsm_status status = folder ? apsm_make_folder(w->ctx, folder) : APSM_ERR_MEMORY;
     for (size_t k = 0; k < (w->files > 0 ? 4 : 3) && status == APSM_OK; k++)
         status = write_one(w, folder, k);
@@ -403,11 +407,23 @@ static void tell(const measuring *w)
 
 /* ---- all ---- */
 
+static apsm_status claim_files(const measuring *w)
+{
+    char *folder = results_folder(w->s->folder, w->s->out);
+    const apsm_status status = folder
+                                   ? results_claim(w->ctx, folder, file_names[0],
+                                                   FORMAT_MEASUREMENTS, FILES - 1, file_names + 1)
+                                   : APSM_ERR_MEMORY;
+    free(folder);
+    return status;
+}
+
 static apsm_status read_all(measuring *w)
 {
     const apsm_measure_settings *s = w->s;
     if (!s->folder || !s->definition)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "measure: no model folder or no definition");
+    APSM_TRY(claim_files(w));
     APSM_TRY(model_folder_read(w->ctx, s->folder,
                                FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED, &w->m));
     APSM_TRY(

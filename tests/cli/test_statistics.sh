@@ -11,6 +11,15 @@ fail() {
     echo "FAILED: $*"
     failed=1
 }
+refuse_verb() { # VERB CODE WORDS ARGUMENT...
+    local verb=$1 code=$2 words=$3 said
+    shift 3
+    said=$("$apsm" "$verb" "$@" 2>&1)
+    local got=$?
+    [ $got -eq "$code" ] || fail "$verb $*: exit code $got, not $code: $said"
+    grep -qF -- "$words" <<<"$said" || fail "$verb $*: does not say '$words': $said"
+}
+
 refuse() { # CODE WORDS ARGUMENT...
     local code=$1 words=$2 said
     shift 2
@@ -83,6 +92,37 @@ refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
 sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
 refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
 
+# ---- a column from the shape ----
+"$apsm" predict model --of size_made --subjects table.csv >said 2>&1 && fail "predicted a column that is none"
+awk 'BEGIN { print "name,reach,luck" }' >reach.csv
+for f in model/particles/*_world.particles; do # the spread along x, and a word that means nothing
+    name=$(basename "$f" _world.particles)
+    awk -v n="$name" '{ s += $1; q += $1 * $1 } END { printf "%s,%.9g,%d\n", n, sqrt(q / NR - s * s / NR / NR), (NR * s * 1e7) % 7 }' "$f"
+done >>reach.csv
+for t in 1 2; do
+    "$apsm" predict model --of reach --subjects reach.csv -o p$t --threads $t --at 4,5 --quiet || fail predict
+done
+diff -r p1 p2 >/dev/null || fail "another prediction with two threads"
+[ -s p1/reach_prediction_at_4.ply ] || fail "no shape for a value"
+share=$(sed -n 's/.*"share_explained": \(.*\),/\1/p' p1/reach_prediction.json)
+awk -v s="$share" 'BEGIN { exit !(s > 0.5) }' || fail "what the shape shows is not predicted: $share"
+want=$(awk -F, '$2 == "left out" { d = $3 - $4; r += d * d; s += $3; q += $3 * $3; n++ }
+    END { print 1 - r / (q - s * s / n) }' p1/reach_prediction.csv)
+awk -v g="$share" -v w="$want" 'BEGIN { d = g - w; exit !(d * d < 1e-8) }' || fail "share $share is not $want"
+refuse_file() {
+    mkdir -p theirs && echo mine >"theirs/$1"
+    shift
+    "$apsm" "$@" -o theirs >said 2>&1 && fail "$1 replaced a file: $(cat said)"
+    grep -q 'is not replaced' said || fail "$1 says $(cat said)"
+    [ "$(cat theirs/*)" = mine ] || fail "$1 changed a file"
+    rm -r theirs
+}
+refuse_file reach_prediction.csv predict model --of reach --subjects reach.csv
+refuse_file group_form.csv test model --subjects table.csv --formula '~ group'
+refuse_verb predict 2 "no such column" model --of nobody
+refuse_verb predict 2 "needs a column" model
+refuse_verb predict 2 "give numbers" model --of reach --subjects reach.csv --at 4,x
+
 # ---- measurements: shapes of known size ----
 cat >define.json <<'END'
 {"measurements": [{"name": "across", "kind": "distance", "points": [0, 1]},
@@ -124,14 +164,6 @@ for threads in 1 2; do
     "$apsm" norm model new_world.particles -o n$threads --threads $threads --quiet
 done
 cmp -s n1/norm.json n2/norm.json || fail "another norm with two threads"
-refuse_verb() { # VERB CODE WORDS ARGUMENT...
-    local verb=$1 code=$2 words=$3 said
-    shift 3
-    said=$("$apsm" "$verb" "$@" 2>&1)
-    local got=$?
-    [ $got -eq "$code" ] || fail "$verb $*: exit code $got, not $code: $said"
-    grep -qF -- "$words" <<<"$said" || fail "$verb $*: does not say '$words': $said"
-}
 head -n 30 new_world.particles >short.particles
 refuse_verb norm 2 "has 30 particles, the model 32" model short.particles
 refuse_verb norm 2 "give a line for it" model new_world.particles --subjects table.csv --formula '~ age'

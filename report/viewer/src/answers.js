@@ -3,7 +3,7 @@
 import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
 import { vertexNormals } from "./data.js";
 import { colourAt, cssGradient, palettes } from "./colors.js";
-import { colourScatter } from "./charts.js";
+import { agreement, colourScatter } from "./charts.js";
 
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a1f1f", "#5b3a8c"];
 const pText = (p) => (p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
@@ -162,6 +162,56 @@ function showTest(t, stage) {
     el("details", {}, el("summary", {}, "Methods, for the manuscript"), el("p", {}, methods(t)), copyButton(() => methods(t), "Copy the text")));
 }
 
+// ---- what shape tells of a column ----
+
+function tellPrediction(p) {
+  const [low, high] = p.share_interval;
+  if (p.levels.length) return `From its shape a subject is told to be ${p.levels[1]} rather than ${p.levels[0]} with an area under the ROC curve of ${show(p.auc, 2)}.`;
+  return `${low > 0 ? "" : "Not shown to be predictable: "}${percent(p.share_explained)} of the variance of ${p.of} (95 %: ${percent(low)} to ${percent(high)}) is predicted by shape, with a mean error of ${show(p.mean_absolute_error)}.`;
+}
+
+/** The mean surface as the column changes. */
+function sliderOf(p, stage) {
+  const { V0, F, N0, at, tools } = stage, V = V0.slice(), N = N0.slice(), value = new Float32Array(V.length / 3), D = new Float32Array(V.length);
+  at.spread(p.pattern.flat(), 3, D);
+  const known = p.per_subject.map((s) => (p.levels.length ? p.levels.indexOf(s.value) : s.value));
+  const lo = Math.min(...known), hi = Math.max(...known), surface = tools.surfaceGeometry(V, F, N, value);
+  const { view, box } = tools.makeView(`mean surface for values of ${p.of}`), text = el("span", { class: "value" });
+  let reach = 0;
+  for (let k = 0; k < V.length; k += 3) {
+    const along = D[k] * N0[k] + D[k + 1] * N0[k + 1] + D[k + 2] * N0[k + 2];
+    reach = Math.max(reach, Math.abs(along) * Math.max(hi - p.mean, p.mean - lo));
+  }
+  reach = reach || 1;
+  const draw = () => {
+    const y = Number(slider.value) - p.mean;
+    for (let k = 0; k < V.length; k++) V[k] = V0[k] + y * D[k];
+    for (let k = 0; k < V.length; k += 3) value[k / 3] = y * (D[k] * N0[k] + D[k + 1] * N0[k + 1] + D[k + 2] * N0[k + 2]);
+    vertexNormals(V, F, N);
+    for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
+    view.set({ surface, particles: null, palette: "signed", range: [-reach, reach] });
+    text.textContent = p.levels.length ? `${p.levels[0]} \u2194 ${p.levels[1]}` : show(Number(slider.value));
+  };
+  const slider = el("input", { type: "range", min: lo, max: hi, step: (hi - lo) / 200, value: p.mean, "aria-label": p.of, oninput: draw });
+  draw();
+  return { box: el("div", { class: "main" }, box, tools.legend("signed", [`\u2212${show(reach)} inward`, "0", `+${show(reach)} outward`])),
+    control: el("label", { class: "stack" }, `The shape to be expected: ${p.of} `, text, slider) };
+}
+
+function showPrediction(p, stage) {
+  const rows = [["subjects", String(p.subjects)], ["variance predicted, left out", `${percent(p.share_explained)} (95 %: ${percent(p.share_interval[0])} to ${percent(p.share_interval[1])})`],
+    p.levels.length ? ["area under the ROC curve", show(p.auc, 2)] : ["mean error", show(p.mean_absolute_error)],
+    p.half_width === null || p.levels.length ? null : ["95 % interval of a new shape", `\u00b1${show(p.half_width)}`]].filter(Boolean);
+  const map = p.pattern.length === stage.J && stage.at ? sliderOf(p, stage) : null;
+  const plot = p.levels.length ? null : el("figure", { class: "chart" },
+    agreement({ title: `${p.of}: known and predicted`, onpick: stage.tools.choose, xLabel: p.of, yLabel: `${p.of} from shape, left out`,
+      points: p.per_subject.map((s) => ({ index: stage.indexOf(s.name), x: s.value, y: s.predicted, title: `${s.name}: ${show(s.value)}, from shape ${show(s.predicted)}` })) }));
+  return el("article", { class: "test" }, el("h3", {}, `${p.of} from shape`), el("p", {}, tellPrediction(p)),
+    p.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${p.not_certified.slice(0, 8).join(", ")}${p.not_certified.length > 8 ? " and more" : ""}. Look at them before you trust this.`),
+    el("div", { class: "split" }, map ? map.box : el("div", {}), el("div", {}, map && map.control, table(["figure", "value"], rows), plot)),
+    p.new.length > 0 && table(["new shape", p.of, "95 %"], p.new.map((s) => [s.name, p.levels.length ? `${s.value} (${show(s.predicted, 2)})` : show(s.predicted), p.levels.length || s.interval[0] === null ? "\u2013" : `${show(s.interval[0])} to ${show(s.interval[1])}`]), [1]));
+}
+
 // ---- scores by columns ----
 
 function showScores(model, columns, tools) {
@@ -198,7 +248,8 @@ function showScores(model, columns, tools) {
 export function fillAnswers(model, tools) {
   const section = byId("answers"), answers = model.answers;
   const columns = (answers?.columns ?? []).filter((c) => c.values.some((v) => v !== null) && !(c.category && c.levels.length < 2));
-  if (!answers || (answers.tests.length === 0 && columns.length === 0)) {
+  const predictions = answers?.predictions ?? [];
+  if (!answers || (answers.tests.length === 0 && columns.length === 0 && predictions.length === 0)) {
     section.hidden = true;
     document.querySelector('nav a[href="#answers"]').hidden = true;
     return;
@@ -213,8 +264,8 @@ export function fillAnswers(model, tools) {
   body.append(el("p", { class: "soft" }, answers.tests.length > 0
     ? "What apsm test has found in this model. Begin with p of all together: if that is large, do not go looking among particles."
     : "What is known of the subjects. apsm test asks whether shape goes with it."));
-  if (answers.tests.some((t) => t.p_cluster)) at = weightsAt(V0, P0);
-  const stage = { V0, F, N0: vertexNormals(V0, F), at, tools, J: model.J, scaleOf };
+  if (answers.tests.some((t) => t.p_cluster) || predictions.length > 0) at = weightsAt(V0, P0);
+  const stage = { V0, F, N0: vertexNormals(V0, F), at, tools, J: model.J, scaleOf, indexOf: (name) => model.shapes.findIndex((s) => s.name === name) };
   // What has a map comes first; all but the first test are folded.
   const rank = (t) => (t.p_cluster ? 0 : 1);
   const tests = [...answers.tests].sort((a, b) => rank(a) - rank(b));
@@ -223,6 +274,12 @@ export function fillAnswers(model, tools) {
     if (k === 0) return nodes.push(showTest(t, stage));
     const fold = el("details", { ontoggle: () => { if (fold.open && fold.children.length === 1) fold.append(showTest(t, stage)); } },
       el("summary", {}, `${t.of} on ${t.on}: p = ${pText(t.p)} (${t.formula})`));
+    nodes.push(fold);
+  });
+  predictions.forEach((p, k) => {
+    if (k === 0 && tests.length === 0) return nodes.push(showPrediction(p, stage));
+    const fold = el("details", { ontoggle: () => { if (fold.open && fold.children.length === 1) fold.append(showPrediction(p, stage)); } },
+      el("summary", {}, `${p.of} from shape: ${p.levels.length ? `area under the ROC curve ${show(p.auc, 2)}` : `${percent(p.share_explained)} of its variance`}`));
     nodes.push(fold);
   });
   body.append(...nodes);

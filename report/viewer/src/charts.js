@@ -145,3 +145,16 @@ export function colourScatter({ points, ellipses, ...rest }) {
   });
   return scatter({ points, ...rest, under: ellipses ? under : null });
 }
+
+/** Known and predicted values, with the line on which they agree. */
+export function agreement({ title, points, xLabel, yLabel, onpick }) {
+  const all = points.flatMap((p) => [p.x, p.y]), lo = Math.min(...all), hi = Math.max(...all), pad = 0.04 * (hi - lo || 1);
+  const x = scale(lo - pad, hi + pad, LEFT, W - RIGHT), y = scale(lo - pad, hi + pad, H - BOTTOM, TOP), at = ticks(lo, hi);
+  return frame(
+    { title, x, y, xLabel, yLabel, xTicks: at, yTicks: at },
+    svg("path", { class: "axis", "stroke-dasharray": "4 4", d: `M${x(lo)} ${y(lo)}L${x(hi)} ${y(hi)}` }),
+    points.map((p) =>
+      svg("circle", { class: "dot", cx: x(p.x).toFixed(1), cy: y(p.y).toFixed(1), r: 4, onclick: () => onpick(p.index), style: "cursor:pointer" },
+        svg("title", {}, p.title))),
+  );
+}
