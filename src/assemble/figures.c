@@ -24,9 +24,11 @@ static apsm_status make_model(joint_job *job, const joint_cohort *c, joint_figur
     const char *word = joint_setting(job, "definition");
     apsm_options options = apsm_options_defaults();
     if (word) APSM_TRY(apsm_options_set(job->ctx, &options, "definition", word));
-    const apsm_evaluate_input input = {
-        .I = c->I, .J = c->J, .P = c->Q, .definition = (apsm_definition)options.definition
-    };
+    const apsm_evaluate_input input = { .I = c->I,
+                                        .J = c->J,
+                                        .P = c->Q,
+                                        .model = &f->model,
+                                        .definition = (apsm_definition)options.definition };
     APSM_TRY(apsm_shape_model_fit(job->ctx, c->I, c->J, c->Q, &f->model));
     APSM_TRY(apsm_evaluate(job->ctx, &input, &f->evaluation));
     return apsm_pose_shape_separate(job->ctx, c->I, &parts, c->Q, &f->poses);

@@ -32,6 +32,7 @@ static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_
                             .samples =
                                 in->samples ? in->samples : apsm_definition_samples(in->definition),
                             .definition = in->definition,
+                            .left_out = apsm_generalization_shapes(I),
                             .n_compactness = I - 1,
                             .n_generalization = I > 2 ? I - 2 : 0,
                             .n_specificity = wanted < I - 1 ? wanted : I - 1 };
@@ -81,15 +82,16 @@ static apsm_status measure_surfaces(apsm_context *ctx, const apsm_evaluate_input
 apsm_status apsm_evaluate(apsm_context *ctx, const apsm_evaluate_input *input,
                           apsm_evaluation *evaluation)
 {
-    apsm_shape_model model;
+    apsm_shape_model own = { 0 };
     *evaluation = (apsm_evaluation){ 0 };
-    APSM_TRY(apsm_shape_model_fit(ctx, input->I, input->J, input->P, &model));
+    if (!input->model) APSM_TRY(apsm_shape_model_fit(ctx, input->I, input->J, input->P, &own));
+    const apsm_shape_model *model = input->model ? input->model : &own;
     const char *warning = apsm_definition_warning(input->definition);
     if (warning) apsm_log(ctx, APSM_LOG_WARNING, "%s", warning);
-    apsm_status status = alloc(ctx, input, model.modes, evaluation);
-    if (status == APSM_OK) status = measure_model(ctx, &model, evaluation);
+    apsm_status status = alloc(ctx, input, model->modes, evaluation);
+    if (status == APSM_OK) status = measure_model(ctx, model, evaluation);
     if (status == APSM_OK && input->shape) status = measure_surfaces(ctx, input, evaluation);
-    apsm_shape_model_free(&model);
+    apsm_shape_model_free(&own);
     if (status != APSM_OK) apsm_evaluation_free(evaluation);
     return status;
 }

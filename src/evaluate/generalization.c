@@ -3,7 +3,7 @@
  *   S_i = diag(s^2) - rho t_i t_i^T,    rho = I / (I - 1),    p_i - mean_i = rho V^T t_i,
  * so the residual of p_i after m modes of the others is rho V^T c_m, with all c_m (m = 1..I-2) from
  * a rank-one downdate in O(I^2) (downdate.c).  What remains are the particles' lengths of V^T c_m:
- * one product (I-2) x r x 3J a shape, done block by block of particles. */
+ * one product r x r x 3J a shape, done block by block of particles. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,10 +23,12 @@ typedef struct scratch {
 
 typedef struct leave_one_out {
     const apsm_shape_model *model;
-    size_t M, row, blocks;
+    size_t M;      /* sizes m of models that can differ: the others have at most r modes */
+    size_t shapes; /* that are left out */
+    size_t row, blocks;
     double *d;        /* modes: s^2 */
     double *mode;     /* modes x row: in blocks */
-    double *distance; /* I x M: mean particle distance of shape i to m modes of the others */
+    double *distance; /* shapes x M: mean particle distance of one to m modes of the others */
     scratch *worker;  /* threads */
     int threads;
 } leave_one_out;
@@ -43,14 +45,21 @@ static void add_lengths(const leave_one_out *l, const scratch *w, size_t rows, d
     }
 }
 
-static apsm_status leave_out(apsm_context *ctx, size_t i, int worker, void *user)
+size_t apsm_generalization_shapes(size_t I)
+{
+    enum { MOST = 1000 };
+    return I < MOST ? I : MOST;
+}
+
+static apsm_status leave_out(apsm_context *ctx, size_t k, int worker, void *user)
 {
     (void)ctx;
     leave_one_out *l = user;
     scratch *w = &l->worker[worker];
     const size_t r = l->model->modes, I = l->model->I;
     const double rho = (double)I / (double)(I - 1), scale = rho / (double)l->model->J;
-    double *distance = l->distance + i * l->M;
+    const size_t i = k * I / l->shapes; /* evenly among all */
+    double *distance = l->distance + k * l->M;
     const size_t rows = apsm_downdate_residuals(w->downdate, l->d, l->model->score + i * r, rho,
                                                 APSM_ZERO_VARIANCE, l->M, w->C);
     memset(distance, 0, l->M * sizeof *distance);
@@ -83,7 +92,7 @@ static apsm_status scratch_alloc(leave_one_out *l)
     const size_t r = l->model->modes;
     l->d = malloc(r * sizeof *l->d);
     l->mode = malloc(r * l->row * sizeof *l->mode);
-    l->distance = malloc(l->model->I * l->M * sizeof *l->distance);
+    l->distance = malloc(l->shapes * l->M * sizeof *l->distance);
     l->worker = calloc((size_t)l->threads, sizeof *l->worker);
     if (!l->d || !l->mode || !l->distance || !l->worker) return APSM_ERR_MEMORY;
     for (int k = 0; k < l->threads; k++) {
@@ -96,19 +105,23 @@ static apsm_status scratch_alloc(leave_one_out *l)
     return APSM_OK;
 }
 
-/* Mean and standard error over the shapes, in their order. */
+/* Mean and standard error over the shapes, in their order; beyond M nothing changes. */
 static void average(const leave_one_out *l, double *mean, double *error)
 {
-    const size_t I = l->model->I;
+    const double n = (double)l->shapes;
     for (size_t m = 0; m < l->M; m++) {
         double sum = 0.0, sum2 = 0.0;
-        for (size_t i = 0; i < I; i++) sum += l->distance[i * l->M + m];
-        mean[m] = sum / (double)I;
-        for (size_t i = 0; i < I; i++) {
-            const double x = l->distance[i * l->M + m] - mean[m];
+        for (size_t k = 0; k < l->shapes; k++) sum += l->distance[k * l->M + m];
+        mean[m] = sum / n;
+        for (size_t k = 0; k < l->shapes; k++) {
+            const double x = l->distance[k * l->M + m] - mean[m];
             sum2 += x * x;
         }
-        if (error) error[m] = sqrt(sum2 / ((double)I * (double)(I - 1)));
+        if (error) error[m] = sqrt(sum2 / (n * (n - 1.0)));
+    }
+    for (size_t m = l->M; m < l->model->I - 2; m++) {
+        mean[m] = mean[l->M - 1];
+        if (error) error[m] = error[l->M - 1];
     }
 }
 
@@ -118,13 +131,14 @@ apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model
     const size_t I = model->I, r = model->modes;
     if (I < 3) return APSM_OK;
     leave_one_out l = { .model = model,
-                        .M = I - 2,
+                        .M = r < I - 2 ? r : I - 2,
+                        .shapes = apsm_generalization_shapes(I),
                         .row = apsm_blocks_row(model->J),
                         .threads = apsm_context_threads(ctx) };
     l.blocks = l.row / (3 * APSM_BLOCK);
     if (r == 0) {
-        memset(generalization, 0, l.M * sizeof *generalization);
-        if (error) memset(error, 0, l.M * sizeof *error);
+        memset(generalization, 0, (I - 2) * sizeof *generalization);
+        if (error) memset(error, 0, (I - 2) * sizeof *error);
         return APSM_OK;
     }
     apsm_status status = scratch_alloc(&l);
@@ -133,7 +147,7 @@ apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model
             l.d[k] = model->variance[k] * (double)(I - 1);
             apsm_blocks_pack(model->J, model->mode + k * 3 * model->J, l.mode + k * l.row);
         }
-        status = apsm_parallel_for(ctx, I, leave_out, &l, "generalization");
+        status = apsm_parallel_for(ctx, l.shapes, leave_out, &l, "generalization");
     } else {
         apsm_fail(ctx, status, "out of memory for the generalization of %zu shapes", I);
     }

@@ -37,10 +37,15 @@ void apsm_compactness(const apsm_shape_model *model, double *compactness);
 /* Leave-one-out: mean over shapes of the distance of p_i to its projection on the first m modes
  * of the model of the others.  generalization (I-2, out), error (I-2, out, or NULL): standard error
  * over the shapes.  No model is refitted: the spectrum of the others is a rank-one downdate
- * (O(I^2) a shape, src/evaluate/downdate.c).  O(I^3 J) multiplications, O(threads (I^2 + I 10^3))
+ * (O(r^2) a shape for r modes, src/evaluate/downdate.c).  Of a large cohort
+ * apsm_generalization_shapes(I), evenly among all, are left out one by one; each is judged by the
+ * model of all others.  O(shapes r^2 J) multiplications, O(shapes r + threads (r^2 + r 10^3))
  * scratch, parallel over shapes. */
 apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model,
                                 double *generalization, double *error) APSM_NODISCARD;
+/* All up to 1,000 shapes, 1,000 beyond: the error of the mean is then below a thirtieth of what one
+ * shape differs from another. */
+size_t apsm_generalization_shapes(size_t I);
 
 /* Mean over samples of the distance to the nearest training shape.  Sample k of m modes is that of
  * m - 1 modes plus one mode's term, so all m are judged by the same draws.  Draws come from the
@@ -59,6 +64,7 @@ apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model
 typedef struct apsm_evaluate_input {
     size_t I, J;
     const double *P; /* I x J x 3, world frame */
+    const apsm_shape_model *model; /* of P, borrowed; NULL: made here */
     apsm_definition definition;
     size_t samples;                 /* 0: the definition's number */
     size_t specificity_modes;       /* 0: the definition's number */
@@ -77,6 +83,7 @@ typedef struct apsm_evaluation {
     double *variance;                              /* modes */
     double *compactness;                           /* shapes - 1 */
     double *generalization, *generalization_error; /* shapes - 2 */
+    size_t left_out;                               /* shapes that generalization was measured on */
     double *specificity, *specificity_error;       /* shapes - 1 */
     /* Those lengths, 0 if negative; of specificity at most as many as were asked for. */
     size_t n_compactness, n_generalization, n_specificity;

@@ -6,17 +6,19 @@
 
 #include "apsm/mesh.h"
 
-enum { APSM_FORM_SCALES = 3, APSM_FORM_FACE = 7 };
+enum { APSM_FORM_SCALES = 3 };
 
 /* Radii in mean neighbour distances: constant, APSM_FORM_SCALES of them. */
 extern const double apsm_form_radius[APSM_FORM_SCALES];
 
-/* faces (nf x APSM_FORM_FACE, out): centre, unit normal, area of each face. */
+/* Doubles that the faces of a mesh of nf take. */
+size_t apsm_form_size(size_t nf);
+/* faces (apsm_form_size, out): centre, unit normal, area of each face, near ones together. */
 void apsm_form_faces(const apsm_mesh *mesh, double *faces);
 
 /* height (J x APSM_FORM_SCALES, out) around points P with unit normals N (J x 3 each): the mean,
  * over the area within the radius times h that looks the same way, of the height over the tangent
- * plane, in units of the radius.  O(J nf). */
+ * plane, in units of the radius.  faces: of a mesh of nf.  O(J (nf / 8 + faces within reach)). */
 void apsm_form_heights(size_t nf, const double *faces, size_t J, const double *P, const double *N,
                        double h, double *height);
 

@@ -325,7 +325,7 @@ static apsm_status heights_task(apsm_context *ctx, size_t i, int worker, void *u
     aligner *a = user;
     (void)ctx, (void)worker;
     const apsm_mesh *mesh = a->mesh[i];
-    double *faces = malloc(mesh->nf * APSM_FORM_FACE * sizeof *faces);
+    double *faces = malloc((apsm_form_size(mesh->nf) + 1) * sizeof *faces);
     a->heights[i] = malloc(a->cloud[i].n * APSM_FORM_SCALES * sizeof *a->heights[i]);
     const bool ok = faces && a->heights[i];
     if (ok) pose_heights(mesh, &a->cloud[i], faces, a->heights[i]);

@@ -29,7 +29,7 @@ typedef struct pose_choice {
 } pose_choice;
 
 /* heights (cloud->n x APSM_FORM_SCALES, out) of the surface around the cloud's points.  faces:
- * scratch, nf x APSM_FORM_FACE. */
+ * scratch, apsm_form_size(nf). */
 void pose_heights(const apsm_mesh *mesh, const apsm_cloud *cloud, double *faces, double *heights);
 
 /* 1: clearly a mirror image; -1: clearly none; 0: undecided.  By much more evidence, or where

@@ -19,6 +19,7 @@
 #include "groom/registration.h"
 
 #include <math.h>
+#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -27,7 +28,7 @@
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"
 
-enum { CENTRES = 128, SCALES = 3, ROUNDS = 50 };
+enum { CENTRES = 128, SCALES = 3, ROUNDS = 50, COARSE_ROUNDS = 35, COARSE = 200 };
 
 static const double reach[SCALES] = { 1.0, 0.5, 0.25 };     /* b_s */
 static const double size_of[SCALES] = { 0.12, 0.05, 0.02 }; /* a_s */
@@ -35,7 +36,7 @@ static const double affine_size = 0.3;                      /* a */
 static const double outlier = 0.01;                         /* e, in weights of a point */
 static const double first_sigma = 0.2, last_sigma = 0.5;    /* the last in spacings of the points */
 static const double first_kappa = 2.0, last_kappa = 5.0;
-static const double least_eigenvalue = 1e-6; /* relative to the largest */
+static const double least_eigenvalue = 1e-5; /* relative to the largest */
 
 struct apsm_registration {
     size_t M, C, p;
@@ -198,12 +199,14 @@ static size_t padded(size_t n)
 typedef struct job {
     const apsm_registration *r;
     const apsm_cloud *shape;
+    size_t M, K;   /* points in use: the first ones, fewer while sigma is large */
     size_t stride; /* M, padded */
     double sigma, kappa;
     double *z;                 /* K x 3 */
     double *x, *n, *u;         /* M x 3, M x 3, 4M x 3 */
     double *xs, *ns;           /* 3 x M */
     double *ws, *per_w;        /* M: weights, and one over them */
+    double *wk;                /* K: weights */
     double *S;                 /* K x M */
     double *reached, *arrived; /* K, M: the sums in (16) */
     double *D, *sums, *target; /* M, 3 x M, M x 3 */
@@ -213,36 +216,62 @@ typedef struct job {
 size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
 {
     const size_t m = padded(r->M), p = r->p;
-    return 3 * n + 21 * r->M + 13 * m + n * m + n + p * p + 3 * p + r->M * p;
+    return 4 * n + 21 * r->M + 13 * m + n * m + n + p * p + 3 * p + r->M * p;
 }
 
 static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
 {
     const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
-    job j = { .r = r, .shape = shape, .stride = m };
+    job j = { .r = r, .shape = shape };
     double **const array[] = { &j.z,    &j.x,      &j.n, &j.u,       &j.xs,      &j.ns,
-                               &j.ws,   &j.per_w,  &j.S, &j.reached, &j.arrived, &j.D,
+                               &j.ws,   &j.per_w,  &j.wk, &j.S, &j.reached, &j.arrived, &j.D,
                                &j.sums, &j.target, &j.A, &j.b,       &j.weighted };
-    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,    K * m,
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,   K, K * m,
                             K,     m,     m,     3 * m,  3 * M, p * p, 3 * p, M * p };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];
     }
-    memset(j.xs, 0, 3 * m * sizeof *j.xs);
-    memset(j.ns, 0, 3 * m * sizeof *j.ns);
-    for (size_t k = 0; k < m; k++) {
-        j.ws[k] = k < M ? r->w[k] : 0.0;
-        j.per_w[k] = k < M ? 1.0 / r->w[k] : 0.0;
-    }
     return j;
+}
+
+/* w (n) <- shares of the surface that the first n of all points x stand for: each hands its own
+ * share to the nearest of them. */
+static void share_weights(size_t all, const double *x, const double *share, size_t n, double *w)
+{
+    memcpy(w, share, n * sizeof *w);
+    for (size_t k = n; k < all; k++) {
+        size_t nearest = 0;
+        double least = INFINITY;
+        for (size_t m = 0; m < n; m++) {
+            const double d2 = vec3_distance2(x + 3 * k, x + 3 * m);
+            if (d2 < least) least = d2, nearest = m;
+        }
+        w[nearest] += share[k];
+    }
+}
+
+/* The first `most` points of both surfaces, or all, are used from here on. */
+static void use_points(job *j, size_t most)
+{
+    const apsm_registration *r = j->r;
+    j->M = r->M < most ? r->M : most;
+    j->K = j->shape->n < most ? j->shape->n : most;
+    j->stride = padded(j->M);
+    memset(j->xs, 0, 3 * j->stride * sizeof *j->xs);
+    memset(j->ns, 0, 3 * j->stride * sizeof *j->ns);
+    memset(j->ws, 0, j->stride * sizeof *j->ws);
+    memset(j->per_w, 0, j->stride * sizeof *j->per_w);
+    share_weights(r->M, r->y, r->w, j->M, j->ws);
+    share_weights(j->shape->n, j->z, j->shape->w, j->K, j->wk);
+    for (size_t m = 0; m < j->M; m++) j->per_w[m] = 1.0 / j->ws[m];
 }
 
 static void move_reference(job *j)
 {
     const apsm_registration *r = j->r;
-    apsm_gemm(0, 0, 4 * r->M, 3, r->p, 1, r->Phi, r->p, j->b, 3, 0, j->u, 3);
-    for (size_t m = 0; m < r->M; m++) {
+    apsm_gemm(0, 0, 4 * j->M, 3, r->p, 1, r->Phi, r->p, j->b, 3, 0, j->u, 3);
+    for (size_t m = 0; m < j->M; m++) {
         move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
         for (size_t c = 0; c < 3; c++) {
             j->xs[c * j->stride + m] = j->x[3 * m + c];
@@ -288,11 +317,10 @@ APSM_KERNEL static double soft_row(size_t M, const double *restrict x, const dou
 /* (15) and the sums in (16); S_mk w_m w_k in S. */
 static void match_softly(job *j)
 {
-    const apsm_registration *r = j->r;
-    const double steep = 0.5 / (j->sigma * j->sigma), e = outlier / (double)r->M;
+    const double steep = 0.5 / (j->sigma * j->sigma), e = outlier / (double)j->M;
     for (size_t m = 0; m < j->stride; m++) j->arrived[m] = e;
-    for (size_t k = 0; k < j->shape->n; k++) {
-        shape_point p = { .weight = j->shape->w[k] };
+    for (size_t k = 0; k < j->K; k++) {
+        shape_point p = { .weight = j->wk[k] };
         memcpy(p.z, j->z + 3 * k, sizeof p.z);
         memcpy(p.normal, j->shape->normal + 3 * k, sizeof p.normal);
         j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, j->kappa,
@@ -323,10 +351,10 @@ static void find_targets(job *j)
     memset(j->D, 0, M * sizeof *j->D);
     memset(j->sums, 0, 3 * M * sizeof *j->sums);
     for (size_t m = 0; m < M; m++) j->arrived[m] = 1 / j->arrived[m];
-    for (size_t k = 0; k < j->shape->n; k++)
-        add_row(M, j->S + k * M, 1 / j->reached[k], j->arrived, 0.5 * (double)r->M, j->z + 3 * k,
+    for (size_t k = 0; k < j->K; k++)
+        add_row(M, j->S + k * M, 1 / j->reached[k], j->arrived, 0.5 * (double)j->M, j->z + 3 * k,
                 j->D, j->sums);
-    for (size_t m = 0; m < r->M; m++)
+    for (size_t m = 0; m < j->M; m++)
         for (size_t c = 0; c < 3; c++)
             j->target[3 * m + c] = j->sums[c * M + m] - j->D[m] * r->y[3 * m + c];
 }
@@ -336,12 +364,12 @@ static apsm_status fit(job *j)
 {
     const apsm_registration *r = j->r;
     const size_t p = r->p;
-    for (size_t m = 0; m < r->M; m++)
+    for (size_t m = 0; m < j->M; m++)
         for (size_t k = 0; k < p; k++)
             j->weighted[m * p + k] = sqrt(j->D[m]) * r->Phi[4 * m * p + k];
-    apsm_syrk(p, r->M, j->weighted, 0, j->A);
+    apsm_syrk(p, j->M, j->weighted, 0, j->A);
     for (size_t k = 0; k < p; k++) j->A[k * p + k] += j->sigma * j->sigma;
-    apsm_gemm(1, 0, p, 3, r->M, 1, r->Phi, 4 * p, j->target, 3, 0, j->b, 3);
+    apsm_gemm(1, 0, p, 3, j->M, 1, r->Phi, 4 * p, j->target, 3, 0, j->b, 3);
     APSM_TRY(apsm_cholesky(p, j->A));
     apsm_cholesky_solve(p, j->A, 3, j->b);
     return APSM_OK;
@@ -378,6 +406,8 @@ apsm_status apsm_registration_move(const apsm_registration *r, const apsm_cloud 
         const double t = (double)round / (ROUNDS - 1);
         j.sigma = first_sigma * pow(end / first_sigma, t);
         j.kappa = first_kappa + t * (last_kappa - first_kappa);
+        if (round == 0 || round == COARSE_ROUNDS)
+            use_points(&j, round < COARSE_ROUNDS ? COARSE : SIZE_MAX);
         move_reference(&j);
         match_softly(&j);
         find_targets(&j);

@@ -66,7 +66,7 @@ static apsm_status look_at_shape(apsm_context *ctx, size_t i, int worker, void *
     const double *P = g->P + 3 * J * i, h = apsm_spacing(J, P, g->N6, NULL);
     double *N = g->N + 3 * J * i, *reach = g->reach + J * i;
     apsm_surface_point *S = malloc(J * sizeof *S);
-    double *faces = malloc((mesh->nf * APSM_FORM_FACE + 1) * sizeof *faces);
+    double *faces = malloc((apsm_form_size(mesh->nf) + 1) * sizeof *faces);
     const bool ok = S && faces;
     if (ok) {
         take_normals(g, i, S, N);

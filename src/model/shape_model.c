@@ -2,7 +2,9 @@
  * Appl. Math. 45, 1987): with the deviations Y (I x 3J) from the mean,
  *   G = Y Y^T = Q diag(s^2) Q^T   (I x I)
  *   mode_k = s_k^-1 (row k of Q^T) Y,   variance_k = s_k^2 / (I - 1),   score_ik = s_k Q_ik
- * so the 3J x 3J covariance is never made. */
+ * so the 3J x 3J covariance is never made; where that is the smaller of the two,
+ *   C = Y^T Y = V^T diag(s^2) V   (3J x 3J),   modes the rows of V,   score_i = V y_i
+ * and Y is never made either: its rows come in blocks, in their order. */
 #include "model/shape_model.h"
 
 #include <math.h>
@@ -22,25 +24,28 @@ static apsm_status check_finite(apsm_context *ctx, size_t I, size_t J, const dou
 }
 
 /* Sums differences to shape 0, which keeps digits when the cohort lies far from the origin and
- * makes the deviations of equal shapes exactly zero. */
-static void mean_and_deviations(size_t I, size_t n, const double *P, double *mean, double *Y)
+ * makes the deviations of equal shapes exactly zero: mean <- mean of the differences. */
+static void mean_difference(size_t I, size_t n, const double *P, double *mean)
 {
     memset(mean, 0, n * sizeof *mean);
     for (size_t i = 0; i < I; i++)
-        for (size_t k = 0; k < n; k++) {
-            Y[i * n + k] = P[i * n + k] - P[k];
-            mean[k] += Y[i * n + k];
-        }
+        for (size_t k = 0; k < n; k++) mean[k] += P[i * n + k] - P[k];
     for (size_t k = 0; k < n; k++) mean[k] /= (double)I;
-    for (size_t i = 0; i < I; i++)
-        for (size_t k = 0; k < n; k++) Y[i * n + k] -= mean[k];
-    for (size_t k = 0; k < n; k++) mean[k] += P[k];
 }
 
-static size_t count_modes(size_t I, const double *w)
+/* Y (rows x n) <- deviations of the shapes from `first` on. */
+static void deviations(size_t first, size_t rows, size_t n, const double *P, const double *mean,
+                       double *Y)
+{
+    for (size_t i = 0; i < rows; i++)
+        for (size_t k = 0; k < n; k++) Y[i * n + k] = (P[(first + i) * n + k] - P[k]) - mean[k];
+}
+
+/* Of n eigenvalues w of I shapes. */
+static size_t count_modes(size_t I, size_t n, const double *w)
 {
     size_t r = 0;
-    while (r + 1 < I && w[r] > 0.0 && w[r] > APSM_ZERO_VARIANCE * w[0]) r++;
+    while (r + 1 < I && r < n && w[r] > 0.0 && w[r] > APSM_ZERO_VARIANCE * w[0]) r++;
     return r;
 }
 
@@ -73,7 +78,7 @@ static apsm_status fit_modes(apsm_shape_model *model, const double *Y, double *G
 {
     const size_t I = model->I, n = 3 * model->J;
     APSM_TRY(apsm_symmetric_eigen(I, G, w, Q));
-    const size_t r = count_modes(I, w);
+    const size_t r = count_modes(I, I, w);
     APSM_TRY(alloc_modes(model, r));
     if (r == 0) return APSM_OK;
     apsm_gemm(0, 0, r, n, I, 1.0, Q, I, Y, n, 0.0, model->mode, n);
@@ -85,20 +90,15 @@ static apsm_status fit_modes(apsm_shape_model *model, const double *Y, double *G
     return APSM_OK;
 }
 
-apsm_status apsm_shape_model_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
-                                 apsm_shape_model *model)
+/* model->mean: of the differences to shape 0. */
+static apsm_status fit_by_shapes(apsm_shape_model *model, const double *P)
 {
-    *model = (apsm_shape_model){ .I = I, .J = J };
-    if (I == 0 || J == 0 || !P)
-        return apsm_fail(ctx, APSM_ERR_ARG, "a shape model needs at least one shape and particle");
-    APSM_TRY(check_finite(ctx, I, J, P));
-    const size_t n = 3 * J;
-    model->mean = malloc(n * sizeof *model->mean);
+    const size_t I = model->I, n = 3 * model->J;
     double *Y = malloc(I * n * sizeof *Y), *G = malloc(I * I * sizeof *G);
     double *Q = malloc(I * I * sizeof *Q), *w = malloc(I * sizeof *w);
     apsm_status status = APSM_ERR_MEMORY;
-    if (model->mean && Y && G && Q && w) {
-        mean_and_deviations(I, n, P, model->mean, Y);
+    if (Y && G && Q && w) {
+        deviations(0, I, n, P, model->mean, Y);
         apsm_gram(I, n, 1.0, Y, G);
         status = fit_modes(model, Y, G, w, Q);
     }
@@ -106,12 +106,98 @@ apsm_status apsm_shape_model_fit(apsm_context *ctx, size_t I, size_t J, const do
     free(G);
     free(Q);
     free(w);
-    if (status != APSM_OK) {
-        apsm_shape_model_free(model);
-        return apsm_fail(ctx, status, "shape model of %zu shapes with %zu particles: %s", I, J,
-                         apsm_status_text(status));
+    return status;
+}
+
+/* ---- the side of the particles ---- */
+
+enum { BLOCK = 64 }; /* shapes at a time */
+
+static size_t block_size(size_t I, size_t first)
+{
+    return I - first < BLOCK ? I - first : BLOCK;
+}
+
+/* C (n x n, lower triangle) <- Y^T Y; Y: BLOCK x n. */
+static void covariance(const apsm_shape_model *model, const double *P, double *Y, double *C)
+{
+    const size_t I = model->I, n = 3 * model->J;
+    for (size_t first = 0; first < I; first += BLOCK) {
+        const size_t rows = block_size(I, first);
+        deviations(first, rows, n, P, model->mean, Y);
+        apsm_syrk(n, rows, Y, first > 0 ? 1.0 : 0.0, C);
     }
+}
+
+static void find_scores(apsm_shape_model *model, const double *P, double *Y)
+{
+    const size_t I = model->I, n = 3 * model->J, r = model->modes;
+    for (size_t first = 0; first < I; first += BLOCK) {
+        const size_t rows = block_size(I, first);
+        deviations(first, rows, n, P, model->mean, Y);
+        apsm_gemm(0, 1, rows, r, n, 1.0, Y, n, model->mode, n, 0.0, model->score + first * r, r);
+    }
+}
+
+/* C: the covariance, destroyed; w (n), Q (n x n), Y (BLOCK x n): scratch. */
+static apsm_status fit_covariance(apsm_shape_model *model, const double *P, double *C, double *w,
+                                  double *Q, double *Y)
+{
+    const size_t I = model->I, n = 3 * model->J;
+    covariance(model, P, Y, C);
+    APSM_TRY(apsm_symmetric_eigen(n, C, w, Q));
+    const size_t r = count_modes(I, n, w);
+    APSM_TRY(alloc_modes(model, r));
+    if (r == 0) return APSM_OK;
+    memcpy(model->mode, Q, r * n * sizeof *Q);
+    for (size_t k = 0; k < r; k++) {
+        unit_and_sign(n, model->mode + k * n);
+        model->variance[k] = w[k] / (double)(I - 1);
+    }
+    find_scores(model, P, Y);
     return APSM_OK;
+}
+
+static apsm_status fit_by_particles(apsm_shape_model *model, const double *P)
+{
+    const size_t n = 3 * model->J;
+    double *C = malloc(n * n * sizeof *C), *Q = malloc(n * n * sizeof *Q);
+    double *w = malloc(n * sizeof *w), *Y = malloc(BLOCK * n * sizeof *Y);
+    const apsm_status status =
+        C && Q && w && Y ? fit_covariance(model, P, C, w, Q, Y) : APSM_ERR_MEMORY;
+    free(C);
+    free(Q);
+    free(w);
+    free(Y);
+    return status;
+}
+
+apsm_status apsm_shape_model_fit_side(apsm_context *ctx, apsm_model_side side, size_t I, size_t J,
+                                      const double *P, apsm_shape_model *model)
+{
+    *model = (apsm_shape_model){ .I = I, .J = J };
+    if (I == 0 || J == 0 || !P)
+        return apsm_fail(ctx, APSM_ERR_ARG, "a shape model needs at least one shape and particle");
+    APSM_TRY(check_finite(ctx, I, J, P));
+    const size_t n = 3 * J;
+    if (side == APSM_SIDE_SMALLER) side = I <= n ? APSM_SIDE_SHAPES : APSM_SIDE_PARTICLES;
+    apsm_status status = APSM_ERR_MEMORY;
+    model->mean = malloc(n * sizeof *model->mean);
+    if (model->mean) {
+        mean_difference(I, n, P, model->mean);
+        status = side == APSM_SIDE_SHAPES ? fit_by_shapes(model, P) : fit_by_particles(model, P);
+        for (size_t k = 0; k < n; k++) model->mean[k] += P[k];
+    }
+    if (status == APSM_OK) return APSM_OK;
+    apsm_shape_model_free(model);
+    return apsm_fail(ctx, status, "shape model of %zu shapes with %zu particles: %s", I, J,
+                     apsm_status_text(status));
+}
+
+apsm_status apsm_shape_model_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
+                                 apsm_shape_model *model)
+{
+    return apsm_shape_model_fit_side(ctx, APSM_SIDE_SMALLER, I, J, P, model);
 }
 
 void apsm_shape_model_free(apsm_shape_model *model)

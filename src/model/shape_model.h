@@ -16,7 +16,7 @@ extern "C" {
 
 /* Owns its arrays.  Zero-initialise with {0}; apsm_shape_model_free leaves it so. */
 struct apsm_shape_model {
-    size_t I, J, modes; /* modes <= I - 1: those of non-zero variance */
+    size_t I, J, modes; /* modes <= I - 1 and 3J: those of non-zero variance */
     double *mean;       /* J x 3 */
     double *mode;       /* modes x 3J: orthonormal rows; the largest entry of each (by magnitude,
                            the first of equals) is positive */
@@ -24,12 +24,21 @@ struct apsm_shape_model {
     double *score;      /* I x modes: p_i = mean + sum_k score_ik mode_k */
 };
 
+/* Which of the two symmetric matrices of a cohort is decomposed: both have the same modes. */
+typedef enum apsm_model_side {
+    APSM_SIDE_SMALLER,  /* the one of fewer rows */
+    APSM_SIDE_SHAPES,   /* the Gram matrix, I x I: O(I^2 J + I^3) time, a second copy of P */
+    APSM_SIDE_PARTICLES /* the covariance, 3J x 3J: O(I J^2 + J^3) time, a few shapes beside it */
+} apsm_model_side;
+
 /* The model of particles P (I x J x 3).  I = 1, or shapes that are all alike, give a mean without
- * modes.  The eigenproblem is that of the I x I Gram matrix: O(I^2 J + I^3) time, memory for a
- * second copy of P.  APSM_ERR_ARG: no shapes or no particles; APSM_ERR_NONFINITE: a coordinate
- * is not finite. */
+ * modes.  Beside the model and P it holds two matrices of min(I, 3J)^2 and, where I < 3J, a copy of
+ * P.  APSM_ERR_ARG: no shapes or no particles; APSM_ERR_NONFINITE: a coordinate is not finite. */
 apsm_status apsm_shape_model_fit(apsm_context *ctx, size_t I, size_t J, const double *P,
                                  apsm_shape_model *model) APSM_NODISCARD;
+/* The same from the side that is asked for; both agree to rounding. */
+apsm_status apsm_shape_model_fit_side(apsm_context *ctx, apsm_model_side side, size_t I, size_t J,
+                                      const double *P, apsm_shape_model *model) APSM_NODISCARD;
 void apsm_shape_model_free(apsm_shape_model *model);
 
 /* Scores b (modes, out; in length units, sd sqrt(variance)) of particles p (J x 3): projection

@@ -204,7 +204,7 @@ static void heights_on_a_sphere(void **state)
 {
     (void)state;
     apsm_mesh mesh = shape_sphere(5, 20);
-    double *faces = malloc(mesh.nf * APSM_FORM_FACE * sizeof *faces), height[APSM_FORM_SCALES];
+    double *faces = malloc(apsm_form_size(mesh.nf) * sizeof *faces), height[APSM_FORM_SCALES];
     const double p[3] = { 0, 0, 20 }, n[3] = { 0, 0, 1 }, h = 2;
     assert_non_null(faces);
     apsm_form_faces(&mesh, faces);

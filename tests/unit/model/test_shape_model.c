@@ -2,6 +2,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <math.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -190,10 +191,55 @@ static void refuses_bad_input(void **state)
     apsm_shape_model_free(&model);
 }
 
+/* I shapes of J particles far from the origin with `modes` modes of clearly different size. */
+static double *plain_cohort(size_t I, size_t J, size_t modes, uint64_t index)
+{
+    apsm_random rng = apsm_random_stream(7, APSM_STREAM_TEST, index, 0);
+    double *P = malloc(3 * I * J * sizeof *P), *mode = malloc(3 * J * sizeof *mode);
+    assert_true(P && mode);
+    for (size_t k = 0; k < 3 * I * J; k++) P[k] = 100.0;
+    for (size_t m = 0; m < modes; m++) {
+        for (size_t c = 0; c < 3 * J; c++) mode[c] = apsm_random_normal(&rng);
+        for (size_t i = 0; i < I; i++) {
+            const double b = pow(0.6, (double)m) * apsm_random_normal(&rng);
+            for (size_t c = 0; c < 3 * J; c++) P[3 * i * J + c] += b * mode[c];
+        }
+    }
+    free(mode);
+    return P;
+}
+
+/* The Gram matrix of the shapes and the covariance of the particles have the same modes, whichever
+ * is the smaller; more shapes than a block of them. */
+static void both_sides_agree(void **state)
+{
+    (void)state;
+    enum { MODES = 8 };
+    const size_t sizes[][2] = { { 150, 12 }, { 12, 40 }, { 90, 30 } };
+    for (size_t s = 0; s < 3; s++) {
+        const size_t I = sizes[s][0], J = sizes[s][1];
+        double *P = plain_cohort(I, J, MODES, 20 + s);
+        apsm_shape_model a, b;
+        assert_int_equal(apsm_shape_model_fit_side(ctx, APSM_SIDE_SHAPES, I, J, P, &a), APSM_OK);
+        assert_int_equal(apsm_shape_model_fit_side(ctx, APSM_SIDE_PARTICLES, I, J, P, &b), APSM_OK);
+        assert_int_equal(a.modes, MODES);
+        assert_int_equal(b.modes, MODES);
+        assert_memory_equal(a.mean, b.mean, 3 * J * sizeof *a.mean);
+        for (size_t k = 0; k < MODES; k++)
+            assert_true(fabs(a.variance[k] - b.variance[k]) <= 1e-10 * a.variance[k]);
+        golden_close("mode", MODES * 3 * J, a.mode, b.mode, 1e-10);
+        golden_close("score", MODES * I, a.score, b.score, 1e-10);
+        apsm_shape_model_free(&a);
+        apsm_shape_model_free(&b);
+        free(P);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_golden), cmocka_unit_test(reproduces_its_shapes),
+        cmocka_unit_test(both_sides_agree),
         cmocka_unit_test(one_mode_is_found),  cmocka_unit_test(few_or_equal_shapes_have_few_modes),
         cmocka_unit_test(scales_exactly),     cmocka_unit_test(stands_a_far_origin),
         cmocka_unit_test(refuses_bad_input),
