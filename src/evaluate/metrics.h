@@ -63,7 +63,7 @@ apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model
 /* What to evaluate: particles, and what the surface distances need. */
 typedef struct apsm_evaluate_input {
     size_t I, J;
-    const double *P; /* I x J x 3, world frame */
+    const double *P;               /* I x J x 3, world frame */
     const apsm_shape_model *model; /* of P, borrowed; NULL: made here */
     apsm_definition definition;
     size_t samples;                 /* 0: the definition's number */

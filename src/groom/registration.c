@@ -223,11 +223,11 @@ static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *w
 {
     const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
     job j = { .r = r, .shape = shape };
-    double **const array[] = { &j.z,    &j.x,      &j.n, &j.u,       &j.xs,      &j.ns,
-                               &j.ws,   &j.per_w,  &j.wk, &j.S, &j.reached, &j.arrived, &j.D,
-                               &j.sums, &j.target, &j.A, &j.b,       &j.weighted };
-    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,   K, K * m,
-                            K,     m,     m,     3 * m,  3 * M, p * p, 3 * p, M * p };
+    double **const array[] = { &j.z,  &j.x,     &j.n,      &j.u, &j.xs,      &j.ns,
+                               &j.ws, &j.per_w, &j.wk,     &j.S, &j.reached, &j.arrived,
+                               &j.D,  &j.sums,  &j.target, &j.A, &j.b,       &j.weighted };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,     K,
+                            K * m, K,     m,     m,      3 * m, 3 * M, p * p, 3 * p, M * p };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];

@@ -1,8 +1,8 @@
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
-#include <math.h>
 #include <string.h>
 
 #include <cmocka.h>
@@ -238,10 +238,13 @@ static void both_sides_agree(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(agrees_with_golden), cmocka_unit_test(reproduces_its_shapes),
+        cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(reproduces_its_shapes),
         cmocka_unit_test(both_sides_agree),
-        cmocka_unit_test(one_mode_is_found),  cmocka_unit_test(few_or_equal_shapes_have_few_modes),
-        cmocka_unit_test(scales_exactly),     cmocka_unit_test(stands_a_far_origin),
+        cmocka_unit_test(one_mode_is_found),
+        cmocka_unit_test(few_or_equal_shapes_have_few_modes),
+        cmocka_unit_test(scales_exactly),
+        cmocka_unit_test(stands_a_far_origin),
         cmocka_unit_test(refuses_bad_input),
     };
     return cmocka_run_group_tests_name("shape_model", tests, set_up, tear_down);
