@@ -120,7 +120,6 @@ static const cli_slot texts[] = {
     { CLI_BOOTSTRAPS, offsetof(cli_args, bootstraps) },
     { CLI_HAND, offsetof(cli_args, hand) },
     { CLI_EXTENT, offsetof(cli_args, extent) },
-    { CLI_LANDMARK_FILE, offsetof(cli_args, landmarks) },
     { CLI_MODEL, offsetof(cli_args, model) },
     { CLI_MODES, offsetof(cli_args, modes) },
     { CLI_SD, offsetof(cli_args, sd) },
@@ -144,6 +143,9 @@ static apsm_status take_other(parsing *p, const cli_option *o, const char *text)
     switch (o->action) {
     case CLI_SETS:
         return cli_pairs_add(p->ctx, a, o->key, o->argument ? text : o->value);
+    case CLI_LANDMARKS:
+        if (a->verb && a->verb->verb == CLI_FIT) return take_path(p, o->name, text, &a->landmarks);
+        return cli_pairs_add(p->ctx, a, o->key, text);
     case CLI_SET_PAIR:
         return cli_pairs_assign(p->ctx, a, text);
     case CLI_THREADS:

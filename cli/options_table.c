@@ -79,10 +79,14 @@ static const cli_option own[] = {
       NULL },
     { "bootstraps", 0, CLI_BOOTSTRAPS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
       "draws for the 95 % bands of effects; 0: no bands (default 1000)", NULL },
-    { "landmarks", 0, CLI_LANDMARK_FILE, CLI_GROUP_INPUT, CLI_FIT, "FILE", NULL, NULL,
-      "named points on the mean shape (meshes/mean.ply): inputs that are files of points "
-      "(.mrk.json, "
-      ".fcsv, .csv) are landmarks of these names; without it they are clouds",
+    { "landmarks", 0, CLI_LANDMARKS, CLI_GROUP_INPUT, CLI_FIT | GROOMS | CLI_CHECK, "PATH",
+      "landmarks", NULL,
+      "landmarks of the shapes: a folder with NAME.mrk.json, NAME.fcsv or NAME.csv (name,x,y,z) "
+      "for "
+      "each, or a .csv of all (shape,name,x,y,z); --landmarks-use says what for. fit: named points "
+      "on the mean shape (meshes/mean.ply): inputs that are files of points (.mrk.json, .fcsv, "
+      ".csv) "
+      "are landmarks of these names; without it they are clouds",
       NULL },
     { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "shapes are in the world frame of the model: search for no pose", NULL },
@@ -174,6 +178,7 @@ static const struct {
     { "gamma", 0, CLI_GROUP_MODEL },         { "stage1_epochs", 0, CLI_GROUP_MODEL },
     { "stage2_epochs", 0, CLI_GROUP_MODEL }, { "align", 0, CLI_GROUP_INPUT },
     { "cuts", 0, CLI_GROUP_INPUT },          { "original_frame", 0, CLI_GROUP_INPUT },
+    { "landmarks_use", 0, CLI_GROUP_INPUT }, { "align_by", 0, CLI_GROUP_INPUT },
 };
 
 static void dashed(const char *prefix, const char *key, char name[48])
@@ -225,7 +230,7 @@ cli_option *cli_options_list(size_t *n)
 /* ---- Names ---- */
 
 static const char *const texts[] = { "preset", "labels", "reflect_match", "exclude", "pattern",
-                                     "ignore", "domain", "template",      "seed" };
+                                     "ignore", "domain", "template",      "seed",    "landmarks" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

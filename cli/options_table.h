@@ -30,7 +30,7 @@ typedef enum cli_action {
     CLI_PERMUTATIONS,
     CLI_BOOTSTRAPS,
     CLI_EXTENT,
-    CLI_LANDMARK_FILE,
+    CLI_LANDMARKS, /* fit: a text of its own; else as CLI_SETS */
     CLI_MODEL,
     CLI_CONFIG,
     CLI_THREADS,

@@ -64,6 +64,14 @@ extern "C" {
     REAL(smooth, 1, 0, 4, "smoothing of masks; less keeps nearer to the voxels, 0: none")          \
     BOOL(largest_component, true, "keep only the largest component of every shape")                \
     ENUM(align, "rigid|similarity|none", "pose (and size) removed before the model is made")       \
+    ENUM(align_by, "surfaces|landmarks|both",                                                      \
+         "what shapes are aligned by: surfaces, landmarks (generalised Procrustes analysis), or "  \
+         "both, either with half of the weight")                                                   \
+    ENUM(landmarks_use, "auto|judge|align|anchor|hold",                                            \
+         "what landmarks are for: judge (they measure the correspondence and have no part in "     \
+         "it), align (by them alone), anchor (the correspondence is drawn to them), hold (a "      \
+         "particle sits on each); auto: judge, or anchor if a project has use_landmarks")          \
+    REAL(landmark_weight, 1, 0, 1e6, "of landmarks that are anchors")                              \
     ENUM(mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")                \
     ENUM(cuts, "auto|crop|keep",                                                                   \
          "where shapes were cut off at different places, by the edge of an image: crop all to "    \
@@ -195,6 +203,14 @@ typedef struct apsm_options {
 /* Indices of the words above, in their order. */
 enum { APSM_METHOD_ADAPTIVE, APSM_METHOD_XU2023, APSM_METHOD_PSM };
 enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
+enum { APSM_ALIGN_BY_SURFACES, APSM_ALIGN_BY_LANDMARKS, APSM_ALIGN_BY_BOTH };
+enum {
+    APSM_LANDMARKS_AUTO,
+    APSM_LANDMARKS_JUDGE,
+    APSM_LANDMARKS_ALIGN,
+    APSM_LANDMARKS_ANCHOR,
+    APSM_LANDMARKS_HOLD
+};
 enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
 enum { APSM_CUTS_AUTO, APSM_CUTS_CROP, APSM_CUTS_KEEP };
 enum { APSM_INIT_REGISTRATION, APSM_INIT_PROJECTION, APSM_INIT_FPS };

@@ -5,11 +5,11 @@
 
 #include "apsm/particles.h"
 #include "files/files.h"
-#include "fit/landmark_file.h"
 #include "fit/outputs.h"
 #include "geometry/topology.h"
 #include "groom/groom.h"
 #include "input/input.h"
+#include "landmarks/landmark_file.h"
 
 typedef struct session {
     const apsm_fit_settings *settings;
@@ -18,7 +18,7 @@ typedef struct session {
     apsm_input_list list;
     apsm_labels labels;
     apsm_groom_options groom;
-    fit_landmarks landmarks; /* on the mean; none: point files are clouds */
+    landmark_list landmarks; /* on the mean; none: point files are clouds */
     fit_row *rows;           /* list.n */
 } session;
 
@@ -79,7 +79,7 @@ static bool is_point_file(const char *path)
 {
     apsm_input_kind kind;
     if (apsm_is_folder(path) || apsm_input_kind_of(path, &kind)) return false;
-    return apsm_points_extension(path) || fit_is_landmark_file(path);
+    return apsm_points_extension(path) || landmark_is_file(path);
 }
 
 static apsm_status fit_cloud(apsm_context *ctx, const session *s, const char *path,
@@ -95,12 +95,12 @@ static apsm_status fit_cloud(apsm_context *ctx, const session *s, const char *pa
 
 /* Of the file's points those whose names the model's have; that some have none is said. */
 static apsm_status pair_landmarks(apsm_context *ctx, const session *s, const char *path,
-                                  const fit_landmarks *l, double *at, double *x, size_t *n)
+                                  const landmark_list *l, double *at, double *x, size_t *n)
 {
     size_t unknown = 0;
     *n = 0;
     for (size_t k = 0; k < l->n; k++) {
-        const size_t i = fit_landmarks_find(&s->landmarks, l->name[k]);
+        const size_t i = landmark_list_find(&s->landmarks, l->name[k]);
         if (i == s->landmarks.n) {
             unknown++;
             continue;
@@ -118,9 +118,9 @@ static apsm_status pair_landmarks(apsm_context *ctx, const session *s, const cha
 static apsm_status fit_named(apsm_context *ctx, const session *s, const char *path,
                              const apsm_fit_options *options, apsm_fit *fit)
 {
-    fit_landmarks l;
+    landmark_list l;
     size_t n = 0;
-    APSM_TRY(fit_landmarks_read(ctx, path, &l));
+    APSM_TRY(landmark_list_read(ctx, path, &l));
     double *at = malloc(6 * l.n * sizeof *at);
     apsm_status status = APSM_ERR_MEMORY;
     if (at) {
@@ -130,7 +130,7 @@ static apsm_status fit_named(apsm_context *ctx, const session *s, const char *pa
             status = apsm_fit_landmarks(ctx, s->model, path, n, at, x, options, fit);
     }
     free(at);
-    fit_landmarks_free(&l);
+    landmark_list_free(&l);
     return status;
 }
 
@@ -302,7 +302,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     const apsm_fit_settings *o = s->settings;
     APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->labels));
     APSM_TRY(list_inputs(ctx, s));
-    if (o->landmarks) APSM_TRY(fit_landmarks_read(ctx, o->landmarks, &s->landmarks));
+    if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
@@ -319,7 +319,7 @@ static void close_session(session *s)
         free(s->rows[i].figures.score);
     }
     free(s->rows);
-    fit_landmarks_free(&s->landmarks);
+    landmark_list_free(&s->landmarks);
     apsm_labels_free(&s->labels);
     apsm_input_list_free(&s->list);
     apsm_fit_model_free(s->model);

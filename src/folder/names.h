@@ -10,6 +10,7 @@
 #define FOLDER_EVALUATION     "evaluation.json"
 #define FOLDER_EVALUATION_CSV "evaluation.csv"
 #define FOLDER_CERTIFICATE    "certificate.json"
+#define FOLDER_LANDMARKS      "landmarks.csv"
 #define FOLDER_HISTORY        "history.csv"
 #define FOLDER_REPORT         "report.html"
 #define FOLDER_INITIAL        "state/initial.ckpt"

@@ -139,6 +139,8 @@ void apsm_cohort_free(apsm_cohort *cohort)
     if (cohort->shape)
         for (size_t i = 0; i < cohort->I; i++) free_shape(&cohort->shape[i]);
     free(cohort->shape);
+    free(cohort->anchors.has);
+    free(cohort->anchors.x);
     *cohort = (apsm_cohort){ 0 };
 }
 

@@ -26,10 +26,20 @@ typedef struct apsm_shape {
     bool stored; /* all arrays are in a store, not malloc'ed */
 } apsm_shape;
 
+/* Landmarks that guide the particles (initialize/anchors.h); L = 0: none.  Owns its arrays. */
+typedef struct apsm_anchors {
+    size_t L;
+    bool hold;     /* the first L particles sit on them; else the correspondence is pulled there */
+    double weight; /* of the pull */
+    bool *has;     /* I x L: of shape i there is one */
+    double *x;     /* I x L x 3: in the world */
+} apsm_anchors;
+
 typedef struct apsm_cohort {
     size_t I;
     apsm_shape *shape;     /* I */
     size_t template_index; /* t */
+    apsm_anchors anchors;
 } apsm_cohort;
 
 /* Spacing that J particles have on a surface of this area if every one has six neighbours at the

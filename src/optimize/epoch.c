@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "geometry/bvh_guess.h"
+#include "initialize/anchors.h"
 #include "optimize/snap.h"
 #include "optimize/terms.h"
 
@@ -106,6 +107,7 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user
         snap_to_side(&op->cohort->shape[i], op->J, op->N + i * op->J * 3, op->state->h, P);
     else
         snap_to_surface(op, i, P, &op->worker[worker_index]);
+    apsm_anchors_hold(op->cohort, i, P);
     op->fresh[i] = false;
     optimizer_normals(op, i);
     return APSM_OK;

@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "geometry/vec3.h"
+#include "initialize/anchors.h"
 #include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
@@ -116,6 +117,10 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     f->h = apsm_spacing(J, T, f->N6, NULL);
     list_triangles(f);
     APSM_TRY(fidelity_smoothness(J, T, f->Q));
+    if (f->cohort->anchors.L > 0 && !f->cohort->anchors.hold)
+        APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,
+                                 anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
+                                 &f->anchors));
     return apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp);
 }
 
@@ -139,6 +144,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
 {
     if (!f) return;
     apsm_warp_free(&f->warp);
+    apsm_warp_free(&f->anchors);
     apsm_neighbourhoods_free(&f->reference);
     free(f->T);
     free(f->TN);
@@ -250,6 +256,7 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
                                .smooth = diagonal * o->smooth,
                                .prior = diagonal * o->prior * t->f->doubt * (1 - F) / F,
                                .order = diagonal * o->order,
+                               .shape = i,
                                .from = t->P0 + i * D,
                                .mean = p->mean + fold * D,
                                .modes = p->modes,
@@ -338,6 +345,7 @@ static void return_half_way(const apsm_fidelity *f, size_t i, const double *P0, 
         double normal[3];
         apsm_surface_point on;
         apsm_shape_look_up(shape, 1, P + 3 * j, &on, NULL, normal);
+        if (anchor_holds(f->cohort, i, j)) continue;
         for (size_t c = 3 * j; c < 3 * j + 3; c++) P[c] = 0.5 * P[c] + 0.5 * P0[c];
         fidelity_land(shape, normal, P + 3 * j, &on);
     }
@@ -380,7 +388,8 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
     fidelity_measure(f, i, t->round, &w->a, w);
     r->before = w->a.distance;
-    r->moved = descend(t, i, (f->doubt > 0 ? growth : 1) * w->a.distance, w);
+    const bool may_grow = f->doubt > 0 || f->anchors.nv > 0;
+    r->moved = descend(t, i, (may_grow ? growth : 1) * w->a.distance, w);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
     if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));

@@ -1,7 +1,7 @@
 /* The objective of the fidelity stage for one shape, equation (12), lengths in h:
  *
  *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 mu e' Q e + 1/2 kappa e' S e
- *       + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2
+ *       + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2 + landmarks (fidelity_landmarks.c)
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
@@ -24,6 +24,7 @@
 
 #include "core/kernel.h"
 #include "geometry/vec3.h"
+#include "initialize/anchors.h"
 #include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
 
@@ -374,6 +375,7 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_
     }
     if (q->order > 0) sum += 0.5 * q->order * disorder(f, q, s->P, NULL, w);
     s->value = sum;
+    fidelity_value_landmarks(f, q->shape, s);
 }
 
 /* Two unit tangents at each particle, from its normal alone. */
@@ -501,6 +503,7 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
     }
     if (q->smooth > 0) add_roughness(f, q, s->P, w);
     if (q->order > 0) disorder(f, q, s->P, w->tangent, w);
+    fidelity_add_landmarks(f, q->shape, s, w);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
     add_gradient(f->J, q->prior, w->Se, w->tangent, w->g);
@@ -530,7 +533,7 @@ void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_st
         const double length = vec3_norm(d), most = f->o.clip;
         const double scale = f->h * (length > most ? most / length : 1);
         memcpy(x, from->P + 3 * j, 3 * sizeof *x);
-        vec3_add_scaled(x, scale, d);
+        if (!anchor_holds(f->cohort, i, j)) vec3_add_scaled(x, scale, d);
         fidelity_land(shape, from->N + 3 * j, x, &to->S[j]);
         apsm_surface_normal(&shape->mesh, shape->VN, &to->S[j], to->N + 3 * j);
     }

@@ -11,9 +11,10 @@ struct apsm_fidelity {
     apsm_fidelity_options o;
     size_t J;
     double h;
-    apsm_warp warp; /* of the template's vertices */
-    double *T, *TN; /* J x 3: its particles and their normals */
-    uint32_t *N6;   /* J x 6 */
+    apsm_warp warp;    /* of the template's vertices */
+    apsm_warp anchors; /* of its landmarks; nv 0: none */
+    double *T, *TN;    /* J x 3: its particles and their normals */
+    uint32_t *N6;      /* J x 6 */
     size_t triangles;
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
     int *side;               /* triangles: that orientation */
@@ -43,6 +44,7 @@ typedef struct fidelity_state {
 /* Weights of the quadratic terms of (12), lengths in h. */
 typedef struct fidelity_weights {
     double stay, smooth, prior, order;
+    size_t shape;       /* whose */
     const double *from; /* J x 3: particles when the stage began */
     const double *mean; /* J x 3 */
     size_t modes;
@@ -106,6 +108,10 @@ void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
 /* to->P (with N, S) = from->P moved along the surface by t times the tangential step w->g, in h. */
 void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_state *from,
                    fidelity_state *to, fidelity_work *w);
+/* Adds the landmarks' part to s->value, or to w->H and w->g. */
+void fidelity_value_landmarks(const apsm_fidelity *f, size_t i, fidelity_state *s);
+void fidelity_add_landmarks(const apsm_fidelity *f, size_t i, const fidelity_state *s,
+                            fidelity_work *w);
 /* Triangles of neighbours that are turned over against the template. */
 size_t fidelity_folds(const apsm_fidelity *f, const fidelity_state *s);
 

@@ -7,6 +7,7 @@
 
 #include "groom/align.h"
 #include "groom/registration.h"
+#include "initialize/anchors.h"
 #include "initialize/assignment.h"
 #include "initialize/farthest_point.h"
 #include "initialize/projection.h"
@@ -14,6 +15,7 @@
 #include "optimize/optimizer.h"
 
 enum { SPREAD_EPOCHS = 60 };
+static const double anchor_reach = 3; /* of the pull of a landmark, in h */
 
 /* The vertex farthest from the surface's centroid: the same whatever the order of the vertices,
  * but for ties. */
@@ -116,6 +118,30 @@ static apsm_status carry_to(apsm_context *ctx, const carry *c, const apsm_shape 
     return status;
 }
 
+/* The registration takes the template's landmarks along; what it misses by, the particles follow.
+ */
+static apsm_status pull_to_anchors(const carry *c, size_t i, double *P)
+{
+    const size_t L = c->cohort->anchors.L, t = c->cohort->template_index;
+    const apsm_shape *shape = &c->cohort->shape[i], *from = &c->cohort->shape[t];
+    double *X = malloc((6 * L + 3 * c->J) * sizeof *X), *LN = X + 3 * L, *N = X + 6 * L;
+    apsm_surface_point *S = malloc((L > c->J ? L : c->J) * sizeof *S);
+    apsm_status status = X && S ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        apsm_shape_look_up(from, L, anchor_at(c->cohort, t, 0), S, X, LN);
+        if (c->registration)
+            status = apsm_register_particles(c->registration, &shape->mesh, shape->bvh, L, X, LN,
+                                             c->h, X);
+    }
+    if (status == APSM_OK) {
+        apsm_shape_look_up(shape, c->J, P, S, NULL, N);
+        status = apsm_anchors_pull(c->cohort, i, c->J, X, N, anchor_reach * c->h, P);
+    }
+    free(S);
+    free(X);
+    return status;
+}
+
 static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
@@ -128,6 +154,7 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     }
     if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
     APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
+    if (c->cohort->anchors.L > 0) APSM_TRY(pull_to_anchors(c, i, P));
     return apsm_keep(ctx, "first", i, bytes, P);
 }
 
@@ -142,6 +169,7 @@ static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
     apsm_status status = S && N6 ? sample_shape(ctx, shape, J, S) : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         positions(shape, J, S, T);
+        apsm_anchors_hold(cohort, cohort->template_index, T);
         status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
     }
     if (status == APSM_OK) {

@@ -19,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "initialize/anchors.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/eigenshape_loss.h"
 #include "optimize/epoch.h"
@@ -147,6 +148,7 @@ static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
     geodesic_pass_result pass;
     memset(op->fresh, 0, op->I * sizeof *op->fresh);
     APSM_TRY(geodesic_pass(op->ctx, op->cohort, op->o, op->J, op->state->h, op->state->P, &pass));
+    for (size_t i = 0; i < op->I; i++) apsm_anchors_hold(op->cohort, i, particles(op, i));
     r->mismatched = pass.mean;
     r->worst_mismatched = pass.worst;
     r->walked = pass.walked;
@@ -368,7 +370,9 @@ enum { SPREAD_ALPHA = 10 }; /* steps up to h/4: a farthest-point sample is far f
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
                         const apsm_options *options, size_t J, long epochs, double *P)
 {
-    apsm_cohort one = { .I = 1, .shape = &cohort->shape[i], .template_index = 0 };
+    apsm_cohort one = { .I = 1, .shape = &cohort->shape[i], .anchors = cohort->anchors };
+    one.anchors.has += one.anchors.L * i;
+    one.anchors.x += 3 * one.anchors.L * i;
     apsm_options o = *options;
     apsm_optimizer_state state = {
         .I = 1, .J = J, .stage = APSM_STAGE_1, .best_mismatched = 2, .P = P

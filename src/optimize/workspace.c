@@ -66,6 +66,7 @@ void optimizer_free(optimizer *op)
     free(op->mean);
     free(op->Y);
     free(op->template_pull);
+    apsm_warp_free(&op->anchors);
     optimizer_free_factors(op);
     free(op->record);
     free(op->guess);

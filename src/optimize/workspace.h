@@ -3,6 +3,7 @@
 #define APSM_OPTIMIZE_WORKSPACE_H
 
 #include "linalg/polyharmonic.h"
+#include "model/warp.h"
 #include "optimize/fidelity.h"
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
@@ -56,6 +57,7 @@ typedef struct optimizer {
     double *N;             /* I x 3J: normals where fresh */
     bool *fresh;           /* I: N belongs to P */
     double *template_pull; /* K x 3J if template_gradient, else NULL */
+    apsm_warp anchors;     /* of the template's landmarks, at the epoch's start; nv 0: none */
     uint32_t *guess;       /* I x J: where the surface was last; saves time, changes nothing else */
     double eigenshape;
     shape_record *record;    /* I */

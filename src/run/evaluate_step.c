@@ -12,6 +12,7 @@
 #include "geometry/affine.h"
 #include "run/certify.h"
 #include "run/guard.h"
+#include "run/landmarks.h"
 #include "run/manifest.h"
 #include "run/session.h"
 
@@ -27,6 +28,7 @@ typedef struct evaluation_work {
     apsm_evaluation evaluation;
     apsm_warp warp; /* of the template's mesh */
     cohort_certificate certificate;
+    landmark_errors landmarks; /* L 0: none */
 } evaluation_work;
 
 static const char *name_of(const evaluation_work *w, size_t i)
@@ -124,6 +126,7 @@ static apsm_status compute(evaluation_work *w)
     APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
                              &w->warp));
     APSM_TRY(apsm_evaluate(run->ctx, &input, &w->evaluation));
+    APSM_TRY(landmarks_judge(run, w->J, w->P, &w->landmarks));
     return certify_cohort(run->ctx, &run->cohort, w->J, w->P,
                           json_object_get(run->manifest, "notes"), &w->certificate);
 }
@@ -210,13 +213,14 @@ static apsm_status write_evaluation(const evaluation_work *w)
     const apsm_evaluation *e = &w->evaluation;
     const char *template_name = name_of(w, w->run->cohort.template_index);
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
         "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
         (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
         apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
         "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
         (json_int_t)e->left_out, "template", template_name, "surface_distance", json_surface(w),
-        "variances", apsm_json_vector(e->modes, e->variance), "compactness",
+        "landmarks", landmarks_json(w->run, &w->landmarks), "variances",
+        apsm_json_vector(e->modes, e->variance), "compactness",
         apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
         apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
@@ -237,8 +241,10 @@ static apsm_status write_evaluation_csv(const evaluation_work *w)
 {
     apsm_writer *csv = NULL;
     APSM_TRY(open_csv(w->run, FOLDER_EVALUATION_CSV, &csv));
-    apsm_writer_printf(csv, "name,surface_mean,surface_p95,surface_max,mismatched_1.5_1.5,"
-                            "mismatched_1.5_2.0,swaps,folds,off_surface_max,verdict\n");
+    apsm_writer_printf(csv,
+                       "name,surface_mean,surface_p95,surface_max,mismatched_1.5_1.5,"
+                       "mismatched_1.5_2.0,swaps,folds,off_surface_max,verdict%s\n",
+                       w->landmarks.L > 0 ? ",landmark_mean" : "");
     for (size_t i = 0; i < w->I; i++) {
         const apsm_certificate *c = &w->certificate.shape[i];
         const apsm_surface_distance *d = w->evaluation.surface ? &w->evaluation.surface[i] : NULL;
@@ -248,7 +254,9 @@ static apsm_status write_evaluation_csv(const evaluation_work *w)
                                  (double)c->folds,          c->off_surface_max };
         apsm_writer_csv(csv, name_of(w, i));
         write_csv_numbers(csv, sizeof cells / sizeof cells[0], cells);
-        apsm_writer_printf(csv, ",%s\n", certify_verdict_of(&w->certificate, i));
+        apsm_writer_printf(csv, ",%s", certify_verdict_of(&w->certificate, i));
+        if (w->landmarks.L > 0) write_csv_numbers(csv, 1, &w->landmarks.of_shape[i]);
+        apsm_writer_printf(csv, "\n");
     }
     return apsm_writer_commit(csv);
 }
@@ -358,6 +366,7 @@ static void tell(const evaluation_work *w)
                  "one mode: compactness %.3f, generalization %.4g, specificity %.4g (%s)",
                  e->compactness[0], e->generalization[0], e->specificity[0],
                  apsm_definition_name(e->definition));
+    landmarks_tell(w->run, &w->landmarks);
     certify_tell(ctx, &w->run->cohort, &w->certificate);
 }
 
@@ -408,6 +417,7 @@ apsm_status apsm_run_evaluate(apsm_run *run)
     if (status == APSM_OK) status = hand_over(&w);
     certify_free(&w.certificate);
     apsm_evaluation_free(&w.evaluation);
+    landmark_errors_free(&w.landmarks);
     apsm_shape_model_free(&w.model);
     apsm_warp_free(&w.warp);
     free(w.P);

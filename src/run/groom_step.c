@@ -15,6 +15,7 @@
 #include "run/groomed.h"
 #include "run/guard.h"
 #include "run/kept.h"
+#include "run/landmarks.h"
 #include "run/manifest.h"
 #include "run/notes.h"
 #include "run/session.h"
@@ -93,6 +94,13 @@ static apsm_status describe_grooming(const groom_work *w, json_t *notes)
     return manifest_set_notes(w->run, json_incref(notes));
 }
 
+/* Each shape to the places that the landmarks have on average, if asked to. */
+static apsm_status align_by_landmarks(groom_work *w)
+{
+    landmarks_mirror(w->run, &w->in);
+    return landmarks_align(w->run, &w->in, w->alignment.template_index, w->alignment.M);
+}
+
 static apsm_status align(groom_work *w)
 {
     apsm_run *run = w->run;
@@ -120,6 +128,7 @@ static apsm_status align(groom_work *w)
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)
         status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
+    if (status == APSM_OK) status = align_by_landmarks(w);
     if (status == APSM_OK) avoid_handles(w);
     if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
@@ -252,7 +261,10 @@ static apsm_status hand_over(groom_work *w)
 {
     apsm_run *run = w->run;
     const size_t n = w->in.list.n;
+    const landmark_table landmarks = run->landmarks;
+    run->landmarks = (landmark_table){ 0 };
     run_unload(run);
+    run->landmarks = landmarks;
     run->names = calloc(n, sizeof *run->names);
     run->transforms = malloc(n * 16 * sizeof *run->transforms);
     if (!run->names || !run->transforms) return APSM_ERR_MEMORY;
@@ -288,6 +300,7 @@ static apsm_status save(groom_work *w)
     APSM_TRY(manifest_set_ignored(run, w->in.ignored));
     APSM_TRY(manifest_set_options(run));
     APSM_TRY(run_write_project(run));
+    APSM_TRY(landmarks_write(run));
     return hand_over(w);
 }
 
@@ -331,6 +344,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     apsm_status status = groom_inputs_list(run, &w.in);
     if (status == APSM_OK) status = guard_files(run, "groom", &w.in.list);
     if (status == APSM_OK) status = groom_inputs_template(run, &w.in, &template_index);
+    if (status == APSM_OK) status = landmarks_read(run, &w.in);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);

@@ -22,6 +22,7 @@ static const struct {
                { FOLDER_EVALUATION_CSV, "evaluate" },
                { FOLDER_CERTIFICATE, "evaluate" },
                { FOLDER_REPORT, "report" },
+               { FOLDER_LANDMARKS, "groom" },
                { RUN_PROJECT, "groom" },
                { RUN_PROJECT, "initialize" },
                { RUN_PROJECT, "optimize" },

@@ -179,6 +179,7 @@ void apsm_run_close(apsm_run *run)
     if (!run) return;
     run_unload(run);
     run_forget_results(run);
+    landmark_table_free(&run->landmarks);
     memory_free(run);
     kept_close(run);
     close_store(run);

@@ -12,6 +12,7 @@
 #include "files/store.h"
 #include "folder/names.h"
 #include "initialize/cohort.h"
+#include "landmarks/landmark_table.h"
 #include "optimize/optimizer.h"
 #include "run/certify.h"
 
@@ -45,14 +46,16 @@ struct apsm_run {
     struct json_t *manifest; /* object; see manifest.h */
     apsm_mesh *mesh;         /* project.n groomed meshes in their own frames, or NULL */
     size_t mesh_count;
-    bool meshes_stored;     /* their arrays are in the store */
-    size_t memory;          /* limit; 0: none */
-    struct kept_work *kept; /* kept.h; NULL: no step that keeps finished shapes is under way */
-    apsm_store *store;      /* with a limit, once something was moved to it */
-    char identity[65];      /* run_identity's, "" until it was asked for */
-    apsm_cohort cohort;     /* I = 0: not loaded */
-    const char **names;     /* project.n, borrowed from the project */
-    double *transforms;     /* project.n x 16: local to world */
+    bool meshes_stored;       /* their arrays are in the store */
+    size_t memory;            /* limit; 0: none */
+    struct kept_work *kept;   /* kept.h; NULL: no step that keeps finished shapes is under way */
+    apsm_store *store;        /* with a limit, once something was moved to it */
+    char identity[65];        /* run_identity's, "" until it was asked for */
+    apsm_cohort cohort;       /* I = 0: not loaded */
+    const char **names;       /* project.n, borrowed from the project */
+    double *transforms;       /* project.n x 16: local to world */
+    landmark_table landmarks; /* in the groomed frames; I = 0: not loaded */
+    bool use_landmarks;       /* the project asks that they guide the particles */
     run_results results;
     /* Of a job in memory. */
     struct given_shape *given; /* n_given, in the order of their names once groomed; memory.h */

@@ -9,8 +9,8 @@
 
 /* ---- texts beside the option table ---- */
 
-static const char *const texts[] = { "labels", "reflect_match", "exclude",  "pattern",
-                                     "ignore", "domain",        "template", "seed" };
+static const char *const texts[] = { "labels", "reflect_match", "exclude", "pattern",  "ignore",
+                                     "domain", "template",      "seed",    "landmarks" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */

@@ -8,6 +8,7 @@
 #include "geometry/affine.h"
 #include "geometry/stored.h"
 #include "run/kept.h"
+#include "run/landmarks.h"
 #include "run/session.h"
 
 void run_free_mesh(apsm_mesh *mesh, bool stored)
@@ -23,6 +24,7 @@ void run_unload(apsm_run *run)
     apsm_cohort_free(&run->cohort);
     for (size_t i = 0; run->mesh && i < run->mesh_count; i++)
         run_free_mesh(&run->mesh[i], run->meshes_stored);
+    landmark_table_free(&run->landmarks);
     run->identity[0] = '\0';
     run->meshes_stored = false;
     free(run->mesh);
@@ -114,6 +116,7 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     const double band = 1.1 * o->band * o->dipole * h; /* h is seldom expected too small by more */
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
-    return apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
-                                run->transforms, t, voxel, band, &run->cohort);
+    APSM_TRY(apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
+                                  run->transforms, t, voxel, band, &run->cohort));
+    return landmarks_anchor(run);
 }

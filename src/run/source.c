@@ -14,7 +14,8 @@ static const struct {
     const char *word, *what;
 } requests[REQUESTS] = {
     { "constraints", "constraints, by which only a part of the surface counts" },
-    { "landmarks", "landmarks that guide the particles (optimize.use_landmarks)" },
+    { "landmarks",
+      "landmarks that guide the particles (optimize.use_landmarks), of which it has none" },
     { "normals", "normals in the correspondence (optimize.use_normals)" },
     { "fixed", "fixed shapes, whose particles stay" },
     { "domains", "several domains, modelled together" },
@@ -96,10 +97,26 @@ static bool group_says(const apsm_project *p, const char *group, const char *key
            apsm_says_yes(json_string_value(value));
 }
 
+bool source_wants_landmarks(const apsm_project *source)
+{
+    return group_says(source, "optimize", "use_landmarks");
+}
+
+static bool has_landmarks(const apsm_project *p)
+{
+    char key[APSM_KEY_LENGTH];
+    apsm_project_key(p, "landmarks_file_", key);
+    for (size_t i = 0; i < p->n; i++) {
+        const char *path = apsm_subject_column(&p->subjects[i], key);
+        if (path && *path) return true;
+    }
+    return false;
+}
+
 static void count_requests(const apsm_project *p, const char *domain, size_t count[REQUESTS])
 {
     for (size_t i = 0; i < p->n; i++) count_row(p, &p->subjects[i], count);
-    count[LANDMARKS] += group_says(p, "optimize", "use_landmarks");
+    count[LANDMARKS] += source_wants_landmarks(p) && !has_landmarks(p);
     count[NORMALS] += group_says(p, "optimize", "use_normals");
     if (*domain) count[DOMAINS] = 0; /* one was chosen */
     count[REFLECT] += group_says(p, "groom", "reflect");
@@ -131,6 +148,7 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
     const char *ignore = apsm_run_text(run, "ignore");
     APSM_TRY(apsm_run_check_ignore(run->ctx, ignore));
     count_requests(source, apsm_run_text(run, "domain"), count);
+    if (*apsm_run_text(run, "landmarks")) count[LANDMARKS] = 0; /* given otherwise */
     for (size_t k = 0; k < REQUESTS; k++) {
         if (count[k] == 0) continue;
         const bool is = is_ignored(ignore, k);

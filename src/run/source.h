@@ -15,6 +15,9 @@ apsm_status source_read(apsm_run *run, apsm_project *source, bool *own);
  * <- what is not done because option ignore says so. */
 apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignored);
 
+/* Whether the project asks that its landmarks guide the particles. */
+bool source_wants_landmarks(const apsm_project *source);
+
 /* Lists the cases of the project under the names that it gives them. */
 apsm_status source_list(apsm_run *run, const apsm_project *source, apsm_input_list *list);
 

@@ -5,6 +5,7 @@
 
 #include "files/checkpoint_file.h"
 #include "optimize/psm.h"
+#include "run/landmarks.h"
 #include "run/session.h"
 #include "run/settings.h"
 
@@ -29,6 +30,10 @@ apsm_status run_identity(apsm_run *run, char hex[65])
         apsm_sha256_add(&sha, run->transforms + 16 * i, 16 * sizeof(double));
         if (run->store) apsm_store_trim(run->store);
     }
+    APSM_TRY(landmarks_load(run));
+    if (landmarks_use(run) >= APSM_LANDMARKS_ANCHOR && run->landmarks.L > 0)
+        apsm_sha256_add(&sha, run->landmarks.x,
+                        3 * run->landmarks.I * run->landmarks.L * sizeof *run->landmarks.x);
     apsm_sha256_end(&sha, digest);
     apsm_sha256_hex(digest, run->identity);
     memcpy(hex, run->identity, sizeof run->identity);

@@ -10,9 +10,10 @@
  * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), open (above so much of the
  * height and more the surface is missing: open, shapes and truth alike, at the same place of all),
  * mess (level of mesh_mess.h, for masks of mesh_mask.h), coarse, fine (the meshes' grids, relative
- * to the truth's, are drawn from fine to coarse), x, y, z (write masks with this spacing), mixed
- * (spacings differ by up to this factor), crop (voxels of the mask lost beyond the borders of its
- * image). */
+ * to the truth's, are drawn from fine to coarse), landmarks (so many true ones, to
+ * OUT_DIR/landmarks.csv), noise (standard deviation of what they are moved by, on shapes other than
+ * the first), x, y, z (write masks with this spacing), mixed (spacings differ by up to this
+ * factor), crop (voxels of the mask lost beyond the borders of its image). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -44,11 +45,14 @@ enum {
     CROP,
     ROUGH,
     OPEN,
+    LANDMARKS,
+    NOISE,
     OPTIONS
 };
-static const char *const names[OPTIONS] = { "count", "seed",  "strength", "turn",  "size", "mirror",
-                                            "cut",   "mess",  "coarse",   "fine",  "x",    "y",
-                                            "z",     "mixed", "crop",     "rough", "open" };
+static const char *const names[OPTIONS] = { "count",  "seed", "strength",  "turn",   "size",
+                                            "mirror", "cut",  "mess",      "coarse", "fine",
+                                            "x",      "y",    "z",         "mixed",  "crop",
+                                            "rough",  "open", "landmarks", "noise" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -56,6 +60,7 @@ typedef struct job {
     const char *folder;
     double v[OPTIONS];
     apsm_mesh template_mesh;
+    apsm_writer *landmarks; /* NULL: none are wanted */
 } job;
 
 static apsm_status write_mask(const job *j, const char *path, const apsm_mesh *mesh,
@@ -82,6 +87,23 @@ static apsm_status write_shape(const job *j, const char *name, apsm_mesh *mesh, 
     if (mask) return write_mask(j, path, mesh, rng);
     if (j->v[MESS] > 0) mess_up(mesh, rng, (int)j->v[MESS]);
     return apsm_write_mesh(j->ctx, path, mesh);
+}
+
+/* Vertices of the truth's one triangulation, spread over their list. */
+static void write_landmarks(const job *j, size_t i, const char *name, const apsm_mesh *truth)
+{
+    apsm_random rng = apsm_random_stream((uint64_t)j->v[SEED], APSM_STREAM_TEST, 2000 + i, 2);
+    const size_t n = (size_t)j->v[LANDMARKS];
+    for (size_t l = 0; l < n && j->landmarks; l++) {
+        const double *x = truth->V + 3 * (l * truth->nv / n);
+        apsm_writer_printf(j->landmarks, "%s,L%zu", name, l + 1);
+        for (size_t c = 0; c < 3; c++) {
+            const double moved = j->v[NOISE] * apsm_random_normal(&rng);
+            apsm_writer_printf(j->landmarks, ",");
+            apsm_writer_number(j->landmarks, x[c] + (i > 0 ? moved : 0));
+        }
+        apsm_writer_printf(j->landmarks, "\n");
+    }
 }
 
 static apsm_status write_truth(const job *j, const char *name, const anatomy_map *map,
@@ -114,6 +136,7 @@ static apsm_status make_one(const job *j, size_t i)
     snprintf(name, sizeof name, "%s_%02zu%s", anatomy_name(j->kind), i,
              spread.mirrored ? "_L" : "");
     APSM_TRY(write_truth(j, name, &map, &mesh));
+    write_landmarks(j, i, name, &mesh);
     if (j->v[CUT] > 0 || j->v[COARSE] != 1 || j->v[FINE] != 1) {
         const double coarser = j->v[FINE] * pow(j->v[COARSE] / j->v[FINE], grid);
         apsm_mesh_free(&mesh);
@@ -149,14 +172,28 @@ static apsm_status open_template(job *j)
     return APSM_OK;
 }
 
+static apsm_status open_landmarks(job *j)
+{
+    char path[1024];
+    snprintf(path, sizeof path, "%s/landmarks.csv", j->folder);
+    if (!(j->v[LANDMARKS] > 0)) return APSM_OK;
+    APSM_TRY(apsm_writer_open(j->ctx, path, &j->landmarks));
+    apsm_writer_printf(j->landmarks, "shape,name,x,y,z\n");
+    return APSM_OK;
+}
+
 static apsm_status make_all(job *j)
 {
     APSM_TRY(make_folder(j, "shapes"));
     APSM_TRY(make_folder(j, "truth"));
     APSM_TRY(anatomy_template(j->ctx, j->kind, 1, -INFINITY, &j->template_mesh));
     if (j->v[OPEN] < 1) APSM_TRY(open_template(j));
-    for (size_t i = 0; i < (size_t)j->v[COUNT]; i++) APSM_TRY(make_one(j, i));
-    return APSM_OK;
+    APSM_TRY(open_landmarks(j));
+    apsm_status status = APSM_OK;
+    for (size_t i = 0; i < (size_t)j->v[COUNT] && status == APSM_OK; i++) status = make_one(j, i);
+    if (j->landmarks && status == APSM_OK) return apsm_writer_commit(j->landmarks);
+    apsm_writer_abort(j->landmarks);
+    return status;
 }
 
 bool is_cohort(const char *word)

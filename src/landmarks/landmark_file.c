@@ -1,0 +1,263 @@
+#include "landmarks/landmark_file.h"
+
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "files/files.h"
+
+enum { MOST_BYTES = 1 << 26 };
+
+static bool ends_in(const char *path, const char *extension)
+{
+    const size_t n = strlen(path), m = strlen(extension);
+    return n > m && strcasecmp(path + n - m, extension) == 0;
+}
+
+bool landmark_is_file(const char *path)
+{
+    return ends_in(path, ".mrk.json") || ends_in(path, ".fcsv") || ends_in(path, ".csv");
+}
+
+void landmark_list_free(landmark_list *l)
+{
+    for (size_t k = 0; k < l->n; k++) free(l->name[k]);
+    free(l->name);
+    free(l->x);
+    *l = (landmark_list){ 0 };
+}
+
+size_t landmark_list_find(const landmark_list *l, const char *name)
+{
+    size_t k = 0;
+    while (k < l->n && strcmp(l->name[k], name) != 0) k++;
+    return k;
+}
+
+apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *name,
+                              const double x[3], landmark_list *l)
+{
+    if (!*name)
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: point %zu has no name; give it one", path,
+                         l->n + 1);
+    if (landmark_list_find(l, name) < l->n)
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: two points are called '%s'; rename one", path,
+                         name);
+    for (size_t c = 0; c < 3; c++)
+        if (!isfinite(x[c]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: '%s' is not at a finite place", path,
+                             name);
+    char **names = realloc(l->name, (l->n + 1) * sizeof *names);
+    if (names) l->name = names;
+    double *all = realloc(l->x, 3 * (l->n + 1) * sizeof *all);
+    if (all) l->x = all;
+    char *copy = strdup(name);
+    if (!names || !all || !copy) {
+        free(copy);
+        return APSM_ERR_MEMORY;
+    }
+    l->name[l->n] = copy;
+    memcpy(l->x + 3 * l->n++, x, 3 * sizeof *x);
+    return APSM_OK;
+}
+
+/* ---- .mrk.json ---- */
+
+static apsm_status add_point(apsm_context *ctx, const char *path, const json_t *point, bool ras,
+                             landmark_list *l)
+{
+    double x[3];
+    const char *status = json_string_value(json_object_get(point, "positionStatus"));
+    const char *label = json_string_value(json_object_get(point, "label"));
+    if (status && strcmp(status, "defined") != 0) return APSM_OK;
+    if (!apsm_json_get_matrix(json_object_get(point, "position"), 3, 0, x))
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: point %zu has no position of three numbers",
+                         path, l->n + 1);
+    for (size_t c = 0; c < 2 && ras; c++) x[c] = -x[c];
+    return landmark_list_add(ctx, path, label ? label : "", x, l);
+}
+
+static apsm_status read_markups(apsm_context *ctx, const char *path, landmark_list *l)
+{
+    json_t *root = NULL;
+    APSM_TRY(apsm_json_read(ctx, path, &root));
+    const json_t *list = json_array_get(json_object_get(root, "markups"), 0);
+    const json_t *points = json_object_get(list, "controlPoints");
+    const char *system = json_string_value(json_object_get(list, "coordinateSystem"));
+    const bool ras = system && (strcmp(system, "RAS") == 0 || strcmp(system, "0") == 0);
+    apsm_status status = APSM_OK;
+    for (size_t k = 0; k < json_array_size(points) && status == APSM_OK; k++)
+        status = add_point(ctx, path, json_array_get(points, k), ras, l);
+    json_decref(root);
+    return status;
+}
+
+/* ---- tables ---- */
+
+static bool is_blank(char c)
+{
+    return c == ' ' || c == '\t' || c == '\r';
+}
+
+/* A field in quotes, from behind the first one; two quotes stand for one.  Returns where it ends.
+ */
+static char *unquote(char *at)
+{
+    char *to = at;
+    while (*at && (*at != '"' || at[1] == '"')) {
+        at += *at == '"';
+        *to++ = *at++;
+    }
+    char *end = *at ? at + 1 : at;
+    *to = 0;
+    return end;
+}
+
+size_t landmark_cut_fields(char *line, char *field[LANDMARK_FIELDS])
+{
+    size_t n = 0;
+    for (char *at = line; n < LANDMARK_FIELDS;) {
+        while (is_blank(*at)) at++;
+        const bool quoted = *at == '"';
+        field[n] = at + quoted;
+        if (quoted) at = unquote(at + 1);
+        char *comma = strchr(at, ','), *end = comma ? comma : at + strlen(at);
+        while (!quoted && end > field[n] && is_blank(end[-1])) end--;
+        if (!quoted) *end = 0;
+        n++;
+        if (!comma) break;
+        at = comma + 1;
+    }
+    return n;
+}
+
+/* Where the columns are: name,x,y,z in a .csv, id,x,y,z,...,label (the 12th) in a .fcsv. */
+static apsm_status add_line(apsm_context *ctx, const char *path, size_t number, char *line,
+                            bool slicer, bool ras, landmark_list *l)
+{
+    char *field[LANDMARK_FIELDS];
+    double x[3];
+    const size_t n = landmark_cut_fields(line, field), label = slicer ? 11 : 0;
+    if (n < 4 || label >= n)
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: %s", path, number,
+                         slicer ? "is no point of 3D Slicer" : "is not name,x,y,z");
+    for (size_t c = 0; c < 3; c++)
+        if (!apsm_parse_number(field[1 + c], strlen(field[1 + c]), &x[c]))
+            return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' is no number", path, number,
+                             field[1 + c]);
+    for (size_t c = 0; c < 2 && ras; c++) x[c] = -x[c];
+    return landmark_list_add(ctx, path, field[label], x, l);
+}
+
+/* Comments of a .fcsv say the frame: "# CoordinateSystem = LPS", 0 or RAS. */
+static void read_comment(const char *line, bool *ras)
+{
+    if (!strstr(line, "CoordinateSystem")) return;
+    const char *value = strchr(line, '=');
+    *ras = value && (strstr(value, "RAS") || strchr(value, '0'));
+}
+
+static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list *l)
+{
+    char *text = NULL;
+    size_t size, number = 0;
+    const bool slicer = ends_in(path, ".fcsv");
+    bool ras = slicer;
+    APSM_TRY(apsm_read_file(ctx, path, MOST_BYTES, &text, &size));
+    apsm_status status = APSM_OK;
+    for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
+        next = strchr(at, '\n');
+        if (next) *next++ = 0;
+        number++;
+        if (*at == '#')
+            read_comment(at, &ras);
+        else if (number == 1 && !slicer && strncasecmp(at, "name,", 5) == 0)
+            continue;
+        else if (at[strspn(at, " \t\r")])
+            status = add_line(ctx, path, number, at, slicer, ras, l);
+    }
+    free(text);
+    return status;
+}
+
+apsm_status landmark_list_read(apsm_context *ctx, const char *path, landmark_list *l)
+{
+    *l = (landmark_list){ 0 };
+    apsm_status status =
+        ends_in(path, ".mrk.json") ? read_markups(ctx, path, l) : read_table(ctx, path, l);
+    if (status == APSM_OK && l->n == 0)
+        status = apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds no points", path);
+    if (status != APSM_OK) landmark_list_free(l);
+    return status;
+}
+
+/* ---- points without names ---- */
+
+static apsm_status add_plain(apsm_context *ctx, const char *path, size_t number, const char *at,
+                             const char *name, landmark_list *l)
+{
+    double x[3];
+    for (size_t c = 0; c < 3; c++) {
+        at += strspn(at, " \t\r,");
+        const size_t length = strcspn(at, " \t\r,");
+        if (!apsm_parse_number(at, length, &x[c]))
+            return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: is not three numbers", path, number);
+        at += length;
+    }
+    if (at[strspn(at, " \t\r,")])
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: is more than three numbers", path, number);
+    return landmark_list_add(ctx, path, name, x, l);
+}
+
+apsm_status landmark_list_read_plain(apsm_context *ctx, const char *path, size_t n,
+                                     const char *const *names, landmark_list *l)
+{
+    char *text = NULL, own[32];
+    size_t size, number = 0;
+    *l = (landmark_list){ 0 };
+    APSM_TRY(apsm_read_file(ctx, path, MOST_BYTES, &text, &size));
+    apsm_status status = APSM_OK;
+    for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
+        next = strchr(at, '\n');
+        if (next) *next++ = 0;
+        number++;
+        if (!at[strspn(at, " \t\r")]) continue;
+        snprintf(own, sizeof own, "%zu", l->n + 1);
+        status = add_plain(ctx, path, number, at, l->n < n ? names[l->n] : own, l);
+    }
+    free(text);
+    if (status == APSM_OK && l->n == 0)
+        status = apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds no points", path);
+    if (status != APSM_OK) landmark_list_free(l);
+    return status;
+}
+
+/* ---- writing ---- */
+
+static json_t *point_json(const landmark_list *l, size_t k)
+{
+    char id[32];
+    snprintf(id, sizeof id, "%zu", k + 1);
+    return json_pack("{s:s, s:s, s:[f, f, f], s:s}", "id", id, "label", l->name[k], "position",
+                     l->x[3 * k], l->x[3 * k + 1], l->x[3 * k + 2], "positionStatus", "defined");
+}
+
+apsm_status landmark_list_write(apsm_context *ctx, const char *path, const landmark_list *l)
+{
+    static const char schema[] = "https://raw.githubusercontent.com/slicer/slicer/master/Modules/"
+                                 "Loadable/Markups/Resources/Schema/markups-schema-v1.0.3.json#";
+    json_t *points = json_array();
+    for (size_t k = 0; k < l->n; k++) json_array_append_new(points, point_json(l, k));
+    if (json_array_size(points) != l->n) {
+        json_decref(points);
+        return APSM_ERR_MEMORY;
+    }
+    json_t *root = json_pack("{s:s, s:[{s:s, s:s, s:o}]}", "@schema", schema, "markups", "type",
+                             "Fiducial", "coordinateSystem", "LPS", "controlPoints", points);
+    const apsm_status status = root ? apsm_json_write(ctx, path, root) : APSM_ERR_MEMORY;
+    json_decref(root);
+    return status;
+}
