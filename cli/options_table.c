@@ -126,6 +126,11 @@ static const cli_option own[] = {
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },
+    { "unit", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, "WORD", "unit", NULL,
+      "unit of the lengths, for report and scale bars: mm, cm, m (default: mm for images, not "
+      "known "
+      "for meshes)",
+      NULL },
     { "preset", 0, CLI_SETS, CLI_GROUP_MODEL, STEPS, "NAME", "preset", NULL,
       "a named set of options: default, paper-literal-femur, paper-literal-liver or "
       "paper-literal-hip; other options change it",
@@ -230,7 +235,7 @@ cli_option *cli_options_list(size_t *n)
 /* ---- Names ---- */
 
 static const char *const texts[] = { "preset", "labels", "reflect_match", "exclude", "pattern",
-                                     "ignore", "domain", "template",      "seed",    "landmarks" };
+                                     "ignore", "domain", "template",      "seed",    "landmarks", "unit" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

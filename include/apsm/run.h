@@ -26,8 +26,8 @@ typedef struct apsm_run_settings {
     size_t n_inputs;
     const char *const *inputs;
     /* Options in the order given: "preset", any name of apsm/options.h, or one of the texts
-     * "labels", "reflect_match", "exclude", "pattern", "ignore", "domain", "template", "seed"
-     * and "landmarks".
+     * "labels", "reflect_match", "exclude", "pattern", "ignore", "domain", "template", "seed",
+     * "landmarks" and "unit".
      * They go on top of those stored in the project. */
     size_t n_set;
     const char *const (*set)[2];

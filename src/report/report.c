@@ -124,6 +124,27 @@ static json_t *json_scores(const composing *c, size_t i)
     return row;
 }
 
+/* Scores of the modes that are not shown by themselves, in standard deviations: the page makes such
+ * a mode from the shapes.  Steps of 8 / 32,768. */
+static json_t *json_more_scores(composing *c)
+{
+    const apsm_shape_model *m = &c->m->model;
+    const size_t first = c->d->modes, more = m->modes - first, n = m->I * more;
+    uint32_t *code = malloc((n + 1) * sizeof *code);
+    if (!code) return NULL;
+    for (size_t k = 0; k < n; k++) {
+        const size_t i = k / more, l = first + k % more;
+        double b = 0;
+        for (size_t x = 0; x < 3 * m->J; x++)
+            b += (c->m->P[i * m->J * 3 + x] - m->mean[x]) * m->mode[l * m->J * 3 + x];
+        b = fmin(fmax(b / sqrt(m->variance[l]), -7.9), 7.9);
+        code[k] = (uint32_t)(b * 4096 + 32768.5);
+    }
+    json_t *scores = pack_integers(&c->bytes, n, more ? more : 1, 2, code);
+    free(code);
+    return scores;
+}
+
 static json_t *json_shape(composing *c, size_t i)
 {
     const model_folder *m = c->m;
@@ -202,6 +223,40 @@ static json_t *json_colours(composing *c)
     return colours;
 }
 
+/* All shapes come from images, whose lengths are mm and whose axes are the patient's. */
+static bool all_from_images(const model_folder *m)
+{
+    const json_t *groomed = json_object_get(m->manifest, "groomed"), *shape;
+    size_t i;
+    json_array_foreach(groomed, i, shape)
+    {
+        const char *kind = json_string_value(json_object_get(shape, "kind"));
+        if (!kind || strcmp(kind, "mask") != 0) return false;
+    }
+    return json_array_size(groomed) > 0;
+}
+
+/* What the user said, mm for images, or null: not known. */
+static json_t *json_unit(const model_folder *m)
+{
+    const char *said = apsm_project_get(&m->project, "apsm", "unit");
+    if (said && *said) return json_string(said);
+    return all_from_images(m) ? json_string("mm") : json_null();
+}
+
+/* Where left, posterior and superior of the template's image point in the world frame, or null. */
+static json_t *json_axes(const model_folder *m)
+{
+    double M[16], R[9];
+    if (!all_from_images(m)) return json_null();
+    model_folder_to_world(m, m->template_index, M);
+    const double scale = sqrt(M[0] * M[0] + M[4] * M[4] + M[8] * M[8]);
+    const double side = m->project.subjects[m->template_index].mirrored ? -1 : 1;
+    for (size_t k = 0; k < 9; k++) /* row k / 3: the direction of axis k / 3 */
+        R[k] = (k < 3 ? side : 1) * M[4 * (k % 3) + k / 3] / scale;
+    return apsm_json_matrix(3, 3, R);
+}
+
 static json_t *compose(composing *c, const char *title)
 {
     const model_folder *m = c->m;
@@ -215,6 +270,9 @@ static json_t *compose(composing *c, const char *title)
         apsm_json_vector(m->model.modes, m->model.variance), "mean", json_mean(c), "shapes",
         json_shapes(c), "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
         json_manifest(m->manifest));
+    json_object_set_new(root, "more_scores", json_more_scores(c));
+    json_object_set_new(root, "unit", json_unit(m));
+    json_object_set_new(root, "axes", json_axes(m));
     return root;
 }
 

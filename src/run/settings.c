@@ -1,5 +1,6 @@
 #include "run/settings.h"
 
+#include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,7 +11,7 @@
 /* ---- texts beside the option table ---- */
 
 static const char *const texts[] = { "labels", "reflect_match", "exclude", "pattern",  "ignore",
-                                     "domain", "template",      "seed",    "landmarks" };
+                                     "domain", "template",      "seed",    "landmarks", "unit" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */
@@ -61,11 +62,23 @@ static apsm_status take_seed(apsm_run *run, const char *text)
     return APSM_OK;
 }
 
+/* A word to show behind lengths: of letters, short enough for a scale bar. */
+static apsm_status check_unit(apsm_run *run, const char *text)
+{
+    enum { LONGEST = 8 };
+    bool good = strlen(text) <= LONGEST;
+    for (const char *c = text; *c; c++) good = good && (*c < 0 || isalpha((unsigned char)*c));
+    if (good) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_ARG,
+                     "unit = %s: give the unit of the inputs' lengths, such as mm, cm or m", text);
+}
+
 static apsm_status take_pair(apsm_run *run, const char *key, const char *value)
 {
     if (strcmp(key, "preset") == 0) return apsm_options_preset(run->ctx, &run->options, value);
     if (!is_text(key)) return apsm_options_set(run->ctx, &run->options, key, value);
     if (strcmp(key, "seed") == 0) APSM_TRY(take_seed(run, value));
+    if (strcmp(key, "unit") == 0) APSM_TRY(check_unit(run, value));
     return apsm_project_set(&run->project, "apsm", key, value);
 }
 
@@ -114,7 +127,8 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
 
 static apsm_status refuse_other_text(apsm_run *run, const char *key, const char *value)
 {
-    if (!is_text(key) || strcmp(apsm_run_text(run, key), value) == 0) return APSM_OK;
+    const bool may_change = !is_text(key) || strcmp(key, "unit") == 0;
+    if (may_change || strcmp(apsm_run_text(run, key), value) == 0) return APSM_OK;
     return refuse_change(run, key, apsm_run_text(run, key), value);
 }
 

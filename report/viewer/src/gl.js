@@ -7,6 +7,7 @@ import {
   ShaderMaterial, Vector3, WebGLRenderer, Color, ColorManagement,
 } from "three";
 import { lookUpTable, palettes } from "./colors.js";
+import { paintScale, paintAxes, paintMeasure } from "./overlay.js";
 
 ColorManagement.enabled = false; // colours are taken and given as they are
 
@@ -32,6 +33,7 @@ const surfaceShader = {
     uniform vec3 base;
     uniform vec2 range;
     uniform float coloured;
+    uniform float veil; // 1: solid
     uniform sampler2D palette;
     varying float v;
     varying vec3 n;
@@ -40,7 +42,7 @@ const surfaceShader = {
       float glint, s = shade(normalize(n) * (gl_FrontFacing ? 1.0 : -1.0), glint);
       float t = clamp((v - range.x) / (range.y - range.x), 0.002, 0.998);
       vec3 c = coloured > 0.5 ? texture2D(palette, vec2(t, 0.5)).rgb : base;
-      gl_FragColor = vec4(min(c * s + glint, 1.0), 1.0);
+      gl_FragColor = vec4(min(c * s + glint, 1.0) * veil, veil);
     }`,
 };
 
@@ -118,13 +120,27 @@ export function particleGeometry(P, tint) {
 
 export const pose = { yaw: 0.5, pitch: 0.35, zoom: 1, x: 0, y: 0 };
 const home = { ...pose };
-let stage = { centre: [0, 0, 0], radius: 1 };
-/** All shapes lie within radius of centre; at first their longest side (angle `yaw` from x, seen from
- * above) is seen across. */
-export function setStage(centre, radius, yaw) {
-  stage = { centre, radius };
+let stage = { centre: [0, 0, 0], radius: 1, hull: [], axes: null };
+/** All shapes lie within radius of centre, and within the points of hull, from the centre on; at first
+ * their longest side (angle `yaw` from x, seen from above) is seen across.  axes: where left, posterior
+ * and superior are, or null. */
+export function setStage(centre, radius, yaw, hull = [], axes = null) {
+  stage = { centre, radius, hull, axes };
   Object.assign(home, { yaw });
   Object.assign(pose, home);
+}
+
+/** Half of the height that holds all shapes in a view of that form: in the pose, and however it is turned
+ * about the upright axis. */
+function halfHeight(width, height, right, up) {
+  let x = 0, y = 0, turned = 0;
+  if (stage.hull.length === 0) return 1.04 * stage.radius * Math.max(1, height / width);
+  for (const p of stage.hull) {
+    x = Math.max(x, Math.abs(p[0] * right.x + p[1] * right.y + p[2] * right.z));
+    y = Math.max(y, Math.abs(p[0] * up.x + p[1] * up.y + p[2] * up.z));
+    turned = Math.max(turned, Math.hypot(p[0], p[1]));
+  }
+  return 1.07 * Math.max(y, (Math.max(x, turned) * height) / width);
 }
 
 const direction = (p) =>
@@ -212,9 +228,14 @@ export class View {
     this.camera = new OrthographicCamera();
     this.skin = new ShaderMaterial({
       ...surfaceShader,
-      uniforms: { base: { value: new Color() }, range: { value: [0, 1] }, coloured: { value: 0 }, palette: { value: null } },
+      uniforms: { base: { value: new Color() }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 1 }, palette: { value: null } },
     });
     this.skin.side = 2;
+    this.veil = new ShaderMaterial({
+      ...surfaceShader, transparent: true, depthWrite: false, premultipliedAlpha: true,
+      uniforms: { base: { value: new Color("#3b6fb6") }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 0.35 }, palette: { value: null } },
+    });
+    this.measured = null; // points between which is measured
     this.dots = new ShaderMaterial({ ...particleShader, uniforms: { radius: { value: radius } } });
     this.pickable = null;
     this.onpick = pick;
@@ -223,9 +244,12 @@ export class View {
     resized.observe(canvas);
     listen(this);
   }
-  set({ surface, particles, palette = null, range = [0, 1] }) {
+  /** ghost: a second surface, seen through. */
+  set({ surface, particles, ghost = null, palette = null, range = [0, 1] }) {
     this.scene.clear();
+    this.surface = surface;
     if (surface) this.scene.add(new Mesh(surface, this.skin));
+    if (ghost) this.scene.add(new Mesh(ghost, this.veil));
     if (particles) this.scene.add(new Mesh(particles, this.dots));
     for (const object of this.scene.children) object.frustumCulled = false;
     this.skin.uniforms.coloured.value = palette ? 1 : 0;
@@ -248,12 +272,12 @@ export class View {
     schedule();
   }
   aim(width, height) {
-    const wide = width > height, r = (1.04 * stage.radius) / pose.zoom; // upright ones are as high as they are long
-    const x = wide ? (r * width) / height : r, y = wide ? r : (r * height) / width;
     const c = this.camera, to = direction(pose);
-    Object.assign(c, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 8 * stage.radius });
     const right = new Vector3(Math.cos(pose.yaw), Math.sin(pose.yaw), 0);
     const up = new Vector3().crossVectors(to, right);
+    const y = halfHeight(width, height, right, up) / pose.zoom, x = (y * width) / height;
+    Object.assign(c, { left: -x, right: x, top: y, bottom: -y, near: 0, far: 8 * stage.radius });
+    this.perPixel = (2 * y) / height;
     const centre = new Vector3(...stage.centre)
       .addScaledVector(right, -pose.x * stage.radius)
       .addScaledVector(up, -pose.y * stage.radius);
@@ -281,6 +305,47 @@ export class View {
     const flat = canvas.getContext("2d");
     flat.clearRect(0, 0, width, height);
     flat.drawImage(all, 0, all.height - height, width, height, 0, 0, width, height);
+    if (this.large) this.overlay(flat, width, height, density);
+  }
+  /** Scale bar, orientation and what is measured, over the picture. */
+  overlay(flat, width, height, density) {
+    const ink = getComputedStyle(this.canvas).getPropertyValue("--text").trim(), to = direction(pose);
+    const right = new Vector3(Math.cos(pose.yaw), Math.sin(pose.yaw), 0), up = new Vector3().crossVectors(to, right);
+    flat.save();
+    paintScale(flat, { width, height, density, ink, perPixel: this.perPixel });
+    if (stage.axes)
+      paintAxes(flat, { density, ink, axes: stage.axes.map((a) => [right, up, to].map((d) => a[0] * d.x + a[1] * d.y + a[2] * d.z)) });
+    if (this.measured) {
+      const at = this.measured.map((p) => new Vector3(...p).project(this.camera)).map((p) => [((p.x + 1) / 2) * width, ((1 - p.y) / 2) * height]);
+      paintMeasure(flat, { at, points: this.measured, density, ink, ground: getComputedStyle(this.canvas).getPropertyValue("--ground").trim() });
+    }
+    flat.restore();
+  }
+  /** The picture as a PNG, on the page's ground. */
+  picture(done) {
+    this.paint();
+    const copy = document.createElement("canvas"), flat = copy.getContext("2d");
+    Object.assign(copy, { width: this.canvas.width, height: this.canvas.height });
+    flat.fillStyle = getComputedStyle(document.body).getPropertyValue("--ground").trim();
+    flat.fillRect(0, 0, copy.width, copy.height);
+    flat.drawImage(this.canvas, 0, 0);
+    copy.toBlob(done, "image/png");
+  }
+  /** Where the surface is hit at a point of the canvas in CSS pixels: [x, y, z], or null. */
+  surfaceAt(px, py) {
+    const canvas = this.canvas;
+    if (!this.surface) return null;
+    this.aim(canvas.clientWidth, canvas.clientHeight);
+    const from = new Vector3((2 * px) / canvas.clientWidth - 1, 1 - (2 * py) / canvas.clientHeight, -1).unproject(this.camera);
+    return hit(this.surface.getAttribute("position").array, this.surface.index.array, from, direction(pose).negate());
+  }
+  /** A click while measuring: the first or the second point; a third begins anew. */
+  measure(px, py) {
+    const at = this.surfaceAt(px, py);
+    if (!at) return;
+    this.measured = this.measured.length === 2 ? [at] : [...this.measured, at];
+    this.onmeasure?.(this.measured);
+    this.invalidate();
   }
   /** Index of the particle at a point of the canvas in CSS pixels, or -1. */
   particleAt(px, py) {
@@ -297,6 +362,24 @@ export class View {
     }
     return best;
   }
+}
+
+/** First hit of the ray from o along d (Moeller and Trumbore, 1997), or null. */
+function hit(V, F, o, d) {
+  const a = new Vector3(), u = new Vector3(), w = new Vector3(), p = new Vector3(), t = new Vector3(), q = new Vector3();
+  let least = Infinity;
+  for (let f = 0; f < F.length; f += 3) {
+    a.fromArray(V, 3 * F[f]);
+    u.fromArray(V, 3 * F[f + 1]).sub(a);
+    w.fromArray(V, 3 * F[f + 2]).sub(a);
+    const det = u.dot(p.crossVectors(d, w));
+    if (det === 0) continue;
+    const x = t.subVectors(o, a).dot(p) / det;
+    if (x < 0 || x > 1) continue;
+    const y = d.dot(q.crossVectors(t, u)) / det, s = w.dot(q) / det;
+    if (y >= 0 && x + y <= 1 && s > 0 && s < least) least = s;
+  }
+  return least < Infinity ? [o.x + least * d.x, o.y + least * d.y, o.z + least * d.z] : null;
 }
 
 // ---- mouse, fingers, keys ----
@@ -333,7 +416,9 @@ function listen(view) {
     }
   });
   const end = (e) => {
-    if (fingers.delete(e.pointerId) && e.type === "pointerup" && moved <= 3)
+    if (!fingers.delete(e.pointerId) || e.type !== "pointerup" || moved > 3) return;
+    if (view.measured) view.measure(e.offsetX, e.offsetY);
+    else
       view.onpick?.(view.particleAt(e.offsetX, e.offsetY), "click");
   };
   canvas.addEventListener("pointerup", end);

@@ -5,6 +5,11 @@ import { cssGradient, palettes, particleColours } from "./colors.js";
 import * as gl from "./gl.js";
 import { curve, histogram, scatter } from "./charts.js";
 import { fillAnswers } from "./answers.js";
+import { fillCompare } from "./compare.js";
+import { length, setUnit, unitKnown, unitNote } from "./units.js";
+import { copyText, fileName, saveCsv, saveSvg, saveButton, saveTools } from "./save.js";
+import { modeBasis } from "./modes.js";
+import { readLink, writeLink } from "./link.js";
 import { Fits, fillFits, stageOf } from "./fits.js";
 
 const state = {
@@ -16,6 +21,7 @@ const state = {
 let model, tint, radius, shorts;
 const marked = []; // particle geometries on the page, all marked alike
 const refresh = { shape: [], particle: [] };
+const SLIDER = 3, FIRST = 5; // standard deviations at a slider's ends; modes that are shown at once
 
 // ---- shapes as geometry, made when first looked at ----
 
@@ -86,6 +92,17 @@ function makeView(label, options = {}) {
   return { view, canvas, box: el("div", { class: "view" }, canvas, readout) };
 }
 
+/** Below a view: measuring, and what can be saved of it. */
+function viewTools(view, name, mesh) {
+  const told = el("span", { class: "soft", "aria-live": "polite" });
+  const tell = (on) => (told.textContent = on ? "Click two points of the surface." : "");
+  return el("div", { class: "tools screen" },
+    checkbox("Measure", false, (on) => { view.measured = on ? [] : null; tell(on); view.invalidate(); }), told, saveTools(view, name, mesh));
+}
+const savesOf = (name, chart, rows) => el("p", { class: "saves screen" },
+  chart && saveButton("SVG", `${name} as a picture`, () => saveSvg(fileName(model.title, name), chart().querySelector("svg"))),
+  rows && saveButton("CSV", `${name} as a table`, () => saveCsv(fileName(model.title, name), rows())));
+
 function chooseShape(i, { go = false } = {}) {
   state.chosen = i;
   refresh.shape.forEach((f) => f());
@@ -138,9 +155,9 @@ function gatherFacts() {
 }
 function findOutliers() {
   const kinds = [
-    ["surface error", facts.map((f) => f.mean), show],
+    ["surface error", facts.map((f) => f.mean), length],
     ["mismatched particles", facts.map((f) => f.mismatched), (n) => String(n)],
-    ["distance from the mean", facts.map((f) => f.distance), show],
+    ["distance from the mean", facts.map((f) => f.distance), length],
   ];
   const found = new Map();
   for (const [word, values, tell] of kinds)
@@ -160,8 +177,8 @@ function fillHeader() {
   const surface = e.surface_distance;
   byId("summary").textContent =
     `${plural(model.I, "shape")}, ${model.J} particles each, template ${e.template}. ` +
-    (surface ? `Surfaces are reproduced to ${show(surface.mean)} on average, ${show(surface.max)} at worst. ` : "") +
-    "Lengths are in the unit of the input (mm for images).";
+    (surface ? `Surfaces are reproduced to ${length(surface.mean)} on average, ${length(surface.max)} at worst. ` : "") +
+    (unitKnown() ? `Lengths are in ${unitNote()}.` : "Lengths are in the unit of the input, which mesh files do not tell; --unit mm would.");
   const fine = c.certified === c.shapes;
   const review = facts.flatMap((f, i) => (f.fine ? [] : [i]));
   byId("verdict").append(
@@ -171,21 +188,45 @@ function fillHeader() {
         el("strong", {}, c.verdict === "not judged" ? "Too few shapes to be judged by each other: nothing is certified. " : fine
           ? c.shapes === 1 ? "The shape is certified. " : `All ${c.shapes} shapes are certified. `
           : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
-        c.verdict === "not judged" ? "" : fine ? "Particles correspond: none has changed places, and the surface between them is not folded."
+        c.verdict === "not judged" ? "" : fine ? `Particles correspond: ${countsText()}.`
           : review.slice(0, 12).map((i) => el("button", { type: "button", class: "link", onclick: () => showTrouble(i) }, facts[i].name)),
-        !fine && c.verdict !== "not judged" && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`))),
+        !fine && c.verdict !== "not judged" && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`),
+        !fine && c.verdict !== "not judged" && commandTo(review))),
   );
+  const link = byId("link");
+  link.addEventListener("click", () => copyText(link, writeLink(linkState())));
+}
+
+/** What the certificate's table adds up to. */
+function countsText() {
+  const sum = (f) => facts.reduce((a, x) => a + f(x), 0), swaps = sum((f) => f.certificate.swaps?.length ?? 0), folds = sum((f) => f.certificate.folds?.length ?? 0);
+  const lost = sum((f) => f.mismatched), some = facts.filter((f) => f.mismatched > 0);
+  const worst = facts.reduce((a, f) => (f.mismatched > a.mismatched ? f : a), facts[0]);
+  const none = (n, word) => (n === 0 ? `no ${word}s` : plural(n, word));
+  return `${none(swaps, "swapped pair")}, ${none(folds, "fold")}, ` + (lost === 0 ? "no mismatched particles"
+    : `${plural(lost, "mismatched particle")} of ${(model.I * model.J).toLocaleString("en")}, on ${plural(some.length, "shape")} (at most ${worst.mismatched} of ${model.J}, on ${worst.name})`);
+}
+
+/** The command that leaves shapes out and makes the model anew. */
+function commandTo(list) {
+  const quote = (t) => (/^[\w.+-]+$/.test(t) ? t : `'${t.replaceAll("'", "'\\''")}'`);
+  const out = list.filter((i) => i !== model.template), kept = model.I - out.length;
+  if (out.length === 0 || kept < 3) return null;
+  const text = `apsm exclude ${quote(model.title)} ${out.map((i) => quote(facts[i].name)).join(" ")}`;
+  const button = el("button", { type: "button", onclick: () => copyText(button, text) }, "Copy");
+  return el("div", { class: "command screen" }, el("span", {}, `Look first; to go on without ${out.length === 1 ? "it" : "them"}: `),
+    el("code", {}, text.length > 160 ? `${text.slice(0, 150)} \u2026` : text), " ", button,
+    out.length < list.length && el("span", {}, ` ${facts[model.template].name} is the template: a new run with --exclude is needed for that.`));
 }
 
 // ---- mean and modes ----
 
 function fillModes() {
-  const body = byId("modes").querySelector(".body"), mean = model.mean, K = mean.modes.length;
+  const body = byId("modes").querySelector(".body"), mean = model.mean, K = model.variances.length;
   const V0 = model.array(mean.vertices, "positions"), F = model.array(mean.faces, "integers");
   const P0 = model.array(mean.particles, "positions"), N0 = vertexNormals(V0, F);
   const V = V0.slice(), N = N0.slice(), P = P0.slice(), value = new Float32Array(V.length / 3);
-  const D = mean.modes.map((m) => model.array(m.vertices, "displacements"));
-  const DP = mean.modes.map((m) => model.array(m.particles, "displacements"));
+  const basis = modeBasis(model);
   const surface = gl.surfaceGeometry(V, F, N, value), dots = gl.particleGeometry(P, tint);
   marked.push(dots);
   const { view, box } = makeView("mean shape with modes of variation; arrows turn it");
@@ -194,12 +235,23 @@ function fillModes() {
   const weight = new Float64Array(K), rows = [];
   const options = { colour: true, particles: false };
 
-  // One scale for all modes: the largest displacement along the normal at 2 sd of any mode.
-  let reach = 0;
-  for (const d of D)
-    for (let k = 0; k < d.length; k += 3)
-      reach = Math.max(reach, Math.abs(2 * (d[k] * N0[k] + d[k + 1] * N0[k + 1] + d[k + 2] * N0[k + 2])));
-  reach = reach || 1;
+  // The scale is that of the modes that are moved, to the ends of their sliders.
+  const reaches = new Map();
+  const reachOf = (m) => {
+    if (!reaches.has(m)) {
+      const d = basis.surface(m);
+      let most = 0;
+      for (let k = 0; k < d.length; k += 3) most = Math.max(most, Math.abs(d[k] * N0[k] + d[k + 1] * N0[k + 1] + d[k + 2] * N0[k + 2]));
+      reaches.set(m, SLIDER * most);
+    }
+    return reaches.get(m);
+  };
+  let reach = 1;
+  const scale = () => {
+    const moved = [...weight.keys()].filter((m) => weight[m] !== 0);
+    reach = (moved.length > 0 ? moved.reduce((a, m) => a + reachOf(m), 0) : K > 0 ? reachOf(0) : 1) || 1;
+    key.replaceChildren(legend("signed", [`\u2212${length(reach)} inward`, "0", `+${length(reach)} outward`]));
+  };
 
   const shape = () => {
     V.set(V0);
@@ -207,27 +259,34 @@ function fillModes() {
     for (let m = 0; m < K; m++) {
       const b = weight[m];
       if (b === 0) continue;
-      for (let k = 0; k < V.length; k++) V[k] += b * D[m][k];
-      for (let k = 0; k < P.length; k++) P[k] += b * DP[m][k];
+      const D = basis.surface(m), DP = basis.particles(m);
+      for (let k = 0; k < V.length; k++) V[k] += b * D[k];
+      for (let k = 0; k < P.length; k++) P[k] += b * DP[k];
     }
     vertexNormals(V, F, N);
     for (let k = 0; k < V.length; k += 3)
       value[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
     for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
     dots.getAttribute("place").needsUpdate = true;
-    view.invalidate();
+    scale();
+    dress();
   };
   const dress = () => {
     view.set({ surface, particles: options.particles ? dots : null, palette: options.colour ? "signed" : null, range: [-reach, reach] });
     view.setPickable(options.particles ? P : null, normalsAt(P0, V0, N0));
     key.hidden = !options.colour;
   };
+  const tell = (m) => {
+    const row = rows[m], b = weight[m];
+    if (!row) return;
+    row.range.value = b;
+    const text = `${b < 0 ? "\u2212" : "+"}${Math.abs(b).toFixed(2)} sd`;
+    row.value.textContent = text;
+    row.range.setAttribute("aria-valuetext", text);
+  };
   const setMode = (m, b) => {
     weight[m] = b;
-    rows[m].range.value = b;
-    const text = `${b < 0 ? "\u2212" : "+"}${Math.abs(b).toFixed(2)} sd`;
-    rows[m].value.textContent = text;
-    rows[m].range.setAttribute("aria-valuetext", text);
+    tell(m);
   };
 
   let playing = -1, started = 0;
@@ -249,47 +308,50 @@ function fillModes() {
   };
   const frame = (now) => {
     if (playing < 0) return;
-    setMode(playing, 2 * Math.sin(((now - started) / 1000) * 1.6));
+    setMode(playing, 2 * Math.sin(((now - started) / 1000) * 1.6) || 1e-9);
     shape();
     requestAnimationFrame(frame);
   };
 
-  mean.modes.forEach((_, m) => {
+  const makeRow = (m) => {
     const range = el("input", {
-      type: "range", min: -3, max: 3, step: 0.01, value: 0, "aria-label": `mode ${m + 1} in standard deviations`,
+      type: "range", min: -SLIDER, max: SLIDER, step: 0.01, value: 0, "aria-label": `mode ${m + 1} in standard deviations`,
       oninput: () => { if (playing === m) stop(); setMode(m, Number(range.value)); shape(); },
     });
     const button = el("button", { type: "button", "aria-label": `play mode ${m + 1}`, "aria-pressed": "false", onclick: () => play(m) }, "\u25b6");
     const text = el("span", { class: "value" }, "+0.00 sd");
-    rows.push({ range, play: button, value: text });
-    rows[m].row = el("div", { class: "mode" }, button,
-      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, `${percent(model.variances[m] / total)} of the variance`)),
+    rows[m] = { range, play: button, value: text };
+    tell(m);
+    return el("div", { class: "mode" }, button,
+      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(model.variances[m] / total))),
       text, el("div", { class: "range" }, range));
-  });
+  };
   const reset = () => {
     stop();
-    mean.modes.forEach((_, m) => setMode(m, 0));
+    for (let m = 0; m < K; m++) setMode(m, 0);
     shape();
   };
-  const key = legend("signed", [`\u2212${show(reach)} inward`, "0", `+${show(reach)} outward`]);
-  const shown = model.variances.slice(0, K).reduce((a, b) => a + b, 0) / total;
-  const first = rows.slice(0, 5).map((r) => r.row), more = rows.slice(5).map((r) => r.row);
+  const key = el("div");
+  const first = Array.from({ length: Math.min(K, FIRST) }, (_, m) => makeRow(m));
+  const more = K > FIRST && el("details", { ontoggle: () => {
+    if (more.children.length === 1) more.append(el("div", {}, Array.from({ length: K - FIRST }, (_, k) => makeRow(FIRST + k))));
+  } }, el("summary", {}, `${plural(K - FIRST, "more mode")} (${percent(model.variances.slice(FIRST).reduce((a, b) => a + b, 0) / total)} of the variance)`));
+  const state = () => [...weight].flatMap((b, m) => (b === 0 ? [] : [`mode${m + 1}${b < 0 ? "" : "+"}${b.toFixed(1)}`])).join(" ") || "mean";
   body.append(
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
-      : `The mean of all shapes, and how they vary. ${K === 1 ? "One mode is" : `The first ${K} modes are`} shown: ${percent(shown)} of the variance. Colour tells how far the surface has moved from the mean along its normal.`),
+      : `The mean of all shapes, and how they vary: ${plural(K, "mode")}, each with its share of the variance. Colour tells how far the surface has moved from the mean along its normal; its scale is that of the modes moved, at ${SLIDER} standard deviations.`),
     el("div", { class: "split" },
-      el("div", { class: "main" }, box, key,
-        el("p", { class: "small soft screen" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
-      el("div", {},
+      el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: "displacement" })),
+        el("p", { class: "small soft screen fine" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
+      el("div", { class: "sliders" },
         el("div", { class: "tools" },
           el("button", { type: "button", onclick: reset }, "Reset to the mean"),
           checkbox("Colour", true, (on) => { options.colour = on; dress(); }),
           checkbox("Particles", false, (on) => { options.particles = on; dress(); })),
-        first, more.length > 0 && el("details", {}, el("summary", {}, `${plural(more.length, "more mode")}`), more))),
+        first, more)),
   );
-  dress();
   shape();
-  return { setMode: (m, b) => { setMode(m, b); shape(); }, weight, V };
+  return { setMode: (m, b) => { setMode(m, b); shape(); }, weight, V, D: basis.surface };
 }
 
 // ---- cohort ----
@@ -334,17 +396,17 @@ function fillCohort(strange) {
     distance: (f) => -f.distance,
   };
   const texts = {
-    name: (f) => (Number.isFinite(f.mean) ? `error ${show(f.mean)}` : ""),
-    surface: (f) => `error ${show(f.mean)}`,
+    name: (f) => (Number.isFinite(f.mean) ? `error ${length(f.mean)}` : ""),
+    surface: (f) => `error ${length(f.mean)}`,
     mismatched: (f) => `${f.mismatched} mismatched`,
-    distance: (f) => `${show(f.distance)} from the mean`,
+    distance: (f) => `${length(f.distance)} from the mean`,
   };
   const arrange = () => {
     const order = facts.map((_, i) => i).sort((a, b) => orders[state.sort](facts[a]) - orders[state.sort](facts[b]) || a - b);
     grid.append(...order.map((i) => tiles[i].node));
     tiles.forEach((t, i) => (t.info.textContent = texts[state.sort](facts[i])));
   };
-  const key = legend("heat", ["0", `distance to the ${"other"} surface`, `\u2265 ${show(worst)}`]);
+  const key = legend("heat", ["0", "distance to the other surface", `\u2265 ${length(worst)}`]);
   const list = [...strange.entries()];
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
@@ -358,7 +420,8 @@ function fillCohort(strange) {
     list.length > 0
       ? el("div", {}, el("p", {}, el("strong", {}, "Outliers"), " (beyond the median by 3.5 robust standard deviations):"),
         el("ul", {}, list.slice(0, 5).map(item)),
-        list.length > 5 && el("details", {}, el("summary", {}, `${plural(list.length - 5, "more outlier")}`), el("ul", {}, list.slice(5).map(item))))
+        list.length > 5 && el("details", {}, el("summary", {}, `${plural(list.length - 5, "more outlier")}`), el("ul", {}, list.slice(5).map(item))),
+        commandTo(list.map(([i]) => i)))
       : el("p", {}, "No outliers: no shape is beyond the median by 3.5 robust standard deviations in surface error, mismatched particles or distance from the mean."),
     el("div", { class: "tools" },
       choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "mismatches"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
@@ -397,16 +460,16 @@ function fillFidelity() {
       v.view.set({ surface: s.geometry, particles: options.particles ? dotsOf(i) : null, palette: "heat", range: [0, hi] });
       v.view.setPickable(options.particles ? particlesOf(i) : null, options.particles ? normalsOf(i) : null);
     });
-    ends.replaceChildren(legend("heat", ["0", "distance", `${hi < most ? "\u2265 " : ""}${show(hi)}`]));
-    const length = (x) => (x === undefined ? "" : show(tidy(x, d)));
-    const row = (name, s) => [name, length(s.mean), length(s.median), length(s.p95), length(s.p99), length(s.max)];
+    ends.replaceChildren(legend("heat", ["0", "distance", `${hi < most ? "\u2265 " : ""}${length(hi)}`]));
+    const cell = (x) => (x === undefined ? "" : show(tidy(x, d)));
+    const row = (name, s) => [name, cell(s.mean), cell(s.median), cell(s.p95), cell(s.p99), cell(s.max)];
     figures.replaceChildren(
-      d ? table(["distance", "mean", "median", "95 %", "99 %", "max"],
+      d ? table([`distance, ${unitNote()}`, "mean", "median", "95 %", "99 %", "max"],
         [row("two-way", d), row("reconstruction to original", d.pull), row("original to reconstruction", d.push)], [1, 2, 3, 4, 5])
         : el("p", {}, "The surface distance was not measured (option surface_distance); the maps show distances of the vertices on the page."),
       el("p", { class: "small soft" },
         i === model.template ? "This is the template: its reconstruction is itself. " : "",
-        d ? `Two-way: vertices of both surfaces in one list. Diagonal of the shape's box: ${show(d.diagonal)}. ` : "",
+        d ? `Two-way: vertices of both surfaces in one list. Diagonal of the shape's box: ${length(d.diagonal)}. ` : "",
         `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}.`),
     );
     chart.replaceChildren(histogram({
@@ -423,10 +486,10 @@ function fillFidelity() {
       choice("Scale", [["cohort", "same for all shapes"], ["shape", "this shape"]], "cohort", (v) => { options.scale = v; render(); }),
       checkbox("Particles", false, (on) => { options.particles = on; render(); })),
     el("div", { class: "pair" },
-      el("div", {}, el("h3", {}, "Original"), left.box),
-      el("div", {}, el("h3", {}, "Reconstruction"), right.box)),
+      el("div", {}, el("h3", {}, "Original"), left.box, viewTools(left.view, () => facts[state.chosen].name, () => ({ ...surfaceOf(state.chosen, "original"), field: "distance" }))),
+      el("div", {}, el("h3", {}, "Reconstruction"), right.box, viewTools(right.view, () => `${facts[state.chosen].name} reconstruction`, () => ({ ...surfaceOf(state.chosen, "warped"), field: "distance" })))),
     ends,
-    el("div", { class: "pair" }, el("div", {}, figures), chart),
+    el("div", { class: "pair" }, el("div", {}, figures, savesOf("surface distances", null, distanceRows)), el("div", {}, chart, savesOf("histogram of distances", () => chart))),
   );
   return { showParticles: () => {
     options.particles = true;
@@ -435,18 +498,53 @@ function fillFidelity() {
   } };
 }
 
+function distanceRows() {
+  const keys = ["mean", "median", "p95", "p99", "max"], kinds = ["pull", "push"];
+  return [["name", "two_way_mean", "two_way_p95", "two_way_max", ...kinds.flatMap((k) => keys.map((x) => `${k}_${x}`))],
+    ...facts.map(({ name, surface: d }) => [name, d?.mean, d?.p95, d?.max, ...kinds.flatMap((k) => keys.map((x) => d?.[k]?.[x]))])];
+}
+
 // ---- quality ----
+
+/** Name, scores, and what is known of every shape. */
+function scoreRows() {
+  const known = model.answers?.columns ?? [], K = model.variances.length, scores = modeBasis(model).scores;
+  const cell = (c, i) => (c.values[i] === null ? "" : c.category ? c.levels[c.values[i]] : c.values[i]);
+  return [["name", "verdict", ...known.map((c) => c.name), ...Array.from({ length: K }, (_, m) => `mode_${m + 1}`)],
+    ...model.shapes.map((s, i) => [s.name, facts[i].certificate.verdict, ...known.map((c) => cell(c, i)), ...Array.from({ length: K }, (_, m) => scores(i, m))])];
+}
+function scoreTable() {
+  const [head, ...rows] = scoreRows(), columns = Math.min(head.length, 2 + (model.answers?.columns.length ?? 0) + 6);
+  let by = 0, down = false;
+  const box = el("div");
+  const order = (a, b) => {
+    const x = a[by], y = b[by], less = typeof x === "number" && typeof y === "number" ? x - y : String(x).localeCompare(String(y), "en", { numeric: true });
+    return down ? -less : less;
+  };
+  const draw = () => {
+    const heads = head.slice(0, columns).map((t, k) => el("button", { type: "button", class: "link", "aria-label": `sort by ${t}`, onclick: () => { down = by === k && !down; by = k; draw(); } }, `${t}${k === by ? (down ? " \u25bc" : " \u25b2") : ""}`));
+    box.replaceChildren(table(heads, [...rows].sort(order).map((r) => r.slice(0, columns).map((x) => (typeof x === "number" ? show(x) : x))),
+      head.slice(0, columns).map((_, k) => k).filter((k) => typeof rows[0]?.[k] === "number")));
+  };
+  draw();
+  return el("details", {}, el("summary", {}, `Scores of the shapes as a table (lengths in ${unitNote()})`),
+    head.length > columns && el("p", { class: "soft small" }, `The first ${columns - 2 - (model.answers?.columns.length ?? 0)} modes are shown; the CSV has all ${model.variances.length}.`), savesOf("scores", null, scoreRows), box);
+}
 
 function fillQuality() {
   const body = byId("quality").querySelector(".body"), e = model.evaluation;
   const sd = model.variances.map(Math.sqrt), total = model.variances.reduce((a, b) => a + b, 0) || 1;
-  const figure = (title, chart, text) => el("figure", { class: "chart" }, el("h3", {}, title), chart, el("p", {}, text));
+  const figure = (title, chart, text) => {
+    const node = el("figure", { class: "chart" }, el("h3", {}, title), chart, el("p", {}, text));
+    node.append(savesOf(title, () => node));
+    return node;
+  };
   const charts = el("div", { class: "charts" });
   const one = (key, title, yLabel, text, errors) =>
     e[key]?.length > 0 && charts.append(figure(title, curve({ title: `${title} by number of modes`, values: e[key], errors, yLabel }), text));
   one("compactness", "Compactness", "share of variance", "Share of the variance in the first modes; higher is better.");
-  one("generalization", "Generalization", "distance", "Leave one out: mean distance of a shape\u2019s particles to their best fit by a model of the others; lower is better. Band: one standard error.", e.generalization_standard_error);
-  one("specificity", "Specificity", "distance", `Mean distance of ${e.specificity_samples.toLocaleString("en")} random shapes of the model to the nearest real one; lower is better. Band: one standard error.`, e.specificity_standard_error);
+  one("generalization", "Generalization", `distance, ${unitNote()}`, "Leave one out: mean distance of a shape\u2019s particles to their best fit by a model of the others; lower is better. Band: one standard error.", e.generalization_standard_error);
+  one("specificity", "Specificity", `distance, ${unitNote()}`, `Mean distance of ${e.specificity_samples.toLocaleString("en")} random shapes of the model to the nearest real one; lower is better. Band: one standard error.`, e.specificity_standard_error);
 
   const plot = el("figure", { class: "chart" }), K = model.mean.modes.length;
   const draw = () => {
@@ -461,7 +559,8 @@ function fillQuality() {
           return { index: i, name: shorts[i], x, y, title: `${s.name}: ${show(x)} sd, ${show(y)} sd`, chosen: i === state.chosen, always: i === state.chosen };
         }),
       }),
-      el("p", {}, "Dashed: two standard deviations. Click a point to choose its shape; names are left out where they would collide."));
+      el("p", {}, "Dashed: two standard deviations. Click a point to choose its shape; names are left out where they would collide."),
+      savesOf("scores of modes", () => plot));
   };
   if (K >= 2) {
     charts.append(plot);
@@ -473,8 +572,9 @@ function fillQuality() {
   }
   body.prepend(el("p", { class: "soft" }, `Definition \u201c${e.definition}\u201d: ${e.definition_text}. Distances are means over particles.`));
   body.append(charts);
-  const n = e.compactness.length;
-  body.append(el("details", {}, el("summary", {}, "The figures as a table"),
+  const n = e.compactness.length, heads = ["compactness", "generalization", "generalization_standard_error", "specificity", "specificity_standard_error"];
+  const figures = () => [["modes", ...heads], ...Array.from({ length: n }, (_, m) => [m + 1, ...heads.map((h) => e[h]?.[m])])];
+  body.append(scoreTable(), el("details", {}, el("summary", {}, "The figures as a table"), savesOf("quality", null, figures),
     table(["modes", "compactness", "generalization", "standard error", "specificity", "standard error"],
       Array.from({ length: n }, (_, m) => [String(m + 1), show(e.compactness[m], 4), show(e.generalization[m]), show(e.generalization_standard_error[m], 2), show(e.specificity[m]), show(e.specificity_standard_error[m], 2)]),
       [0, 1, 2, 3, 4, 5])));
@@ -528,12 +628,32 @@ function fillCertificate() {
     ];
   };
   body.append(
-    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
+    el("p", {}, `Certified: ${c.certified} of ${c.shapes}. In all: ${countsText()}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
     ...(c.notes ?? []).map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`)),
-    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${show(c.h)}. Click a particle to see it on the shape.`),
+    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}. Click a particle to see it on the shape.`),
+    savesOf("certificate", null, certificateRows),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
   );
+}
+
+const certificateRows = () => [["name", "verdict", "mismatched", "swaps", "folds", "off_surface_max", "min_separation", "reasons"],
+  ...facts.map((f) => [f.name, f.certificate.verdict, f.mismatched, f.certificate.swaps?.length, f.certificate.folds?.length, f.certificate.off_surface_max, f.certificate.min_separation, f.certificate.reasons?.join("; ")])];
+
+// ---- a link to what is seen ----
+
+let modesPart = null;
+const linkState = () => ({
+  pose: { ...gl.pose }, shape: model.shapes[state.chosen].name,
+  modes: Object.fromEntries([...modesPart.weight].flatMap((b, m) => (b === 0 ? [] : [[m + 1, Number(b.toFixed(3))]]))),
+  part: [...document.querySelectorAll("main section:not([hidden])")].filter((s) => s.getBoundingClientRect().top < innerHeight / 2).pop()?.id,
+});
+function followLink(to) {
+  const i = model.shapes.findIndex((s) => s.name === to.shape);
+  for (const [m, b] of Object.entries(to.modes)) if (m >= 1 && m <= model.variances.length) modesPart.setMode(m - 1, Math.min(Math.max(b, -SLIDER), SLIDER));
+  gl.turn(to.pose);
+  if (i >= 0) chooseShape(i);
+  if (to.part && byId(to.part)) byId(to.part).scrollIntoView();
 }
 
 // ---- provenance ----
@@ -594,6 +714,21 @@ function worstShape() {
   return facts.reduce((best, f, i) => (rank(f) > rank(facts[best]) ? i : best), 0);
 }
 
+/** The points farthest from c in many directions (a spiral on the sphere): enough to frame all. */
+function hullOf(clouds, c) {
+  const DIRECTIONS = 150, far = Array.from({ length: DIRECTIONS }, (_, k) => {
+    const z = 1 - (2 * k + 1) / DIRECTIONS, r = Math.sqrt(1 - z * z), t = k * Math.PI * (3 - Math.sqrt(5));
+    return { d: [r * Math.cos(t), r * Math.sin(t), z], most: -Infinity, p: null };
+  });
+  for (const X of clouds)
+    for (let k = 0; k < X.length; k += 3)
+      for (const f of far) {
+        const h = X[k] * f.d[0] + X[k + 1] * f.d[1] + X[k + 2] * f.d[2];
+        if (h > f.most) { f.most = h; f.p = [X[k] - c[0], X[k + 1] - c[1], X[k + 2] - c[2]]; }
+      }
+  return far.map((f) => f.p);
+}
+
 /** Where all shapes lie, so that every view has the same scale. */
 function setStage() {
   const P = model.array(model.mean.particles, "positions"), c = [0, 0, 0];
@@ -611,7 +746,8 @@ function setStage() {
     xx += x * x; xy += x * y; yy += y * y;
   }
   const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
-  gl.setStage(c, r, angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25);
+  const clouds = [model.array(model.mean.vertices, "positions"), ...model.shapes.map((_, i) => particlesOf(i))];
+  gl.setStage(c, r, angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25, hullOf(clouds, c), model.axes);
   return r;
 }
 
@@ -638,6 +774,7 @@ async function start() {
   byId("data").remove();
   if (page instanceof Fits) return startFits(page);
   model = page;
+  setUnit(model.unit ?? null);
   const reach = setStage();
   radius = Math.min(0.15 * (model.certificate.h || reach), 0.03 * reach);
   tint = particleColours(model.array(model.colours, "integers"));
@@ -645,14 +782,17 @@ async function start() {
   facts = gatherFacts();
   tryGraphics();
   fillHeader();
-  const modes = fillModes();
+  const modes = (modesPart = fillModes());
   const tiles = fillCohort(findOutliers());
   fidelity = fillFidelity();
+  fillCompare(model, { makeView, viewTools, legend, surfaceOf, facts, basis: modeBasis(model) });
   fillQuality();
   fillAnswers(model, { makeView, legend, shorts, choose: (i) => chooseShape(i, { go: true }), surfaceGeometry: gl.surfaceGeometry });
   fillCertificate();
   fillProvenance();
   chooseShape(worstShape());
+  const link = readLink();
+  if (link) followLink(link);
   addEventListener("keydown", (e) => {
     if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
     if (e.key === "n" || e.key === "p") chooseShape((state.chosen + (e.key === "n" ? 1 : -1) + model.I) % model.I);
