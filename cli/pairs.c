@@ -71,6 +71,7 @@ static apsm_status check_value(apsm_context *ctx, const char *key, const char *v
     if (strcmp(key, "exclude") == 0 || strcmp(key, "reflect_match") == 0)
         return check_expression(ctx, key, value);
     if (strcmp(key, "ignore") == 0) return apsm_run_check_ignore(ctx, value);
+    if (strcmp(key, "unit") == 0) return apsm_run_check_unit(ctx, value);
     if (strcmp(key, "labels") == 0) return cli_check_labels(ctx, value);
     if (strcmp(key, "pattern") == 0 || strcmp(key, "template") == 0 || strcmp(key, "domain") == 0 ||
         strcmp(key, "landmarks") == 0)

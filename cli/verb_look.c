@@ -1,5 +1,7 @@
 /* check, verify and info: look at inputs, a model folder or one file; write nothing. */
+#include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +11,7 @@
 #include "files/files.h"
 #include "files/particles_file.h"
 #include "files/project.h"
+#include "folder/model_folder.h"
 #include "geometry/topology.h"
 #include "input/input.h"
 #include "verbs.h"
@@ -238,6 +241,78 @@ static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
                                    : info_volume(ctx, path, ui);
 }
 
+/* One of the JSON files of a model folder; NULL if it is not there yet. */
+static apsm_status read_part(apsm_context *ctx, const char *folder, const char *name, json_t **root)
+{
+    char *path = apsm_path_join(folder, name);
+    *root = NULL;
+    const apsm_status status = !path                     ? APSM_ERR_MEMORY
+                               : !apsm_file_exists(path) ? APSM_OK
+                                                         : apsm_json_read(ctx, path, root);
+    free(path);
+    return status;
+}
+
+static void say_verdict(cli_ui *ui, const json_t *certificate)
+{
+    size_t k, told = 0;
+    const json_t *shape;
+    cli_say(ui, "verdict: %s (%lld of %lld shapes certified)",
+            json_string_value(json_object_get(certificate, "verdict")),
+            (long long)json_integer_value(json_object_get(certificate, "certified")),
+            (long long)json_integer_value(json_object_get(certificate, "shapes")));
+    json_array_foreach(json_object_get(certificate, "per_shape"), k, shape)
+    {
+        enum { MOST = 10 };
+        const json_t *reason = json_array_get(json_object_get(shape, "reasons"), 0);
+        if (!reason || told++ >= MOST) continue;
+        cli_say(ui, "  %s: %s", json_string_value(json_object_get(shape, "name")),
+                json_string_value(reason));
+    }
+    if (told > 10) cli_say(ui, "  and %zu more", told - 10);
+}
+
+static void say_figures(cli_ui *ui, const json_t *evaluation, const char *unit)
+{
+    const json_t *distance = json_object_get(evaluation, "surface_distance"),
+                 *compact = json_object_get(evaluation, "compactness"), *share;
+    size_t k, enough = 0;
+    double first = 0;
+    if (json_is_object(distance))
+        cli_say(ui, "surface distance: mean %.4g%s, max %.4g%s (two-way)",
+                json_number_value(json_object_get(distance, "mean")), unit,
+                json_number_value(json_object_get(distance, "max")), unit);
+    json_array_foreach(compact, k, share)
+    {
+        if (k == 0) first = json_number_value(share);
+        if (enough == 0 && json_number_value(share) >= 0.95) enough = k + 1;
+    }
+    if (json_array_size(compact) > 0)
+        cli_say(ui, "variance: %.1f %% in mode 1, 95 %% in %zu of %zu modes", 100 * first, enough,
+                json_array_size(compact));
+}
+
+/* What evaluate has found, and by which version. */
+static apsm_status info_results(apsm_context *ctx, const char *folder, cli_ui *ui)
+{
+    json_t *manifest = NULL, *certificate = NULL, *evaluation = NULL;
+    char unit[16] = "";
+    apsm_status status = read_part(ctx, folder, "manifest.json", &manifest);
+    if (status == APSM_OK) status = read_part(ctx, folder, "certificate.json", &certificate);
+    if (status == APSM_OK) status = read_part(ctx, folder, "evaluation.json", &evaluation);
+    const char *said = manifest_unit(manifest);
+    if (said) snprintf(unit, sizeof unit, " %s", said);
+    if (status == APSM_OK && manifest)
+        cli_say(ui, "made by: apsm %s", json_string_value(json_object_get(manifest, "apsm")));
+    if (status == APSM_OK && evaluation) say_figures(ui, evaluation, unit);
+    if (status == APSM_OK && certificate) say_verdict(ui, certificate);
+    if (status == APSM_OK && !certificate) cli_say(ui, "verdict: not evaluated yet");
+    json_decref(manifest);
+    json_decref(certificate);
+    json_decref(evaluation);
+    return status;
+}
+
 apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     const char *path = args->inputs[0];
@@ -248,5 +323,5 @@ apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     if (!project) return APSM_ERR_MEMORY;
     const apsm_status status = info_project(ctx, project, ui);
     free(project);
-    return status;
+    return status == APSM_OK ? info_results(ctx, path, ui) : status;
 }

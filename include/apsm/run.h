@@ -55,6 +55,8 @@ static inline APSM_NODISCARD apsm_status apsm_run_open(apsm_context *ctx,
     return apsm_run_open_sized(ctx, settings, sizeof *settings, run);
 }
 
+/* Whether text is a value of "unit": a word of a few letters, to show behind lengths. */
+APSM_API apsm_status apsm_run_check_unit(apsm_context *ctx, const char *text) APSM_NODISCARD;
 /* Whether text is a value of "ignore": words with commas, of constraints, landmarks, normals,
  * fixed, domains and reflect. */
 APSM_API apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text) APSM_NODISCARD;

@@ -223,32 +223,11 @@ static json_t *json_colours(composing *c)
     return colours;
 }
 
-/* All shapes come from images, whose lengths are mm and whose axes are the patient's. */
-static bool all_from_images(const model_folder *m)
-{
-    const json_t *groomed = json_object_get(m->manifest, "groomed"), *shape;
-    size_t i;
-    json_array_foreach(groomed, i, shape)
-    {
-        const char *kind = json_string_value(json_object_get(shape, "kind"));
-        if (!kind || strcmp(kind, "mask") != 0) return false;
-    }
-    return json_array_size(groomed) > 0;
-}
-
-/* What the user said, mm for images, or null: not known. */
-static json_t *json_unit(const model_folder *m)
-{
-    const char *said = apsm_project_get(&m->project, "apsm", "unit");
-    if (said && *said) return json_string(said);
-    return all_from_images(m) ? json_string("mm") : json_null();
-}
-
 /* Where left, posterior and superior of the template's image point in the world frame, or null. */
 static json_t *json_axes(const model_folder *m)
 {
     double M[16], R[9];
-    if (!all_from_images(m)) return json_null();
+    if (!manifest_is_of_images(m->manifest)) return json_null();
     model_folder_to_world(m, m->template_index, M);
     const double scale = sqrt(M[0] * M[0] + M[4] * M[4] + M[8] * M[8]);
     const double side = m->project.subjects[m->template_index].mirrored ? -1 : 1;
@@ -271,7 +250,8 @@ static json_t *compose(composing *c, const char *title)
         json_shapes(c), "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
         json_manifest(m->manifest));
     json_object_set_new(root, "more_scores", json_more_scores(c));
-    json_object_set_new(root, "unit", json_unit(m));
+    const char *unit = manifest_unit(m->manifest);
+    json_object_set_new(root, "unit", unit ? json_string(unit) : json_null());
     json_object_set_new(root, "axes", json_axes(m));
     return root;
 }

@@ -62,15 +62,15 @@ static apsm_status take_seed(apsm_run *run, const char *text)
     return APSM_OK;
 }
 
-/* A word to show behind lengths: of letters, short enough for a scale bar. */
-static apsm_status check_unit(apsm_run *run, const char *text)
+apsm_status apsm_run_check_unit(apsm_context *ctx, const char *text)
 {
     enum { LONGEST = 8 };
-    bool good = strlen(text) <= LONGEST;
-    for (const char *c = text; *c; c++) good = good && (*c < 0 || isalpha((unsigned char)*c));
+    bool good = text && *text && strlen(text) <= LONGEST;
+    for (const char *c = text; good && *c; c++) good = (*c < 0 || isalpha((unsigned char)*c));
     if (good) return APSM_OK;
-    return apsm_fail(run->ctx, APSM_ERR_ARG,
-                     "unit = %s: give the unit of the inputs' lengths, such as mm, cm or m", text);
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "unit = '%s': give the unit of the inputs' lengths, such as mm, cm or m",
+                     text ? text : "");
 }
 
 static apsm_status take_pair(apsm_run *run, const char *key, const char *value)
@@ -78,7 +78,7 @@ static apsm_status take_pair(apsm_run *run, const char *key, const char *value)
     if (strcmp(key, "preset") == 0) return apsm_options_preset(run->ctx, &run->options, value);
     if (!is_text(key)) return apsm_options_set(run->ctx, &run->options, key, value);
     if (strcmp(key, "seed") == 0) APSM_TRY(take_seed(run, value));
-    if (strcmp(key, "unit") == 0) APSM_TRY(check_unit(run, value));
+    if (strcmp(key, "unit") == 0) APSM_TRY(apsm_run_check_unit(run->ctx, value));
     return apsm_project_set(&run->project, "apsm", key, value);
 }
 

@@ -22,7 +22,7 @@ function makeModel() {
   const inputs = join(folder, "in");
   mkdirSync(inputs);
   writeCohort(inputs);
-  run("run", inputs, "-o", model, "-J", "48", "--faces", "1500", "--stage1-epochs", "6", "--stage2-epochs", "4", "-q");
+  run("run", inputs, "-o", model, "-J", "48", "--faces", "1500", "--stage1-epochs", "6", "--stage2-epochs", "4", "--unit", "cm", "-q");
   const first = statSync(join(model, "report.html"));
   assert.ok(first.size > 100e3 && first.size < 2e6, `size of the page at the end of run: ${first.size}`);
   const path = join(model, "certificate.json"), c = JSON.parse(readFileSync(path, "utf8"));
@@ -69,7 +69,9 @@ async function show(page, selector) {
 /** What a canvas shows: share of drawn pixels, a sum to compare, their colours' variety. */
 const look = (page, selector) =>
   page.evaluate((s) => {
-    const canvas = document.querySelector(s), copy = new OffscreenCanvas(canvas.width, canvas.height);
+    const canvas = document.querySelector(s);
+    if (canvas.width === 0) return { share: 0, sum: 0, vivid: 0 }; // not yet seen to be on the screen
+    const copy = new OffscreenCanvas(canvas.width, canvas.height);
     const flat = copy.getContext("2d", { willReadFrequently: true });
     flat.drawImage(canvas, 0, 0);
     const { data } = flat.getImageData(0, 0, canvas.width, canvas.height);
@@ -110,14 +112,14 @@ const tests = {
     const mean = await look(page, canvas);
     assert.ok(mean.share > 0.05 && mean.share < 0.9, `share of pixels ${mean.share}`);
     assert.ok(mean.vivid < 0.05, "the mean has no displacement to colour");
-    await page.locator(range).first().fill("2");
+    await page.locator(range).first().fill("3");
     await settle(page);
     const moved = await look(page, canvas);
     assert.notEqual(moved.sum, mean.sum);
     assert.ok(moved.vivid > 0.1, "no colour by displacement");
-    assert.match(await page.textContent("#modes .value"), /\+2\.00 sd/);
+    assert.match(await page.textContent("#modes .value"), /\+3\.00 sd/);
     await page.locator(range).first().press("ArrowLeft");
-    assert.match(await page.textContent("#modes .value"), /\+1\.99 sd/);
+    assert.match(await page.textContent("#modes .value"), /\+2\.99 sd/);
     await page.getByRole("button", { name: "Reset to the mean" }).click();
     await settle(page);
     assert.equal((await look(page, canvas)).sum, mean.sum);
@@ -134,6 +136,72 @@ const tests = {
     });
     assert.ok(errors.worst < 1e-4 && errors.far > 0.5, JSON.stringify(errors));
   },
+  async "lengths have a unit, a scale bar and a ruler"(page) {
+    assert.match(await page.textContent("#summary"), /Lengths are in cm\./);
+    assert.match(await page.textContent("#modes .legend"), /cm inward/);
+    await show(page, "#modes canvas");
+    await page.locator("#modes input[type=checkbox]").first().check(); // measure
+    const box = await page.locator("#modes canvas").boundingBox();
+    for (const x of [0.45, 0.55]) await page.mouse.click(box.x + x * box.width, box.y + box.height / 2);
+    const measured = await page.evaluate(() => document.querySelector("#modes canvas").view.measured);
+    assert.equal(measured.length, 2);
+    const size = Math.hypot(...[0, 1, 2].map((k) => measured[0][k] - measured[1][k]));
+    assert.ok(size > 0.09 * box.width * await page.evaluate(() => document.querySelector("#modes canvas").view.perPixel * (devicePixelRatio || 1)), `measured ${size}`);
+    await page.locator("#modes input[type=checkbox]").first().uncheck();
+  },
+  async "what is seen can be saved: picture, surface, plot, tables"(page) {
+    const save = async (name) => {
+      const [file] = await Promise.all([page.waitForEvent("download"), page.getByRole("button", { name, exact: true }).first().click()]);
+      return [file.suggestedFilename(), readFileSync(await file.path())];
+    };
+    const [pngName, png] = await save("save picture"), [, stl] = await save("save this surface as STL"), [, svg] = await save("save Compactness as a picture");
+    assert.match(pngName, /mean\.png$/);
+    assert.deepEqual([...png.subarray(1, 4)], [80, 78, 71]);
+    const faces = await page.evaluate(() => apsmReport.model.array(apsmReport.model.mean.faces, "integers").length / 3);
+    assert.equal(stl.readUInt32LE(80), faces);
+    assert.equal(stl.length, 84 + 50 * faces);
+    const x = await page.evaluate(() => apsmReport.modes.V[3 * apsmReport.model.array(apsmReport.model.mean.faces, "integers")[0]]);
+    assert.equal(stl.readFloatLE(84 + 12), Math.fround(x));
+    assert.match(svg.toString(), /^<svg [^>]*xmlns="http:\/\/www.w3.org\/2000\/svg".*stroke="rgb/s);
+    const [, csv] = await save("save certificate as a table");
+    assert.equal(csv.toString().split("\n").length, 2 + NAMES.length);
+    assert.ok(csv.toString().includes(`,"${HARM.replaceAll('"', '""')}; particles`) || csv.toString().includes(HARM));
+  },
+  async "every mode is offered, and the scores give the shapes back"(page) {
+    const [modes, worst, size] = await page.evaluate(() => {
+      const { model, modes } = apsmReport, mean = model.array(model.mean.vertices, "positions"), shape = model.array(model.shapes[4].warped, "warped");
+      const sd = model.variances.map(Math.sqrt), sum = Float64Array.from(mean);
+      for (let m = 0; m < sd.length; m++) {
+        const b = model.shapes[4].scores[m] ?? NaN, D = modes.D(m);
+        for (let k = 0; k < sum.length; k++) sum[k] += (b / sd[m]) * D[k];
+      }
+      return [document.querySelectorAll("#modes .mode").length, sum.reduce((w, x, k) => Math.max(w, Math.abs(x - shape[k])), 0), Math.max(...mean)];
+    });
+    assert.ok(modes >= 5 && worst < 1e-3 * size, `${modes} modes, off by ${worst} of ${size}`);
+  },
+  async "two shapes are compared on one view"(page) {
+    await show(page, "#compare canvas");
+    const one = await lookAtColours(page, "#compare canvas");
+    assert.ok(one.vivid > 0.02, "no difference is coloured");
+    await page.locator("#compare select").nth(1).selectOption({ index: 0 });
+    await page.locator("#compare select").nth(0).selectOption({ index: 0 });
+    await settle(page);
+    assert.match(await page.textContent("#compare table"), /without sign0/);
+  },
+  async "a link brings the state back"(page) {
+    await page.evaluate(() => { apsmReport.modes.setMode(1, -1.25); Object.assign(apsmReport.pose, { yaw: 1, pitch: 0.5 }); });
+    await page.getByRole("button", { name: "Link to this view" }).click();
+    const link = await page.evaluate(() => location.href);
+    assert.match(link, /#s=/);
+    await page.reload();
+    await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
+    assert.deepEqual(await page.evaluate(() => [apsmReport.modes.weight[1], apsmReport.pose.yaw]), [-1.25, 1]);
+    for (const bad of ["#s=%7B", "#s=%7B%22pose%22%3A7%7D", "#s=1", "#modes"]) {
+      await page.goto(page.url().split("#")[0] + bad);
+      await page.reload();
+      await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
+    }
+  },
   async "play runs and stops"(page) {
     const play = page.getByRole("button", { name: "play mode 1", exact: true }), value = () => page.textContent("#modes .value");
     await play.click();
@@ -148,7 +216,7 @@ const tests = {
   async "all shapes are drawn with particles, and turn together"(page) {
     await show(page, "#cohort .grid");
     const tile = (k) => `#cohort .tile:nth-child(${k}) canvas`;
-    const before = [await look(page, tile(1)), await look(page, tile(5))];
+    const before = [await lookAtColours(page, tile(1)), await lookAtColours(page, tile(5))];
     for (const b of before) assert.ok(b.share > 0.05 && b.vivid > 0.02, JSON.stringify(b));
     await page.locator(tile(1)).focus();
     await page.keyboard.press("ArrowLeft");
@@ -165,6 +233,7 @@ const tests = {
   },
   async "a click on a particle marks it on every shape"(page) {
     await show(page, "#cohort .grid");
+    await lookAtColours(page, "#cohort .tile:nth-child(2) canvas");
     const at = await page.evaluate(() => {
       const { tiles } = apsmReport, view = tiles[1].view, c = view.canvas;
       for (let y = 10; y < c.clientHeight; y += 3)

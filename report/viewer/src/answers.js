@@ -4,6 +4,7 @@ import { byId, checkbox, choice, el, percent, plural, show, svg, table } from ".
 import { vertexNormals } from "./data.js";
 import { colourAt, cssGradient, palettes } from "./colors.js";
 import { agreement, colourScatter } from "./charts.js";
+import { saveButton, saveSvg } from "./save.js";
 
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a1f1f", "#5b3a8c"];
 const pText = (p) => (p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
@@ -223,19 +224,30 @@ function showScores(model, columns, tools) {
     const lo = Math.min(...known), hi = Math.max(...known);
     const css = (v) => `rgb(${colourAt(palettes.heat, 0.15 + (0.75 * (v - lo)) / (hi - lo || 1)).map(Math.round).join(" ")})`;
     const colour = (v) => (v === null ? "transparent" : c.category ? GROUPS[v % GROUPS.length] : css(v));
-    const points = model.shapes.map((s, i) => ({
-      index: i, name: tools.shorts[i], x: s.scores[p] / sd[p], y: s.scores[q] / sd[q], colour: colour(c.values[i]), group: c.category ? c.values[i] : null,
+    const across = axes[p], up = axes[q], points = model.shapes.flatMap((s, i) => (across.at(i) === null || up.at(i) === null ? [] : [{
+      index: i, name: tools.shorts[i], x: across.at(i), y: up.at(i), colour: colour(c.values[i]), group: c.category ? c.values[i] : null,
       title: `${s.name}: ${c.name} ${c.values[i] === null ? "unknown" : c.category ? c.levels[c.values[i]] : show(c.values[i])}`, chosen: false, always: false,
-    }));
+    }]));
     plot.replaceChildren(el("h4", {}, `Scores, coloured by ${c.name}`),
-      colourScatter({ title: `scores of modes ${p + 1} and ${q + 1} by ${c.name}`, ring: 2, onpick: tools.choose, points, ellipses: state.ellipses && c.category,
-        xLabel: `mode ${p + 1} (${percent(model.variances[p] / total)}), sd`, yLabel: `mode ${q + 1} (${percent(model.variances[q] / total)}), sd` }),
+      colourScatter({ title: `${across.name} and ${up.name} by ${c.name}`, ring: 2, onpick: tools.choose, points, ellipses: state.ellipses && c.category,
+        xLabel: across.name, yLabel: up.name }),
       c.category
         ? el("p", { class: "keys" }, c.levels.map((word, k) => [el("span", { class: "key", style: `background:${GROUPS[k % GROUPS.length]}` }), ` ${word} (${c.values.filter((v) => v === k).length})  `]))
         : el("div", { class: "legend" }, Object.assign(el("div", { class: "strip" }), { style: `background:${cssGradient(palettes.heat)}` }), el("div", { class: "ends" }, el("span", {}, show(lo)), el("span", {}, c.name), el("span", {}, show(hi)))),
-      el("p", {}, `${c.category ? "Ellipses: where 95 % of a group's shapes are expected (normal distribution, three shapes at least). " : ""}${c.values.some((v) => v === null) ? "Empty circles: unknown. " : ""}Dashed: two standard deviations of all.`));
+      el("p", {}, `${c.category ? "Ellipses: where 95 % of a group's shapes are expected (normal distribution, three shapes at least). " : ""}${c.values.some((v) => v === null) ? "Empty circles: unknown. " : ""}Dashed: two standard deviations of all.`),
+      el("p", { class: "saves screen" }, saveButton("SVG", "this plot", () => saveSvg(`scores_${p + 1}_${q + 1}`, plot.querySelector("svg")))));
   };
-  const modes = model.mean.modes.map((_, m) => [String(m), `mode ${m + 1}`]);
+  // Modes, and columns of numbers, all in standard deviations.
+  const numeric = columns.filter((c) => !c.category);
+  const axes = [
+    ...model.mean.modes.map((_, m) => ({ name: `mode ${m + 1} (${percent(model.variances[m] / total)}), sd`, at: (i) => model.shapes[i].scores[m] / sd[m] })),
+    ...numeric.map((c) => {
+      const known = c.values.filter((v) => v !== null), mean = known.reduce((a, v) => a + v, 0) / known.length;
+      const spread = Math.sqrt(known.reduce((a, v) => a + (v - mean) ** 2, 0) / (known.length - 1)) || 1;
+      return { name: `${c.name} (mean ${show(mean)}, sd ${show(spread)}), sd`, at: (i) => (c.values[i] === null ? null : (c.values[i] - mean) / spread) };
+    }),
+  ];
+  const modes = [...model.mean.modes.map((_, m) => `mode ${m + 1}`), ...numeric.map((c) => c.name)].map((word, k) => [String(k), word]);
   draw();
   return el("article", { class: "test" },
     el("div", { class: "tools" },

@@ -35,7 +35,7 @@ export function fillCompare(model, { makeView, viewTools, legend }) {
   }
   const list = candidates(model), F = model.array(model.mean.faces, "integers"), cache = new Map();
   const groups = list.filter(([key]) => key.includes("=")).map(([key]) => key);
-  const state = { a: groups[1] ? groups[0] : "mean", b: groups[1] ?? `shape ${model.template === 0 ? 1 : 0}`, ghost: true, colour: true };
+  const state = { a: groups[1] ? groups[0] : "mean", b: groups[1] ?? `shape ${model.template === 0 ? 1 : 0}`, ghost: false, colour: true };
   const surfaceOf = (key) => {
     if (!cache.has(key)) {
       const V = list.find(([k]) => k === key)[2](), N = vertexNormals(V, F);
@@ -71,7 +71,7 @@ export function fillCompare(model, { makeView, viewTools, legend }) {
     el("p", { class: "soft" }, "Both are the template\u2019s surface as the particles carry it, so every point has its partner. Differences of groups are means only: apsm test tells whether they are more than chance."),
     el("div", { class: "tools" },
       choice("First", options, state.a, (v) => { state.a = v; draw(); }), choice("second", options, state.b, (v) => { state.b = v; draw(); }),
-      checkbox("Second laid over", true, (on) => { state.ghost = on; draw(); }), checkbox("Distance as colour", true, (on) => { state.colour = on; draw(); })),
+      checkbox("Second laid over", false, (on) => { state.ghost = on; draw(); }), checkbox("Distance as colour", true, (on) => { state.colour = on; draw(); })),
     el("div", { class: "main" }, box, ends, viewTools(view, () => `${nameOf(state.a)} and ${nameOf(state.b)}`, () => ({ ...surfaceOf(state.a), F, value, field: "difference" }))),
     figures);
   draw();

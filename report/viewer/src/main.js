@@ -752,6 +752,7 @@ function setStage() {
 }
 
 function startFits(fits) {
+  byId("link").hidden = true;
   const stage = stageOf(fits);
   gl.setStage(stage.centre, stage.radius, stage.yaw);
   tryGraphics();

@@ -1,5 +1,5 @@
 // What is drawn over a view: scale bar, orientation, measured distance.
-import { length, unitTail } from "./units.js";
+import { length, unitKnown, unitTail } from "./units.js";
 
 const font = (density) => `${12 * density}px system-ui, sans-serif`;
 
@@ -16,7 +16,7 @@ export function paintScale(flat, { width, height, density, ink, perPixel }) {
   flat.font = font(density);
   flat.textAlign = "center";
   flat.textBaseline = "bottom";
-  flat.fillText(`${Number(bar.toPrecision(2))}${unitTail()}`, x + w / 2, y - tick);
+  flat.fillText(`${Number(bar.toPrecision(2))}${unitKnown() ? unitTail() : " (unit not known)"}`, x + w / 2, y - tick);
 }
 
 const LETTERS = [["L", "R"], ["P", "A"], ["S", "I"]];
