@@ -234,8 +234,9 @@ cli_option *cli_options_list(size_t *n)
 
 /* ---- Names ---- */
 
-static const char *const texts[] = { "preset", "labels", "reflect_match", "exclude", "pattern",
-                                     "ignore", "domain", "template",      "seed",    "landmarks", "unit" };
+static const char *const texts[] = { "preset",  "labels",    "reflect_match", "exclude",
+                                     "pattern", "ignore",    "domain",        "template",
+                                     "seed",    "landmarks", "unit" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

@@ -116,7 +116,7 @@ static const cli_verb_info verbs[] = {
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
       "mean_difference.ply.",
       .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
-    { CLI_EXPORT, "export", "MODEL_DIR --to FORMAT -o OUT | MODEL_DIR --model FILE",
+    { CLI_EXPORT, "export", "MODEL_DIR --to FORMAT -o OUT|--model FILE",
       "a model for other programs, or as one file",
       "With --to: the model on the vertices of the template's mesh, for other programs. vtp, ply, "
       "stl, obj: a folder of meshes, the mean, its modes and every shape; gltf: a .glb file whose "

@@ -10,7 +10,7 @@
 
 /* ---- texts beside the option table ---- */
 
-static const char *const texts[] = { "labels", "reflect_match", "exclude", "pattern",  "ignore",
+static const char *const texts[] = { "labels", "reflect_match", "exclude", "pattern",   "ignore",
                                      "domain", "template",      "seed",    "landmarks", "unit" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
