@@ -20,6 +20,7 @@ typedef enum cli_verb {
     CLI_CONVERT = 1 << 8,
     CLI_RENDER = 1 << 9,
     CLI_VERIFY = 1 << 10,
+    CLI_LANDMARKS_VERB = 1 << 15,
     CLI_FIT = 1 << 16,
     CLI_EXPORT = 1 << 17,
     CLI_COMPARE = 1 << 19,

@@ -13,13 +13,14 @@ enum {
     READS = GROOMS | CLI_CHECK | CLI_FIT,
     STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM | CLI_PREDICT,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
-          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE
+          CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE |
+          CLI_LANDMARKS_VERB
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
       STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
-          CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE,
+          CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE | CLI_LANDMARKS_VERB,
       "DIR", NULL, NULL,
       "the model folder (convert, render, fit, certify, export: the file or folder to write); made "
       "if it "
@@ -88,8 +89,11 @@ static const cli_option own[] = {
       ".csv) "
       "are landmarks of these names; without it they are clouds",
       NULL },
-    { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
-      "shapes are in the world frame of the model: search for no pose", NULL },
+    { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT | CLI_LANDMARKS_VERB, NULL, NULL,
+      NULL,
+      "shapes (landmarks: points, on the mean) are in the world frame of the model: search for no "
+      "pose",
+      NULL },
     { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "fit shapes that would be refused, too", NULL },
     { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,

@@ -1,4 +1,4 @@
-/* test, measure, norm, predict: from a model to answers. */
+/* test, measure, landmarks, norm, predict: from a model to answers. */
 #include <stdint.h>
 #include <stdlib.h>
 
@@ -54,6 +54,17 @@ apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui
                                              .subjects = args->subjects,
                                              .out = args->out_dir };
     return apsm_statistics_measure(ctx, &settings);
+}
+
+apsm_status apsm_cli_landmarks(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    const apsm_landmark_settings settings = { .folder = args->inputs[0],
+                                              .file = args->inputs[1],
+                                              .out = args->out_dir,
+                                              .aligned = args->aligned };
+    APSM_TRY(apsm_statistics_landmarks(ctx, &settings));
+    cli_say(ui, "landmarks: %s/landmarks.csv", args->out_dir);
+    return APSM_OK;
 }
 
 apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui)

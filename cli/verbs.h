@@ -23,6 +23,7 @@ apsm_status apsm_cli_verify(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_landmarks(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_exclude(apsm_context *ctx, const cli_args *args, cli_ui *ui);

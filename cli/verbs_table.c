@@ -81,6 +81,16 @@ static const cli_verb_info verbs[] = {
       "table can be given to test as --subjects.",
       .first = "a model folder and a definition", .more = "a model folder and a definition",
       .call = apsm_cli_measure },
+    { CLI_LANDMARKS_VERB, "landmarks", "MODEL_DIR POINTS -o DIR",
+      "points placed once, on every shape",
+      "Carries named points (.mrk.json, .fcsv or .csv with name,x,y,z) that were placed on the "
+      "template, in the frame of its input file, to every shape of the model, in the frame of its "
+      "own, and to the mean and its modes at two standard deviations. With --aligned the points "
+      "are "
+      "on meshes/mean.ply, and all results in the world frame. Writes NAME.mrk.json for each and "
+      "landmarks.csv for all shapes, which run takes as --landmarks.",
+      .first = "a model folder and a file of points", .more = "a model folder and a file of points",
+      .most = 2, .out = "an output folder", .call = apsm_cli_landmarks },
     { CLI_NORM, "norm", "MODEL_DIR PARTICLES|FIT...",
       "how unusual a new shape is, given age, sex or whatever is known",
       "Compares shapes that were fitted (their world particles, or a folder of fit) with those of "

@@ -80,6 +80,20 @@ typedef struct apsm_predict_settings {
 APSM_API apsm_status apsm_statistics_predict(apsm_context *ctx,
                                              const apsm_predict_settings *settings) APSM_NODISCARD;
 
+/* All borrowed, and needed. */
+typedef struct apsm_landmark_settings {
+    const char *folder; /* a model folder */
+    const char *file;   /* named points: .mrk.json, .fcsv, .csv */
+    const char *out;    /* folder of the results */
+    bool aligned;       /* points are on the mean, in the world; else on the template's input */
+} apsm_landmark_settings;
+
+/* Points placed once, carried to every shape (in the frame of its input; with aligned in the
+ * world), to the mean and to its modes at two standard deviations (in the world).  Writes
+ * NAME.mrk.json for each and landmarks.csv. */
+APSM_API apsm_status
+apsm_statistics_landmarks(apsm_context *ctx, const apsm_landmark_settings *settings) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

@@ -67,6 +67,22 @@ expect 0 "" optimize anchor
 expect 0 "" evaluate anchor
 [ $((5 * $(mean anchor))) -lt "$(mean judge)" ] || fail "optimize alone forgot the anchors"
 
+# Points placed once: what is carried to the shapes and given back as their landmarks has no error.
+grep "^slide_00,\|^shape" marks.csv | cut -d, -f2- >one.csv
+expect 0 "" landmarks judge one.csv -o carried
+expect 1 "is not empty" landmarks judge one.csv -o carried
+expect 0 "" groom s/shapes --reflect-match _L --landmarks carried -o again --faces 500
+cmp -s <(grep "^slide_00,L1" carried/landmarks.csv | cut -d, -f1,2) <(echo slide_00,L1) || fail "carried/landmarks.csv"
+[ -e carried/slide_03_L.mrk.json ] && [ -e carried/mode_01_plus2sd.mrk.json ] || fail "$(ls carried)"
+if command -v python3 >/dev/null; then
+    cp carried/landmarks.csv judge2.csv
+    expect 0 "" run s/shapes --reflect-match _L --landmarks judge2.csv -o same "${quick[@]}"
+    [ "$(mean same)" -le 1 ] || fail "landmarks that were carried miss by $(mean same)"
+fi
+expect 2 "needs" landmarks judge one.csv
+expect 1 "nothere" landmarks judge nothere.csv -o carried2
+[ -e carried2 ] && fail "a refused call left a folder"
+
 # A project's landmarks, in ShapeWorks' way: points without names.
 mkdir lm
 for i in 0 1 2; do
