@@ -123,6 +123,7 @@ static const cli_slot texts[] = {
     { CLI_MODEL, offsetof(cli_args, model) },
     { CLI_MODES, offsetof(cli_args, modes) },
     { CLI_SD, offsetof(cli_args, sd) },
+    { CLI_ATTACH, offsetof(cli_args, attach) },
     { CLI_CONFIG, offsetof(cli_args, config) },
 };
 static const cli_slot flags[] = {

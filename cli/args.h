@@ -29,6 +29,8 @@ typedef enum cli_verb {
     CLI_TEST = 1 << 18,
     CLI_MEASURE = 1 << 21,
     CLI_NORM = 1 << 22,
+    CLI_IMPORT = 1 << 11,
+    CLI_WARP = 1 << 12,
     CLI_PREDICT = 1 << 23,
     CLI_CERTIFY = 1 << 27
 } cli_verb;
@@ -84,6 +86,7 @@ typedef struct cli_args {
     const char *landmarks;  /* of fit: the file; NULL if not */
     const char *model;      /* of export: the file; NULL if not */
     const char *modes, *sd; /* of export, as given; NULL if not */
+    const char *attach;     /* of warp: files that go along; NULL if not */
     const char *config;     /* already in set; here for messages */
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;

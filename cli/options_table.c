@@ -14,26 +14,32 @@ enum {
     STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM | CLI_PREDICT,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
           CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE |
-          CLI_LANDMARKS_VERB
+          CLI_LANDMARKS_VERB | CLI_IMPORT | CLI_WARP
 };
 
 static const cli_option own[] = {
     { "out", 'o', CLI_OUT, CLI_GROUP_INPUT,
       STEPS | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY | CLI_FIT | STATISTICS |
-          CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE | CLI_LANDMARKS_VERB,
+          CLI_CERTIFY | CLI_EXPORT | CLI_COMPARE | CLI_LANDMARKS_VERB | CLI_IMPORT | CLI_WARP,
       "DIR", NULL, NULL,
       "the model folder (convert, render, fit, certify, export: the file or folder to write); made "
       "if it "
       "does not exist",
       NULL },
-    { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT | CLI_EXPORT, "EXT", NULL, NULL,
+    { "to", 0, CLI_TO, CLI_GROUP_INPUT, CLI_CONVERT | CLI_EXPORT | CLI_WARP, "EXT", NULL, NULL,
       "convert: write a folder with a file NAME.EXT for each shape: particles, lpts, wpts, csv, "
       "npy, mrk.json, vtk or vtp; export: vtp, ply, stl, obj, monai, slicermorph or csv (into a "
-      "folder), gltf, npz, scalismo or statismo (into a file)",
+      "folder), gltf, npz, scalismo or statismo (into a file); warp: ply, vtp, stl, obj or vtk "
+      "(default "
+      "ply)",
       NULL },
     { "modes", 0, CLI_MODES, CLI_GROUP_INPUT, CLI_EXPORT, "N", NULL, NULL,
       "export at most so many modes (default: all; of meshes and gltf those that make up 95 % of "
       "the variance, 10 at most)",
+      NULL },
+    { "attach", 0, CLI_ATTACH, CLI_GROUP_INPUT, CLI_WARP, "FILE[,FILE]", NULL, NULL,
+      "what lies on or in the template and goes along: landmarks (.mrk.json, .fcsv, .csv), and "
+      "meshes of triangles or tetrahedra (.vtk), whose labels and other data stay with them",
       NULL },
     { "sd", 0, CLI_SD, CLI_GROUP_INPUT, CLI_EXPORT, "X[,X]", NULL, NULL,
       "where on a mode its meshes are, in standard deviations to both sides (default 2)", NULL },
@@ -125,12 +131,12 @@ static const cli_option own[] = {
       "of a project with several domains (shape_NAME, ...) the one to model alone; without it they "
       "become one model, as with --parts",
       NULL },
-    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE | CLI_CERTIFY, "NAME",
-      "template", NULL,
+    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE | CLI_CERTIFY | CLI_IMPORT,
+      "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },
-    { "unit", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS, "WORD", "unit", NULL,
+    { "unit", 0, CLI_SETS, CLI_GROUP_INPUT, STEPS | CLI_IMPORT, "WORD", "unit", NULL,
       "unit of the lengths, for report and scale bars: mm, cm, m (default: mm for images, not "
       "known "
       "for meshes)",
@@ -150,8 +156,8 @@ static const cli_option own[] = {
       NULL, "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
-      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_FIT | CLI_EXPORT |
-          CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_COMPARE,
+      STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_IMPORT | CLI_WARP | CLI_FIT |
+          CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_COMPARE,
       "N", NULL, NULL, "threads to use (default: one for each processor)", NULL },
     { "memory", 0, CLI_MEMORY, CLI_GROUP_RUN, STEPS, "LIMIT", NULL, NULL,
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
@@ -160,7 +166,7 @@ static const cli_option own[] = {
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
     { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN,
-      GROOMS | CLI_FIT | CLI_EXPORT | CLI_COMPARE, NULL, NULL, NULL,
+      GROOMS | CLI_FIT | CLI_EXPORT | CLI_WARP | CLI_COMPARE, NULL, NULL, NULL,
       "replace what is in the folder (export: the file) already", NULL },
     { "dry-run", 0, CLI_FLAG_DRY_RUN, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
       "tell what would be done, write nothing", NULL },

@@ -14,6 +14,7 @@ typedef enum cli_action {
     CLI_TO,
     CLI_MODES,
     CLI_SD,
+    CLI_ATTACH,
     CLI_PARTS,
     CLI_ALIGN_PARTS,
     CLI_WHAT,

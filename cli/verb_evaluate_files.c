@@ -1,8 +1,8 @@
-/* certify and evaluate FILE...: verdict and figures of a model from particle files of any program,
- * and its meshes if they are given in the same order and in the frame of the particles; or from a
- * project, with its meshes.  Writes nothing; the figures are the result.  The shape that is warped
- * to the others is the one that is named, else the project's template, else the one whose particles
- * are nearest to the mean. */
+/* import, certify and evaluate FILE...: verdict and figures of a model from particle files of any
+ * program, and its meshes if they are given in the same order and in the frame of the particles; or
+ * from a project, with its meshes.  The last two write nothing; the figures are the result.  The
+ * shape that is warped to the others is the one that is named, else the project's template, else
+ * the one whose particles are nearest to the mean. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,6 +12,7 @@
 #include "apsm/options.h"
 #include "apsm/particles.h"
 #include "evaluate/metrics.h"
+#include "geometry/affine.h"
 #include "geometry/bvh.h"
 #include "particle_sets.h"
 #include "verbs.h"
@@ -316,6 +317,70 @@ apsm_status apsm_cli_certify(apsm_context *ctx, const cli_args *args, cli_ui *ui
     if (status == APSM_OK) status = read_meshes(&w);
     if (status == APSM_OK) status = find_template(&w, cli_args_get(args, "template"));
     if (status == APSM_OK) status = certify(&w, args->out_dir, ui);
+    for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
+    free(w.meshes);
+    free(w.P);
+    cli_sets_free(&w.in);
+    return status;
+}
+
+/* ---- import ---- */
+
+/* Frames of the meshes: a project tells them, files lie in the world's. */
+static apsm_status to_own_frames(files_work *w, double *to_world)
+{
+    for (size_t i = 0; i < w->I; i++) {
+        double inverse[16];
+        apsm_affine_identity(to_world + 16 * i);
+        if (w->n_meshes > 0) continue;
+        memcpy(to_world + 16 * i, w->in.sets[i].to_world, 16 * sizeof *to_world);
+        APSM_TRY(apsm_affine_invert(to_world + 16 * i, inverse));
+        apsm_mesh_transform(&w->meshes[i], inverse);
+    }
+    return APSM_OK;
+}
+
+static apsm_status run_import(const cli_args *args, const apsm_import *input, apsm_context *ctx)
+{
+    apsm_run *run = NULL;
+    const apsm_run_settings settings = { .folder = args->out_dir };
+    APSM_TRY(cli_open_run(ctx, args, settings, &run));
+    const apsm_status status = apsm_run_import(run, input);
+    apsm_run_close(run);
+    return status;
+}
+
+static apsm_status import_files(files_work *w, const cli_args *args)
+{
+    if (!w->meshes)
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "import needs a mesh for each shape: those of the project, or after the "
+                         "particles, in the same order and frame");
+    const char **names = calloc(2 * w->I, sizeof *names), **paths = names ? names + w->I : NULL;
+    double *to_world = malloc(16 * w->I * sizeof *to_world);
+    apsm_status status = names && to_world ? to_own_frames(w, to_world) : out_of_memory(w);
+    for (size_t i = 0; status == APSM_OK && i < w->I; i++) {
+        names[i] = w->in.sets[i].name;
+        paths[i] = mesh_of(w, i);
+    }
+    const apsm_import input = { w->I, w->J, names, w->P, w->meshes, to_world, paths, w->t };
+    if (status == APSM_OK) status = run_import(args, &input, w->ctx);
+    free(to_world);
+    free(names);
+    return status;
+}
+
+apsm_status apsm_cli_import(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    files_work w = { .ctx = ctx };
+    apsm_status status = read_operands(&w, args);
+    if (status == APSM_OK) status = gather(&w);
+    if (status == APSM_OK) status = read_meshes(&w);
+    if (status == APSM_OK) status = find_template(&w, cli_args_get(args, "template"));
+    if (status == APSM_OK) status = import_files(&w, args);
+    if (status == APSM_OK)
+        cli_say(ui, "imported: %zu shapes of %zu particles; report: %s/report.html", w.I, w.J,
+                args->out_dir);
     for (size_t i = 0; w.meshes && i < w.I; i++) apsm_mesh_free(&w.meshes[i]);
     free(w.meshes);
     free(w.P);

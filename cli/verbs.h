@@ -29,6 +29,8 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_exclude(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_add(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_compare(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_import(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_warp(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_export(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 

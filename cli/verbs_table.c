@@ -126,6 +126,22 @@ static const cli_verb_info verbs[] = {
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
       "mean_difference.ply.",
       .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
+    { CLI_IMPORT, "import", "PROJECT|PARTICLES... [MESHES...] -o MODEL_DIR",
+      "a model from anyone's particles",
+      "Makes a model folder of particles that another program has placed: a project with particles "
+      "and groomed meshes (.swproj, .xlsx), or particle files (aligned) and a mesh for each, in "
+      "the same order and frame. Nothing is groomed or optimised; the model is evaluated, "
+      "certified and reported as one of apsm's own, and fit, test, export and the other verbs take "
+      "it.",
+      .first = "a project, or particles", .out = "a model folder", .call = apsm_cli_import },
+    { CLI_WARP, "warp", "MODEL_DIR|MESH PARTICLES... -o DIR", "particles to meshes",
+      "Warps a mesh to particle sets, whoever made them: of a model folder its template, else "
+      "MESH, "
+      "on which the first particle set lies. Each of the others (or a project, or a .npy of "
+      "several) gives DIR/NAME.ply. With --attach landmarks and meshes go along, and elements of "
+      "tetrahedral meshes that turn inside out are named.",
+      .first = "a model folder or a mesh", .more = "particles", .out = "an output folder",
+      .call = apsm_cli_warp },
     { CLI_EXPORT, "export", "MODEL_DIR --to FORMAT -o OUT|--model FILE",
       "a model for other programs, or as one file",
       "With --to: the model on the vertices of the template's mesh, for other programs. vtp, ply, "

@@ -8,6 +8,7 @@
 #include <stddef.h>
 
 #include "apsm/context.h"
+#include "apsm/mesh.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -37,6 +38,28 @@ APSM_API const char *const *apsm_export_formats(void);
  * in this build. */
 APSM_API apsm_status apsm_export_model(apsm_context *ctx,
                                        const apsm_export_settings *settings) APSM_NODISCARD;
+
+/* All borrowed. */
+typedef struct apsm_warp_settings {
+    const apsm_mesh *mesh; /* the template's */
+    const char *mesh_path; /* of its file, or NULL: a .vtk keeps its labels */
+    size_t J, I;
+    const double *P0;         /* J x 3: the template's particles, in the frame of its mesh */
+    const double *P;          /* I x J x 3: of the shapes */
+    const char *const *names; /* I */
+    size_t n_attached;
+    const char *const *attached; /* files in the template's frame: landmarks, .vtk */
+    const char *extension;       /* of the meshes: "ply", "vtp", "stl", "obj", "vtk" */
+    const char *folder;
+    bool overwrite; /* what an earlier call has left in the folder */
+} apsm_warp_settings;
+
+/* Meshes of shapes from their particles: FOLDER/NAME.EXT, and for each attached file
+ * NAME_ITS-NAME.  Each shape lies where its particles lie.  Tetrahedra that turn inside out are
+ * told in a warning and listed in warp.json; *inverted (may be NULL) counts them.
+ * APSM_ERR_GEOMETRY: the template's particles are not on its mesh. */
+APSM_API apsm_status apsm_warp_files(apsm_context *ctx, const apsm_warp_settings *settings,
+                                     size_t *inverted) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -55,6 +55,21 @@ static inline APSM_NODISCARD apsm_status apsm_run_open(apsm_context *ctx,
     return apsm_run_open_sized(ctx, settings, sizeof *settings, run);
 }
 
+/* Particles and surfaces that another program has made; all borrowed. */
+typedef struct apsm_import {
+    size_t I, J;
+    const char *const *names; /* I */
+    const double *P;          /* I x J x 3: in one frame, the world's */
+    const apsm_mesh *meshes;  /* I: closed, each in its own frame */
+    const double *to_world;   /* I x 16: from that to the world's */
+    const char *const *paths; /* I: where the meshes come from; what the project names */
+    size_t template_index;
+} apsm_import;
+/* Makes a model of them in the run's folder, which holds none yet: nothing is groomed or optimised;
+ * evaluated, certified and reported as one of our own, so that it can be fitted, tested, exported
+ * and extended. */
+APSM_API apsm_status apsm_run_import(apsm_run *run, const apsm_import *input) APSM_NODISCARD;
+
 /* Whether text is a value of "unit": a word of a few letters, to show behind lengths. */
 APSM_API apsm_status apsm_run_check_unit(apsm_context *ctx, const char *text) APSM_NODISCARD;
 /* Whether text is a value of "ignore": words with commas, of constraints, landmarks, normals,

@@ -4,6 +4,7 @@
 
 #include "apsm/exchange.h"
 #include "exchange/dense.h"
+#include "exchange/out_folder.h"
 #include "files/files.h"
 
 typedef struct exporting {
@@ -13,7 +14,7 @@ typedef struct exporting {
     size_t modes; /* to write: at most those there are */
     size_t n_sd;
     const double *sd;
-    struct json_t *files; /* names in the folder so far */
+    out_folder folder;
 } exporting;
 
 /* *path (malloc'ed) <- a file of the export's folder, whose name is noted and must be new. */

@@ -11,6 +11,19 @@
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 
+/* Particles of another program are aligned, and how their shapes lay may not be known. */
+static bool are_poses_known(const model_folder *f, const apsm_options *o)
+{
+    double first[16], M[16];
+    if (o->align == APSM_ALIGN_NONE) return true;
+    model_folder_to_world(f, 0, first);
+    for (size_t i = 1; i < f->I; i++) {
+        model_folder_to_world(f, i, M);
+        if (memcmp(M, first, sizeof M) != 0) return true;
+    }
+    return false;
+}
+
 /* The rotation that most shapes' alignments share, within 60 degrees, if four fifths do: from the
  * orientation in which shapes come to the world's. */
 static void find_orientation(const model_folder *f, apsm_fit_model *m)
@@ -31,7 +44,7 @@ static void find_orientation(const model_folder *f, apsm_fit_model *m)
         }
         apsm_nearest_rotation(sum, m->common);
     }
-    m->oriented = 5 * near >= 4 * f->I ? 1 : 0;
+    m->oriented = are_poses_known(f, &m->options) && 5 * near >= 4 * f->I ? 1 : 0;
 }
 
 /* Two-way distances of the shapes, if they were measured; h is not yet known. */

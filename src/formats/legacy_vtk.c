@@ -2,8 +2,11 @@
  * strips.  Attributes come last and are not looked at.  Binary values are big-endian. */
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
+#include "files/files.h"
 #include "formats/soup.h"
+#include "formats/vtk_grid.h"
 
 typedef struct file {
     bool ascii;
@@ -172,7 +175,8 @@ static void skip_metadata(scan *s)
     }
 }
 
-static void read_header(scan *s, file *f)
+/* *set: the word behind DATASET. */
+static void read_header(scan *s, file *f, word *set)
 {
     static const char key[] = "# vtk DataFile Version ";
     const word first = scan_rest_of_line(s);
@@ -193,7 +197,11 @@ static void read_header(scan *s, file *f)
     if (!f->ascii && !word_is_any_case(encoding, "BINARY"))
         scan_expected(s, "ASCII or BINARY", encoding);
     scan_expect(s, "DATASET");
-    const word set = scan_word(s);
+    *set = scan_word(s);
+}
+
+static void refuse_other_set(scan *s, word set)
+{
     char shown[WORD_SHOWN];
     if (scan_ok(s) && !word_is_any_case(set, "POLYDATA"))
         scan_fail(s,
@@ -210,7 +218,9 @@ void read_legacy_vtk(scan *s, soup *m)
 {
     static const char *const names[] = { "POLYGONS", "TRIANGLE_STRIPS", "LINES", "VERTICES" };
     file f = { false, false };
-    read_header(s, &f);
+    word set;
+    read_header(s, &f, &set);
+    refuse_other_set(s, set);
     while (scan_skip_blanks(s, true)) {
         const word section = scan_word(s);
         int kind = 0;
@@ -227,4 +237,223 @@ void read_legacy_vtk(scan *s, soup *m)
         else
             scan_expected(s, "a section of a VTK file", section);
     }
+}
+
+/* ---- points that move, all else as it is ---- */
+
+enum { TETRAHEDRON = 10, CORNERS = 4, FILE_LIMIT_SHIFT = 36 };
+
+/* Where the corners of each cell are among all. */
+typedef struct grid_cells {
+    int64_t n, size;
+    int64_t *start;  /* n: of the first corner in value */
+    int64_t *length; /* n */
+    int64_t *value;
+} grid_cells;
+
+static void grid_cells_free(grid_cells *c)
+{
+    free(c->start);
+    free(c->length);
+    free(c->value);
+}
+
+static void find_old_cells(scan *s, grid_cells *c)
+{
+    int64_t found = 0;
+    for (int64_t at = 0; scan_ok(s) && at < c->size && found < c->n; found++) {
+        c->length[found] = c->value[at];
+        c->start[found] = at + 1;
+        if (c->length[found] < 0 || c->length[found] >= c->size - at)
+            scan_fail(s, "a cell has more corners than its section holds; export the mesh again");
+        else
+            at += 1 + c->length[found];
+    }
+    if (scan_ok(s) && found != c->n)
+        scan_fail(s, "a section of %lld cells holds %lld; export the mesh again", (long long)c->n,
+                  (long long)found);
+}
+
+static void find_new_cells(scan *s, const int64_t *offset, grid_cells *c)
+{
+    for (int64_t k = 0; scan_ok(s) && k < c->n; k++) {
+        c->start[k] = offset[k];
+        c->length[k] = offset[k + 1] - offset[k];
+        if (offset[k] < 0 || c->length[k] < 0 || offset[k + 1] > c->size)
+            scan_fail(s, "the offsets of the cells do not ascend; export the mesh again");
+    }
+}
+
+static void read_grid_cells(scan *s, const file *f, grid_cells *c)
+{
+    const int64_t n = scan_integer(s, "a number of cells");
+    c->size = scan_integer(s, "a number of values");
+    c->n = (int64_t)scan_check_count(s, n, "number of cells", 2);
+    if (f->offsets && c->n > 0) c->n--;
+    if (!scan_ok(s)) return;
+    c->start = calloc((size_t)c->n + 1, sizeof *c->start);
+    c->length = calloc((size_t)c->n + 1, sizeof *c->length);
+    if (!c->start || !c->length) {
+        scan_no_memory(s);
+        return;
+    }
+    if (!f->offsets) {
+        begin_values(s, f);
+        c->value = read_integers(s, f, c->size, SCALAR_I32);
+        if (c->value) find_old_cells(s, c);
+        return;
+    }
+    int64_t *const offset = read_section(s, f, "OFFSETS", n);
+    c->value = offset ? read_section(s, f, "CONNECTIVITY", c->size) : NULL;
+    if (c->value) find_new_cells(s, offset, c);
+    free(offset);
+}
+
+static bool is_tetrahedron(const grid_cells *c, const int64_t *type, int64_t k)
+{
+    return type[k] == TETRAHEDRON && c->length[k] == CORNERS;
+}
+
+static void take_tetrahedra(scan *s, const grid_cells *c, const int64_t *type, vtk_grid *g)
+{
+    for (int64_t k = 0; k < c->n; k++) g->tets += is_tetrahedron(c, type, k);
+    g->tet = malloc((CORNERS * g->tets + 1) * sizeof *g->tet);
+    g->number = malloc((g->tets + 1) * sizeof *g->number);
+    size_t t = 0;
+    if (!g->tet || !g->number) scan_no_memory(s);
+    for (int64_t k = 0; scan_ok(s) && k < c->n; k++) {
+        if (!is_tetrahedron(c, type, k)) continue;
+        for (int64_t q = 0; q < CORNERS; q++) {
+            const int64_t v = c->value[c->start[k] + q];
+            if (v < 0 || (uint64_t)v >= g->n)
+                scan_fail(s, "cell %lld has corner %lld, but there are %zu points", (long long)k,
+                          (long long)v, g->n);
+            g->tet[CORNERS * t + (size_t)q] = (uint32_t)v;
+        }
+        g->number[t++] = (uint32_t)k;
+    }
+}
+
+static void read_cell_types(scan *s, const file *f, const grid_cells *c, vtk_grid *g)
+{
+    const int64_t n = scan_integer(s, "a number of cells");
+    begin_values(s, f);
+    if (scan_ok(s) && n != c->n)
+        scan_fail(s, "%lld types of %lld cells; export the mesh again", (long long)n,
+                  (long long)c->n);
+    int64_t *const type = scan_ok(s) ? read_integers(s, f, n, SCALAR_I32) : NULL;
+    if (type) take_tetrahedra(s, c, type, g);
+    free(type);
+}
+
+static void read_grid_points(scan *s, const file *f, size_t at, vtk_grid *g)
+{
+    soup m = { 0 };
+    g->points_at = at;
+    read_points(s, f, &m);
+    g->points_end = s->at;
+    g->n = m.points;
+    g->x = m.point;
+    m.point = NULL;
+    soup_free(&m);
+}
+
+static void read_grid(scan *s, vtk_grid *g)
+{
+    file f = { false, false };
+    grid_cells all = { 0 };
+    word set;
+    read_header(s, &f, &set);
+    g->ascii = f.ascii;
+    const bool grid = scan_ok(s) && word_is_any_case(set, "UNSTRUCTURED_GRID");
+    if (!grid) refuse_other_set(s, set);
+    while (scan_skip_blanks(s, true)) {
+        const size_t at = s->at;
+        const word section = scan_word(s);
+        if (word_is_any_case(section, "POINTS") && !g->x)
+            read_grid_points(s, &f, at, g);
+        else if (word_is_any_case(section, "FIELD"))
+            skip_field(s, &f);
+        else if (word_is_any_case(section, "METADATA"))
+            skip_metadata(s);
+        else if (grid && word_is_any_case(section, "CELLS") && !all.start)
+            read_grid_cells(s, &f, &all);
+        else if (grid && word_is_any_case(section, "CELL_TYPES") && all.value && !g->tet)
+            read_cell_types(s, &f, &all, g);
+        else
+            break; /* attributes, and of poly data the cells: they stay as they are */
+    }
+    if (scan_ok(s) && !g->x) scan_fail(s, "no points; export the mesh again");
+    grid_cells_free(&all);
+}
+
+apsm_status vtk_grid_read(apsm_context *ctx, const char *path, vtk_grid *g)
+{
+    *g = (vtk_grid){ 0 };
+    APSM_TRY(apsm_read_file(ctx, path, (size_t)1 << FILE_LIMIT_SHIFT, &g->bytes, &g->size));
+    scan s = scan_begin(ctx, path, g->bytes, g->size);
+    read_grid(&s, g);
+    if (!scan_ok(&s)) vtk_grid_free(g);
+    return s.status;
+}
+
+void vtk_grid_free(vtk_grid *g)
+{
+    free(g->bytes);
+    free(g->x);
+    free(g->tet);
+    free(g->number);
+    *g = (vtk_grid){ 0 };
+}
+
+static void put_big_endian(apsm_writer *w, double x)
+{
+    uint64_t bits;
+    unsigned char raw[8];
+    memcpy(&bits, &x, sizeof bits);
+    for (int b = 0; b < 8; b++) raw[b] = (unsigned char)(bits >> (56 - 8 * b));
+    apsm_writer_write(w, raw, sizeof raw);
+}
+
+apsm_status vtk_grid_write(apsm_context *ctx, const char *path, const vtk_grid *g, const double *x)
+{
+    apsm_writer *w;
+    APSM_TRY(apsm_writer_open(ctx, path, &w));
+    apsm_writer_write(w, g->bytes, g->points_at);
+    apsm_writer_printf(w, "POINTS %zu double\n", g->n);
+    for (size_t k = 0; k < 3 * g->n; k++) {
+        if (g->ascii)
+            apsm_writer_number(w, x[k]);
+        else
+            put_big_endian(w, x[k]);
+        if (g->ascii) apsm_writer_write(w, k % 3 == 2 ? "\n" : " ", 1);
+    }
+    const char *rest = g->bytes + g->points_end;
+    if (!g->ascii && g->points_end < g->size && *rest != '\n') apsm_writer_write(w, "\n", 1);
+    apsm_writer_write(w, rest, g->size - g->points_end);
+    return apsm_writer_commit(w);
+}
+
+/* Six times the volume. */
+static double volume_of(const uint32_t *t, const double *x)
+{
+    double u[3], v[3], w[3];
+    for (size_t c = 0; c < 3; c++) {
+        u[c] = x[3 * t[1] + c] - x[3 * t[0] + c];
+        v[c] = x[3 * t[2] + c] - x[3 * t[0] + c];
+        w[c] = x[3 * t[3] + c] - x[3 * t[0] + c];
+    }
+    return u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) +
+           u[2] * (v[0] * w[1] - v[1] * w[0]);
+}
+
+size_t vtk_grid_inverted(const vtk_grid *g, const double *x, const double *y, uint32_t *list)
+{
+    size_t n = 0;
+    for (size_t t = 0; t < g->tets; t++) {
+        const double before = volume_of(g->tet + CORNERS * t, x),
+                     after = volume_of(g->tet + CORNERS * t, y);
+        if (!(before * after > 0)) list[n++] = g->number[t];
+    }
+    return n;
 }

@@ -55,7 +55,7 @@ export_ 0 "ply of model" model --to ply -o ply --overwrite --modes 1 --sd 1,3
 [ "$(ls ply/modes | tr '\n' ' ')" = "mode_01_minus1sd.ply mode_01_minus3sd.ply mode_01_plus1sd.ply mode_01_plus3sd.ply " ] ||
     fail "modes: $(ls ply/modes)"
 echo mine >ply/modes/mode_02_plus1sd.ply
-export_ 1 "is not of the export" model --to ply -o ply --overwrite --modes 2 --sd 1
+export_ 1 "is not of an earlier call" model --to ply -o ply --overwrite --modes 2 --sd 1
 [ "$(cat ply/modes/mode_02_plus1sd.ply)" = mine ] || fail "a file of somebody else was replaced"
 [ -s ply/mean.ply ] || fail "a refused export removed an earlier one"
 mkdir other && echo mine >other/notes.txt
