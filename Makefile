@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: fuzz test-fuzz all program deps configure test test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
+.PHONY: test-mpi fuzz test-fuzz all program deps configure test test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -23,6 +23,12 @@ test: deps ## deps, build, then all tests
 test-crash: deps ## a thousand killed runs, each resumed and compared (about ten minutes)
 	@$(MAKE) --no-print-directory all
 	@cmake --build $(BUILD) --target test_crash
+
+test-mpi: ## build-mpi with MPI; 1, 2, 3 and 8 ranks, killed ones, job arrays: the same bytes
+	@scripts/setup --mpi
+	@cmake -S . -B $(BUILD)-mpi -DAPSM_MPI=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-mpi -j$(JOBS) --target apsm_cli make_synthetic
+	@bash tests/cli/test_shards.sh $(BUILD)-mpi/apsm $(BUILD)-mpi/make_synthetic
 
 program: configure ## build/apsm alone, without the tests
 	@cmake --build $(BUILD) -j$(JOBS) --target apsm_cli
@@ -83,7 +89,7 @@ package: all ## build/apsm_VERSION_ARCH.deb
 	@cd $(BUILD) && cpack -G DEB
 
 clean: ## remove everything that was built
-	rm -rf $(BUILD) $(BUILD)-sanitize
+	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile

@@ -73,6 +73,20 @@ static apsm_status take_memory(parsing *p, const char *text)
     return APSM_OK;
 }
 
+static apsm_status take_shard(parsing *p, const char *text)
+{
+    size_t shard = 0, shards = 0;
+    int end = -1;
+    const bool digits = strspn(text, "0123456789/") == strlen(text) && strlen(text) <= 11;
+    if (!digits || sscanf(text, "%zu/%zu%n", &shard, &shards, &end) != 2 || text[end] ||
+        shard < 1 || shard > shards)
+        return apsm_fail(p->ctx, APSM_ERR_ARG,
+                         "--shard %s: give which part of how many, from 1/7 to 7/7 of 7", text);
+    p->args->shard = shard - 1;
+    p->args->shards = shards;
+    return APSM_OK;
+}
+
 static apsm_status take_progress(parsing *p, const char *text)
 {
     static const char *const modes[] = { "auto", "plain", "json" };
@@ -153,6 +167,8 @@ static apsm_status take_other(parsing *p, const cli_option *o, const char *text)
         return take_threads(p, text);
     case CLI_MEMORY:
         return take_memory(p, text);
+    case CLI_SHARD:
+        return take_shard(p, text);
     case CLI_PROGRESS:
         return take_progress(p, text);
     case CLI_FLAG_HELP_ALL:

@@ -91,8 +91,9 @@ typedef struct cli_args {
     /* What was set, in order of rising priority: preset, config file, options.  Every key once. */
     size_t n_set;
     cli_pair *set;
-    int threads;   /* >= 1 */
-    size_t memory; /* bytes; 0: no limit */
+    int threads;          /* >= 1 */
+    size_t memory;        /* bytes; 0: no limit */
+    size_t shard, shards; /* from 0; shards 0: all shapes */
     cli_progress_mode progress;
     bool resume, overwrite, dry_run, quiet;
     bool aligned, force; /* of fit */

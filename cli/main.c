@@ -8,6 +8,7 @@
 #include "files/files.h"
 #include "help.h"
 #include "plain.h"
+#include "ranks.h"
 #include "room.h"
 #include "signals.h"
 #include "verbs.h"
@@ -76,7 +77,8 @@ static void refuse_small_room(apsm_context *ctx, const cli_args *args, cli_ui *u
 
 static int work(apsm_context *ctx, const cli_args *args)
 {
-    cli_ui *ui = cli_ui_new(args->progress, args->quiet, stdout, stderr, cli_clock);
+    const bool quiet = args->quiet || cli_ranks_get().rank > 0; /* one of them tells */
+    cli_ui *ui = cli_ui_new(args->progress, quiet, stdout, stderr, cli_clock);
     if (!ui) return EXIT_FAILURE;
     cli_ui_attach(ui, ctx);
     apsm_context_set_threads(ctx, args->threads);
@@ -117,7 +119,10 @@ static int run_program(int argc, char **argv)
     }
     int code = EXIT_SUCCESS;
     const apsm_status status = cli_args_parse(ctx, argc, argv, &args);
-    if (status != APSM_OK)
+    const bool first = cli_ranks_get().rank == 0; /* the others help with run alone */
+    if (!first && (status != APSM_OK || args.help || args.version || args.verb->verb != CLI_RUN))
+        ;
+    else if (status != APSM_OK)
         code = refuse_usage(ctx, status, &args);
     else if (args.help)
         cli_help(stdout, args.verb, args.help_all);
@@ -132,5 +137,6 @@ static int run_program(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
-    return cli_with_stack(run_program, argc, argv);
+    cli_ranks_begin(&argc, &argv);
+    return cli_ranks_end(cli_with_stack(run_program, argc, argv));
 }

@@ -163,6 +163,11 @@ static const cli_option own[] = {
       "keep to about this much memory (2G, 500M): shapes go to a file in state/ that is gone "
       "afterwards; changes the time, never the result (default: no limit)",
       NULL },
+    { "shard", 0, CLI_SHARD, CLI_GROUP_RUN, CLI_GROOM | CLI_INITIALIZE, "K/N", NULL, NULL,
+      "do only every N-th shape, from the K-th on, keep it in state/, and end: for arrays of jobs "
+      "on machines that share the folder; afterwards the same without --shard gathers what all "
+      "have kept. The result is the same",
+      NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
     { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN,

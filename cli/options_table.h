@@ -36,6 +36,7 @@ typedef enum cli_action {
     CLI_CONFIG,
     CLI_THREADS,
     CLI_MEMORY,
+    CLI_SHARD,
     CLI_PROGRESS,
     CLI_FLAG_RESUME,
     CLI_FLAG_OVERWRITE,

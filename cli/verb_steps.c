@@ -4,6 +4,7 @@
 #include "apsm/joint.h"
 #include "apsm/report.h"
 #include "files/files.h"
+#include "ranks.h"
 #include "verbs.h"
 
 typedef apsm_status (*step_fn)(apsm_run *);
@@ -33,6 +34,8 @@ apsm_status cli_open_run(apsm_context *ctx, const cli_args *args, apsm_run_setti
 static apsm_run_settings settings_of(const cli_args *args)
 {
     return (apsm_run_settings){ .folder = args->out_dir,
+                                .shard = args->shard,
+                                .shards = args->shards,
                                 .n_inputs = args->n_inputs,
                                 .inputs = args->inputs,
                                 .memory = args->memory,
@@ -50,6 +53,23 @@ static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step
     return status;
 }
 
+/* As one of several processes. */
+static apsm_status run_together(apsm_context *ctx, apsm_run_settings *s, const cli_ranks *ranks)
+{
+    apsm_run *run;
+    s->shard = ranks->rank;
+    s->shards = ranks->size;
+    s->company = cli_ranks_company();
+    if (ranks->rank > 0) {
+        apsm_context_set_log(ctx, NULL, NULL); /* the first tells all there is */
+        return apsm_run_help(ctx, s);
+    }
+    APSM_TRY(apsm_run_open(ctx, s, &run));
+    const apsm_status status = apsm_run_all(run);
+    apsm_run_close(run);
+    return status;
+}
+
 /* Several parts a subject, or one. */
 static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *(*pairs)[2])
 {
@@ -58,6 +78,9 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
     settings.run.set = cli_pairs(args, pairs);
     settings.run.n_set = args->n_set;
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &joint));
+    const cli_ranks ranks = cli_ranks_get();
+    if (ranks.size > 1 && !joint && !args->dry_run) return run_together(ctx, &settings.run, &ranks);
+    if (ranks.rank > 0) return APSM_OK;
     return joint ? apsm_joint_run(ctx, &settings) : do_step(ctx, args, apsm_run_all);
 }
 
@@ -69,7 +92,7 @@ apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     const apsm_status status = run_job(ctx, args, pairs);
     free(pairs);
     APSM_TRY(status);
-    if (!args->dry_run)
+    if (!args->dry_run && cli_ranks_get().rank == 0)
         apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s/report.html", args->out_dir,
                  args->out_dir);
     return APSM_OK;

@@ -37,7 +37,20 @@ typedef struct apsm_run_settings {
     bool overwrite; /* groom may replace a model that is already in the folder */
     bool fresh;     /* a project in the folder does not matter */
     bool dry;       /* only apsm_run_dry will be called: nothing is made or locked */
+    /* Of several processes: groom and initialize do the shapes shard, shard + shards, ... (from 0)
+     * of a step whose result another process will gather, keep them in state/, and end; the same
+     * call without it finds them there.  shards 0: all shapes. */
+    size_t shard, shards;
+    const struct apsm_company *company; /* borrowed; NULL: the processes do not know each other */
 } apsm_run_settings;
+
+/* Processes that do a job together, each with its own run of the same folder and settings but
+ * shard.  The first of them (0) does apsm_run_all, the others apsm_run_help. */
+typedef struct apsm_company {
+    void *user;
+    /* Waits for all of them; returns the largest value given. */
+    size_t (*meet)(void *user, size_t value);
+} apsm_company;
 
 typedef struct apsm_run apsm_run; /* opaque: one job */
 
@@ -125,6 +138,10 @@ APSM_API apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, co
 APSM_API apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
 /* All five; with settings.resume those that are not yet done.  In memory there is no report. */
 APSM_API apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
+/* The part of a company's process other than the first in apsm_run_all: settings as the first has
+ * them, with its own shard.  It writes to its file in state/ alone. */
+APSM_API apsm_status apsm_run_help(apsm_context *ctx,
+                                   const apsm_run_settings *settings) APSM_NODISCARD;
 
 /* ---- results, of any job ----
  * Borrowed from the run: good until its next step or apsm_run_close.  Shapes are in the order of

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
+
 enum { ERROR_LENGTH = 1024 };
 
 /* A line logged inside a parallel task, kept until the tasks have ended. */
@@ -27,6 +29,7 @@ struct apsm_context {
     apsm_between_fn between;
     void *between_user;
     const apsm_keeper *keeper;
+    const apsm_deal *deal;
     bool is_task;            /* logs go to lines instead of to the sink */
     log_line *first, **last; /* of a task */
     char error[ERROR_LENGTH];
@@ -94,6 +97,11 @@ apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size
 {
     const apsm_keeper *k = ctx->keeper;
     return k ? k->keep(ctx, k->user, kind, i, size, data) : APSM_OK;
+}
+
+void apsm_context_set_deal(apsm_context *ctx, const apsm_deal *deal)
+{
+    ctx->deal = deal;
 }
 
 void apsm_context_set_interrupt(apsm_context *ctx, const volatile int *flag)
@@ -249,4 +257,37 @@ apsm_status apsm_parallel_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void
     free(l.task);
     free(l.status);
     return result;
+}
+
+/* ---- dealing ---- */
+
+/* Some of a loop's tasks. */
+typedef struct part {
+    apsm_task_fn fn;
+    void *user;
+    size_t rank, size;
+    bool own; /* this process's; else the others' */
+} part;
+
+/* Task k of those. */
+static apsm_status run_part(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    const part *p = user;
+    const size_t others = p->size - 1;
+    if (p->own) return p->fn(ctx, p->rank + k * p->size, worker, p->user);
+    const size_t at = k % others; /* among the others of one round */
+    return p->fn(ctx, k / others * p->size + (at < p->rank ? at : at + 1), worker, p->user);
+}
+
+apsm_status apsm_dealt_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *user,
+                           const char *stage)
+{
+    const apsm_deal *d = ctx->deal;
+    if (!d) return apsm_parallel_for(ctx, n, fn, user, stage);
+    part p = { fn, user, d->rank, d->size, true };
+    const size_t own = n > d->rank ? (n - d->rank - 1) / d->size + 1 : 0;
+    APSM_TRY(apsm_parallel_for(ctx, own, run_part, &p, stage));
+    APSM_TRY(d->meet(ctx, d->user));
+    p.own = false;
+    return apsm_parallel_for(ctx, n - own, run_part, &p, NULL);
 }

@@ -1,4 +1,4 @@
-#define _POSIX_C_SOURCE 200809L
+#define _DEFAULT_SOURCE /* flock */
 #include "files/journal.h"
 
 #include <errno.h>
@@ -6,6 +6,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -134,7 +135,7 @@ static int list_pieces(journal *j, uint64_t size)
         j->end = at + padded(head.size);
     }
     if (j->n > 0) qsort(j->entries, j->n, sizeof *j->entries, by_key);
-    return cut(j);
+    return 0;
 }
 
 static int begin(journal *j)
@@ -165,7 +166,10 @@ static int open_file(journal *j, bool fresh)
     if (fstat(j->fd, &info) != 0) return errno;
     if (!S_ISREG(info.st_mode) || !begins_as_ours(j, (uint64_t)info.st_size)) return EEXIST;
     const off_t size = info.st_size;
-    return fresh || !is_ours(j, (uint64_t)size) ? begin(j) : list_pieces(j, (uint64_t)size);
+    if (flock(j->fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return EBUSY;
+    if (fresh || !is_ours(j, (uint64_t)size)) return begin(j);
+    const int error = list_pieces(j, (uint64_t)size);
+    return error ? error : cut(j);
 }
 
 apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh, journal **out)
@@ -182,7 +186,35 @@ apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh, journa
     if (error == EEXIST)
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: was not written by apsm and would be replaced; move it away", path);
+    if (error == EBUSY)
+        return apsm_fail(ctx, APSM_ERR_STATE,
+                         "%s: another apsm is writing it; wait until that has ended", path);
     return apsm_fail_errno(ctx, path, "cannot be written", error);
+}
+
+/* As above, without a lock or a cut: the writer may be at work. */
+static int open_other(journal *j)
+{
+    struct stat info;
+    j->fd = open(j->path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
+    if (j->fd < 0) return errno;
+    if (fstat(j->fd, &info) != 0) return errno;
+    if (!S_ISREG(info.st_mode) || !is_ours(j, (uint64_t)info.st_size)) return ENOENT;
+    return list_pieces(j, (uint64_t)info.st_size);
+}
+
+apsm_status journal_open_other(apsm_context *ctx, const char *path, journal **out)
+{
+    journal *j = *out = calloc(1, sizeof *j);
+    if (!j) return apsm_fail_errno(ctx, path, "cannot be read", ENOMEM);
+    pthread_mutex_init(&j->lock, NULL);
+    j->fd = -1;
+    j->path = strdup(path);
+    const int error = j->path ? open_other(j) : ENOMEM;
+    if (!error) return APSM_OK;
+    journal_close(j);
+    *out = NULL;
+    return error == ENOENT ? APSM_OK : apsm_fail_errno(ctx, path, "cannot be read", error);
 }
 
 void journal_close(journal *j)
@@ -203,6 +235,12 @@ bool journal_is_one(const char *path)
         fd >= 0 && read_at(fd, head, sizeof head, 0) == 0 && memcmp(head, magic, sizeof magic) == 0;
     if (fd >= 0) close(fd);
     return is;
+}
+
+apsm_status journal_flush(apsm_context *ctx, journal *j)
+{
+    if (fsync(j->fd) == 0) return APSM_OK;
+    return apsm_fail_errno(ctx, j->path, "cannot be written", errno);
 }
 
 size_t journal_count(const journal *j)

@@ -22,6 +22,9 @@ typedef struct journal_key {
  * journal, and is left alone. */
 apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh,
                          journal **j) APSM_NODISCARD;
+/* Opens a file that another process has written or is writing, to find what is whole in it by now;
+ * nothing can be added.  *j is NULL if there is none, or none of ours. */
+apsm_status journal_open_other(apsm_context *ctx, const char *path, journal **j) APSM_NODISCARD;
 void journal_close(journal *j); /* NULL is allowed */
 /* Whether the file at path begins as a journal does. */
 bool journal_is_one(const char *path);
@@ -31,6 +34,9 @@ size_t journal_count(const journal *j);
 /* Such a piece: *data is malloc'ed, NULL if there is none or it is damaged.  Any thread. */
 apsm_status journal_find(apsm_context *ctx, const journal *j, const journal_key *key, void **data,
                          size_t *size) APSM_NODISCARD;
+
+/* Sees to it that what was added is on the disk, where other machines find it. */
+apsm_status journal_flush(apsm_context *ctx, journal *j) APSM_NODISCARD;
 
 /* One more piece.  Any thread. */
 apsm_status journal_add(apsm_context *ctx, journal *j, const journal_key *key, const void *data,

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "core/robust.h"
 #include "geometry/affine.h"
 #include "geometry/form.h"
@@ -766,7 +767,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     for (size_t i = 0; i < a->n && a->n <= HELD_TREES; i++) APSM_TRY(hold_trees(ctx, a, 1, &i));
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
     if (a->opt->mode != APSM_ALIGN_NONE)
-        APSM_TRY(apsm_parallel_for(ctx, a->n, search_task, a, "align"));
+        APSM_TRY(apsm_dealt_for(ctx, a->n, search_task, a, "align"));
     if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
     if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
     if (a->opt->mode != APSM_ALIGN_NONE) judge_mirrored(a);
@@ -776,7 +777,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
-    APSM_TRY(apsm_parallel_for(ctx, a->n, register_task, a, NULL));
+    APSM_TRY(apsm_dealt_for(ctx, a->n, register_task, a, NULL));
     tell_cuts(a);
     report(ctx, a);
     return APSM_OK;

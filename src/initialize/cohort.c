@@ -22,7 +22,8 @@ typedef struct build {
     const char *const *names;
     const apsm_mesh *meshes;
     const double *transforms;
-    double voxel, band;
+    const apsm_field_plan *fields;
+    size_t template_index;
     apsm_shape *shape;
 } build;
 
@@ -93,20 +94,21 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
-    const double band = apsm_dipole_length(s, b->band);
-    if (b->voxel > 0) APSM_TRY(apsm_field_build(ctx, s->bvh, b->voxel, band, &s->field));
+    const double voxel = b->fields->voxel, band = apsm_dipole_length(s, b->fields->band);
+    if (voxel > 0 && (i == b->template_index || !b->fields->template_alone))
+        APSM_TRY(apsm_field_build(ctx, s->bvh, voxel, band, &s->field));
     return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
 }
 
 apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
                                  const char *const *names, const apsm_mesh *meshes,
-                                 const double *transforms, size_t template_index, double voxel,
-                                 double band, apsm_cohort *cohort)
+                                 const double *transforms, size_t template_index,
+                                 const apsm_field_plan *fields, apsm_cohort *cohort)
 {
     *cohort = (apsm_cohort){ .I = I, .template_index = template_index };
     cohort->shape = calloc(I, sizeof *cohort->shape);
     if (!cohort->shape) return APSM_ERR_MEMORY;
-    build b = { store, names, meshes, transforms, voxel, band, cohort->shape };
+    build b = { store, names, meshes, transforms, fields, template_index, cohort->shape };
     const apsm_status status = apsm_parallel_for(ctx, I, build_shape, &b, "distance fields");
     if (status != APSM_OK) apsm_cohort_free(cohort);
     return status;
@@ -116,8 +118,9 @@ apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *na
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band, apsm_cohort *cohort)
 {
-    return apsm_cohort_build_in(ctx, NULL, I, names, meshes, transforms, template_index, voxel,
-                                band, cohort);
+    const apsm_field_plan fields = { .voxel = voxel, .band = band };
+    return apsm_cohort_build_in(ctx, NULL, I, names, meshes, transforms, template_index, &fields,
+                                cohort);
 }
 
 static void free_shape(apsm_shape *s)

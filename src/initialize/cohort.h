@@ -57,12 +57,18 @@ apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *na
                               const apsm_mesh *meshes, const double *transforms,
                               size_t template_index, double voxel, double band,
                               apsm_cohort *cohort) APSM_NODISCARD;
+/* The distance fields of a cohort. */
+typedef struct apsm_field_plan {
+    double voxel, band;
+    bool template_alone; /* no other shape gets one */
+} apsm_field_plan;
+
 /* The same with every finished shape moved to the store, which must outlive the cohort (NULL: kept
  * in memory).  The shapes are the same to the byte. */
 apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
                                  const char *const *names, const apsm_mesh *meshes,
-                                 const double *transforms, size_t template_index, double voxel,
-                                 double band, apsm_cohort *cohort) APSM_NODISCARD;
+                                 const double *transforms, size_t template_index,
+                                 const apsm_field_plan *fields, apsm_cohort *cohort) APSM_NODISCARD;
 void apsm_cohort_free(apsm_cohort *cohort);
 
 /* The closest surface points S (n) of P (n x 3) on a shape, with their positions X (n x 3) and

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "groom/align.h"
 #include "groom/registration.h"
 #include "initialize/anchors.h"
@@ -202,7 +203,7 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     if (status == APSM_OK && options->initialize == APSM_INIT_REGISTRATION)
         status = prepare_registration(&c);
     if (status == APSM_OK)
-        status = apsm_parallel_for(ctx, cohort->I, carry_to_shape, &c, "initialize");
+        status = apsm_dealt_for(ctx, cohort->I, carry_to_shape, &c, "initialize");
     apsm_registration_free(c.registration);
     free(T);
     return status;

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
@@ -238,7 +239,7 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
         !in->is_mask || !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
-    const apsm_status status = apsm_parallel_for(run->ctx, n, groom_case, &t, "groom");
+    const apsm_status status = apsm_dealt_for(run->ctx, n, groom_case, &t, "groom");
     return status == APSM_OK ? compare_picked(run, in) : status;
 }
 

@@ -47,6 +47,7 @@ static apsm_status read_inputs(groom_work *w)
 {
     APSM_TRY(kept_compare_shapes(w->run, &w->in.list));
     APSM_TRY(kept_begin(w->run));
+    kept_deal(w->run);
     APSM_TRY(kept_add_job(w->run, &w->in.list));
     APSM_TRY(groom_inputs_read(w->run, &w->in));
     APSM_TRY(groom_inputs_refuse_bad(w->run, &w->in));
@@ -348,11 +349,14 @@ apsm_status apsm_run_groom(apsm_run *run)
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);
-    if (status == APSM_OK) status = save(&w);
-    if (status == APSM_OK) status = stage_end(run, "groom", &clock);
-    if (status == APSM_OK) status = kept_end(run);
-    if (status == APSM_OK) tell(&w);
-    if (status != APSM_OK) status = give_up(run, status);
+    status = kept_end_share(run, status);
+    if (!run->helps) {
+        if (status == APSM_OK) status = save(&w);
+        if (status == APSM_OK) status = stage_end(run, "groom", &clock);
+        if (status == APSM_OK) status = kept_end(run);
+        if (status == APSM_OK) tell(&w);
+        if (status != APSM_OK) status = give_up(run, status);
+    }
     apsm_alignment_free(&w.alignment);
     groom_inputs_free(&w.in);
     apsm_project_free(&w.own);

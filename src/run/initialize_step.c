@@ -26,7 +26,8 @@ static apsm_status carry_particles(apsm_run *run, size_t J, double *P)
 {
     APSM_TRY(kept_begin(run));
     APSM_TRY(kept_pieces_of_shapes(run));
-    return apsm_first_particles(run->ctx, &run->cohort, &run->options, J, P);
+    kept_deal(run);
+    return kept_end_share(run, apsm_first_particles(run->ctx, &run->cohort, &run->options, J, P));
 }
 
 static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
@@ -38,6 +39,7 @@ static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
         apsm_psm_first_particle(&run->cohort, state);
     else
         APSM_TRY(carry_particles(run, J, state->P));
+    if (run->helps) return APSM_OK;
     /* An earlier run's checkpoint must not be taken for one of these particles. */
     APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
     APSM_TRY(run_save_state(run, RUN_INITIAL, state, NULL, 0));
@@ -52,11 +54,13 @@ apsm_status apsm_run_initialize(apsm_run *run)
     APSM_TRY(guard_files(run, "initialize", NULL));
     APSM_TRY(run_load_cohort(run, run->options.method != APSM_METHOD_PSM));
     APSM_TRY(manifest_set_options(run));
-    APSM_TRY(stage_start(run, "initialize"));
+    if (!run->helps) APSM_TRY(stage_start(run, "initialize"));
     apsm_optimizer_state state = { 0 };
     apsm_status status = seed_and_save(run, &state);
-    if (status == APSM_OK) status = stage_end(run, "initialize", &clock);
-    if (status == APSM_OK) status = kept_end(run);
+    if (!run->helps) {
+        if (status == APSM_OK) status = stage_end(run, "initialize", &clock);
+        if (status == APSM_OK) status = kept_end(run);
+    }
     apsm_optimizer_state_free(&state);
     return status;
 }

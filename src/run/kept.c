@@ -1,5 +1,8 @@
+#define _POSIX_C_SOURCE 200809L
 #include "run/kept.h"
 
+#include <dirent.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -9,6 +12,9 @@
 
 struct kept_work {
     journal *journal;
+    journal **other; /* n_others: what other processes have kept; read only */
+    size_t n_others;
+    size_t added; /* pieces since the last meeting */
     apsm_keeper keeper;
     journal_key scope; /* what the keeper's pieces belong to */
     char *job;         /* of the grooming that was taken up; NULL: none */
@@ -22,13 +28,73 @@ static void add_text(apsm_sha256 *sha, const char *text)
 
 /* ---- opening, closing ---- */
 
+/* Each process that helps has a journal of its own: state/shard-2-of-7.journal. */
+static char *own_path(const apsm_run *run)
+{
+    if (!run->helps) return run_path(run, RUN_JOURNAL);
+    return run_pathf(run, "state/shard-%zu-of-%zu.journal", run->shard + 1, run->shards);
+}
+
+static bool is_shard(const char *name)
+{
+    size_t shard, shards;
+    int end = -1;
+    return sscanf(name, "shard-%zu-of-%zu.journal%n", &shard, &shards, &end) == 2 && end > 0 &&
+           !name[end];
+}
+
+static void close_others(struct kept_work *kept)
+{
+    for (size_t k = 0; k < kept->n_others; k++) journal_close(kept->other[k]);
+    free(kept->other);
+    kept->other = NULL;
+    kept->n_others = 0;
+}
+
+static apsm_status open_other(apsm_run *run, char *path)
+{
+    struct kept_work *kept = run->kept;
+    journal *other = NULL;
+    apsm_status status = path ? journal_open_other(run->ctx, path, &other) : APSM_ERR_MEMORY;
+    free(path);
+    if (status != APSM_OK || !other) return status;
+    journal **grown = realloc(kept->other, (kept->n_others + 1) * sizeof(journal *));
+    if (!grown) return journal_close(other), APSM_ERR_MEMORY;
+    kept->other = grown;
+    kept->other[kept->n_others++] = other;
+    return APSM_OK;
+}
+
+/* For every journal of a helper: calls use, and goes on while that is APSM_OK. */
+static apsm_status for_shards(apsm_run *run, apsm_status (*use)(apsm_run *, char *))
+{
+    char *folder = run_path(run, "state");
+    DIR *dir = folder ? opendir(folder) : NULL;
+    apsm_status status = folder ? APSM_OK : APSM_ERR_MEMORY;
+    struct dirent *entry;
+    while (status == APSM_OK && dir && (entry = readdir(dir)))
+        if (is_shard(entry->d_name)) status = use(run, run_pathf(run, "state/%s", entry->d_name));
+    if (dir) closedir(dir);
+    free(folder);
+    return status;
+}
+
+/* All journals but the own one, as they are now. */
+static apsm_status open_others(apsm_run *run)
+{
+    close_others(run->kept);
+    if (run->helps) APSM_TRY(open_other(run, run_path(run, RUN_JOURNAL)));
+    return for_shards(run, open_other);
+}
+
 static apsm_status open_journal(apsm_run *run, bool fresh)
 {
-    char *path = run_path(run, RUN_JOURNAL);
+    char *path = own_path(run);
     run->kept = calloc(1, sizeof *run->kept);
     apsm_status status = path && run->kept ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = journal_open(run->ctx, path, fresh, &run->kept->journal);
     free(path);
+    if (status == APSM_OK) status = open_others(run);
     if (status != APSM_OK) kept_close(run);
     return status;
 }
@@ -39,13 +105,14 @@ apsm_status kept_begin(apsm_run *run)
     char *folder = run_path(run, "state");
     const apsm_status status = folder ? apsm_make_folder(run->ctx, folder) : APSM_ERR_MEMORY;
     free(folder);
-    return status == APSM_OK ? open_journal(run, run->overwrite) : status;
+    return status == APSM_OK ? open_journal(run, run->overwrite && !run->helps) : status;
 }
 
 void kept_close(apsm_run *run)
 {
     apsm_context_set_keeper(run->ctx, NULL);
     if (run->kept) {
+        close_others(run->kept);
         journal_close(run->kept->journal);
         free(run->kept->job);
     }
@@ -64,7 +131,66 @@ bool kept_is_there(const apsm_run *run)
 apsm_status kept_end(apsm_run *run)
 {
     kept_close(run);
+    if (run_is_in_memory(run)) return APSM_OK;
+    APSM_TRY(for_shards(run, run_remove));
     return run_remove(run, run_path(run, RUN_JOURNAL));
+}
+
+/* ---- shares ---- */
+
+/* Those who know each other wait for each other.  Who works alone ends with the first loop to which
+ * it had something to add: the next may need what others have not kept yet. */
+static apsm_status meet(apsm_context *ctx, void *user)
+{
+    apsm_run *run = user;
+    APSM_TRY(journal_flush(ctx, run->kept->journal));
+    const size_t added = run->kept->added;
+    run->kept->added = 0;
+    if (run->company)
+        run->company->meet(run->company->user, 0);
+    else if (run->helps && added > 0)
+        return run->share_kept = true, APSM_ERR_INTERRUPTED;
+    return open_others(run);
+}
+
+void kept_deal(apsm_run *run)
+{
+    if (run->shards == 0 || !run->kept) return;
+    run->deal = (apsm_deal){ run->shard, run->shards, run, meet };
+    apsm_context_set_deal(run->ctx, &run->deal);
+}
+
+apsm_status kept_end_share(apsm_run *run, apsm_status status)
+{
+    apsm_context_set_deal(run->ctx, NULL);
+    if (!run->helps) return status;
+    kept_close(run);
+    if (status == APSM_OK) run->share_kept = true;
+    if (!run->share_kept) return status;
+    apsm_log(run->ctx, APSM_LOG_INFO,
+             "share %zu of %zu is kept in %s/state; when all are, the same without --shard goes on",
+             run->shard + 1, run->shards, run->folder);
+    return APSM_OK;
+}
+
+/* ---- what all journals hold ---- */
+
+/* In the own journal, or else in another's. */
+static apsm_status find(apsm_context *ctx, const struct kept_work *kept, const journal_key *key,
+                        void **data, size_t *size)
+{
+    apsm_status status = journal_find(ctx, kept->journal, key, data, size);
+    for (size_t k = 0; k < kept->n_others && status == APSM_OK && !*data; k++)
+        status = journal_find(ctx, kept->other[k], key, data, size);
+    return status;
+}
+
+static apsm_status add(apsm_context *ctx, struct kept_work *kept, const journal_key *key,
+                       const void *data, size_t size)
+{
+#pragma omp atomic
+    kept->added++;
+    return journal_add(ctx, kept->journal, key, data, size);
 }
 
 /* ---- the job: "input=PATH", "shape=NAME", "option.NAME=VALUE", each ended by a zero byte ---- */
@@ -105,7 +231,7 @@ apsm_status kept_add_job(apsm_run *run, const apsm_input_list *list)
     char *text = NULL;
     size_t size = 0;
     bool ok = true;
-    if (!run->kept) return APSM_OK;
+    if (!run->kept || run->helps) return APSM_OK;
     for (size_t k = 0; k < run->n_inputs && ok; k++)
         ok = add_line(&text, &size, input_word, "", run->inputs[k]);
     for (size_t i = 0; i < list->n && ok; i++)
@@ -168,11 +294,11 @@ apsm_status kept_take_up(apsm_run *run)
     APSM_TRY(open_journal(run, false));
     struct kept_work *kept = run->kept;
     void *job;
-    APSM_TRY(journal_find(run->ctx, kept->journal, &key, &job, &kept->job_size));
+    APSM_TRY(find(run->ctx, kept, &key, &job, &kept->job_size));
     kept->job = job;
     if (kept->job) return take_job(run);
     /* Of initialize, which may have ended and then been killed before it could tidy up. */
-    return stage_is_done(run, "initialize") ? kept_end(run) : APSM_OK;
+    return stage_is_done(run, "initialize") && !run->helps ? kept_end(run) : APSM_OK;
 }
 
 static bool is_listed(const apsm_input_list *list, const char *name)
@@ -269,9 +395,9 @@ apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_in
     void *data;
     size_t size;
     *mesh = (apsm_mesh){ 0 };
-    if (!run->kept || journal_count(run->kept->journal) == 0) return APSM_OK;
+    if (!run->kept) return APSM_OK;
     const journal_key key = mesh_key(run, c, sha256);
-    APSM_TRY(journal_find(ctx, run->kept->journal, &key, &data, &size));
+    APSM_TRY(find(ctx, run->kept, &key, &data, &size));
     const apsm_status status = data ? unpack_mesh(data, size, mesh, groomed) : APSM_OK;
     free(data);
     return status;
@@ -292,7 +418,7 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
     memcpy(to, mesh->V, bytes);
     memcpy(to + bytes, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
     const journal_key key = mesh_key(run, c, sha256);
-    const apsm_status status = journal_add(ctx, run->kept->journal, &key, data, size);
+    const apsm_status status = add(ctx, run->kept, &key, data, size);
     free(data);
     return status;
 }
@@ -317,7 +443,7 @@ static bool recall(void *user, const char *kind, size_t i, size_t size, void *da
     const journal_key key = piece_key(kept, kind, i);
     void *found;
     size_t bytes;
-    if (journal_find(NULL, kept->journal, &key, &found, &bytes) != APSM_OK || !found) return false;
+    if (find(NULL, kept, &key, &found, &bytes) != APSM_OK || !found) return false;
     const bool fits = bytes == size;
     if (fits) memcpy(data, found, size);
     free(found);
@@ -327,9 +453,9 @@ static bool recall(void *user, const char *kind, size_t i, size_t size, void *da
 static apsm_status keep(apsm_context *ctx, void *user, const char *kind, size_t i, size_t size,
                         const void *data)
 {
-    const struct kept_work *kept = user;
+    struct kept_work *kept = user;
     const journal_key key = piece_key(kept, kind, i);
-    return journal_add(ctx, kept->journal, &key, data, size);
+    return add(ctx, kept, &key, data, size);
 }
 
 static void set_keeper(apsm_run *run, apsm_sha256 *scope)

@@ -26,6 +26,12 @@ void kept_close(apsm_run *run);
 /* Whether a step that keeps its work has not ended. */
 bool kept_is_there(const apsm_run *run);
 
+/* Deals the step's loops among the run's shards, if there are any, from kept_begin on. */
+void kept_deal(apsm_run *run);
+/* The dealing ends.  Of a run that helps nothing else is to follow: APSM_OK if its share is kept.
+ */
+apsm_status kept_end_share(apsm_run *run, apsm_status status);
+
 /* What is kept beside a groomed mesh. */
 typedef struct kept_groomed {
     apsm_groom_report report;

@@ -69,10 +69,10 @@ static apsm_status open_project(apsm_run *run, bool fresh)
 
 static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
 {
-    if (s->n_inputs > 0 || s->memory > 0 || s->resume || s->dry)
+    if (s->n_inputs > 0 || s->memory > 0 || s->resume || s->dry || s->shards > 0)
         return apsm_fail(run->ctx, APSM_ERR_ARG,
                          "a job without a folder has no inputs but apsm_run_add_mesh and "
-                         "apsm_run_add_volume, and neither memory, resume nor dry");
+                         "apsm_run_add_volume, and neither memory, resume, dry nor shards");
     APSM_TRY(settings_try(run, s));
     APSM_TRY(open_project(run, true));
     APSM_TRY(manifest_open(run));
@@ -88,12 +88,12 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     if (!s->dry) {
         run->made_folder = !apsm_is_folder(run->folder);
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
-        APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
+        if (!run->helps) APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
     APSM_TRY(manifest_open(run));
     bool is_model = false;
     if (!run->dry) APSM_TRY(guard_is_model(run, &is_model));
-    if (is_model) APSM_TRY(outputs_tidy(run));
+    if (is_model && !run->helps) APSM_TRY(outputs_tidy(run));
     APSM_TRY(open_project(run, s->fresh));
     if (run->resume && !s->dry) APSM_TRY(kept_take_up(run));
     return settings_settle(run, s);
@@ -102,6 +102,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 static bool is_complete(const apsm_run_settings *s)
 {
     if (s->folder && !*s->folder) return false;
+    if (s->shards > 0 && s->shard >= s->shards) return false;
     if ((s->n_inputs > 0 && !s->inputs) || (s->n_set > 0 && !s->set)) return false;
     for (size_t k = 0; k < s->n_inputs; k++)
         if (!s->inputs[k]) return false;
@@ -130,6 +131,10 @@ apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *give
     run->memory = settings->memory;
     run->resume = settings->resume;
     run->overwrite = settings->overwrite;
+    run->shard = settings->shard;
+    run->shards = settings->shards;
+    run->company = settings->company;
+    run->helps = settings->shards > 0 && !(settings->company && settings->shard == 0);
     const apsm_status status = open_all(run, settings);
     if (status == APSM_OK)
         *out = run;
@@ -216,6 +221,43 @@ apsm_status run_write_project(apsm_run *run)
 
 /* ---- all steps ---- */
 
+/* What the first process tells those that help it. */
+enum { GROOMS = 1, INITIALIZES = 2 };
+
+static size_t meet(const apsm_company *company, size_t value)
+{
+    return company ? company->meet(company->user, value) : 0;
+}
+
+static size_t plan_of(const apsm_run *run)
+{
+    size_t plan = 0;
+    if (!run->resume || !stage_is_done(run, "groom")) plan |= GROOMS;
+    if (!run->resume || !stage_is_done(run, "initialize")) plan |= INITIALIZES;
+    return plan;
+}
+
+static apsm_status help(apsm_context *ctx, const apsm_run_settings *s,
+                        apsm_status (*step)(apsm_run *))
+{
+    apsm_run *run;
+    APSM_TRY(apsm_run_open(ctx, s, &run));
+    const apsm_status status = step(run);
+    apsm_run_close(run);
+    return status;
+}
+
+apsm_status apsm_run_help(apsm_context *ctx, const apsm_run_settings *settings)
+{
+    if (!settings || !settings->company || settings->shard == 0) return APSM_ERR_ARG;
+    const size_t plan = meet(settings->company, 0);
+    if (plan & GROOMS) APSM_TRY(help(ctx, settings, apsm_run_groom));
+    meet(settings->company, 0);
+    if (plan & INITIALIZES) APSM_TRY(help(ctx, settings, apsm_run_initialize));
+    meet(settings->company, 0);
+    return APSM_OK;
+}
+
 apsm_status apsm_run_all(apsm_run *run)
 {
     if (!run) return APSM_ERR_ARG;
@@ -232,8 +274,11 @@ apsm_status apsm_run_all(apsm_run *run)
         APSM_TRY(outputs_check(run));
     }
     APSM_TRY(manifest_check_seal(run));
-    for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++)
+    meet(run->company, plan_of(run));
+    for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++) {
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
+        if (k < 2) meet(run->company, 0); /* groom and initialize are done together */
+    }
     if (run_is_in_memory(run)) return APSM_OK;
     run_unload(run); /* the report reads what it needs */
     return apsm_run_report(run);

@@ -6,6 +6,7 @@
 #include <time.h>
 
 #include "apsm/run.h"
+#include "core/deal.h"
 #include "evaluate/figures.h"
 #include "files/files.h"
 #include "files/project.h"
@@ -35,6 +36,11 @@ struct apsm_run {
     apsm_lock lock;
     apsm_options options;
     bool resume, overwrite;
+    bool helps;      /* keeps its share of a step for another process, and writes nothing else */
+    bool share_kept; /* it has done so: the step ends there */
+    size_t shard, shards;
+    const apsm_company *company;
+    apsm_deal deal; /* while groom or initialize is under way, if there are shards */
     bool dry;
     bool has_manifest; /* in the folder */
     bool is_intact;    /* the manifest: as it was sealed, or new */

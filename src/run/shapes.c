@@ -101,7 +101,8 @@ size_t run_template_index(const apsm_run *run)
 
 apsm_status run_load_cohort(apsm_run *run, bool with_fields)
 {
-    if (run->cohort.I > 0 && (run->cohort.shape[0].field || !with_fields)) return APSM_OK;
+    if (run->cohort.I > 0 && (run->cohort.shape[run->cohort.template_index].field || !with_fields))
+        return APSM_OK;
     apsm_cohort_free(&run->cohort);
     APSM_TRY(run_load_meshes(run));
     const size_t t = run_template_index(run);
@@ -112,11 +113,14 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     const double s = cbrt(fabs(apsm_affine_det(run->transforms + 16 * t))); /* of the transform */
     const double h =
         apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
-    const double voxel = with_fields ? o->field_voxel * h : 0;
-    const double band = 1.1 * o->band * o->dipole * h; /* h is seldom expected too small by more */
+    const apsm_field_plan fields = {
+        .voxel = with_fields ? o->field_voxel * h : 0,
+        .band = 1.1 * o->band * o->dipole * h, /* h is seldom expected too small by more */
+        .template_alone = run->helps,
+    };
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
     APSM_TRY(apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
-                                  run->transforms, t, voxel, band, &run->cohort));
+                                  run->transforms, t, &fields, &run->cohort));
     return landmarks_anchor(run);
 }
