@@ -6,6 +6,7 @@
 
 #include "apsm/context.h"
 #include "apsm/version.h"
+#include "core/deal.h"
 #include "core/sized.h"
 
 enum { N = 40 };
@@ -137,6 +138,55 @@ static void structs_of_other_versions_are_taken_as_far_as_they_are_known(void **
     assert_false(apsm_take_sized(NULL, 6, known, 4));
 }
 
+/* ---- dealing ---- */
+
+enum { DEALT = 11 };
+typedef struct dealt {
+    int order[DEALT]; /* when each task ran, from 1; 0: never */
+    int n, met;       /* tasks so far; when the meeting was */
+    apsm_status word; /* of the meeting */
+} dealt;
+
+static apsm_status note_order(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    dealt *d = user;
+    (void)ctx, (void)worker;
+    assert_int_equal(d->order[i], 0);
+    d->order[i] = ++d->n;
+    return APSM_OK;
+}
+
+static apsm_status meet(apsm_context *ctx, void *user)
+{
+    dealt *d = user;
+    (void)ctx;
+    d->met = d->n;
+    return d->word;
+}
+
+/* Whoever deals with whom: own tasks first, then the meeting, then each of the others once; none
+ * of the others if the meeting says no. */
+static void own_tasks_come_before_the_others(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    assert_non_null(ctx);
+    for (size_t size = 1; size <= DEALT + 2; size++)
+        for (size_t rank = 0; rank < size; rank++)
+            for (int refuses = 0; refuses < 2; refuses++) {
+                dealt d = { .word = refuses ? APSM_ERR_INTERRUPTED : APSM_OK };
+                const apsm_deal deal = { rank, size, &d, meet };
+                apsm_context_set_deal(ctx, &deal);
+                assert_int_equal(apsm_dealt_for(ctx, DEALT, note_order, &d, NULL), d.word);
+                for (size_t i = 0; i < DEALT; i++) {
+                    const bool own = i % size == rank;
+                    assert_int_equal(d.order[i] > 0, own || !refuses);
+                    if (d.order[i] > 0) assert_int_equal(d.order[i] <= d.met, own);
+                }
+            }
+    apsm_context_free(ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -147,6 +197,7 @@ int main(void)
         cmocka_unit_test(odd_numbers_of_threads_are_one),
         cmocka_unit_test(every_status_has_a_text),
         cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known)
+            cmocka_unit_test(own_tasks_come_before_the_others),
     };
     return cmocka_run_group_tests_name("context", tests, NULL, NULL);
 }
