@@ -196,8 +196,8 @@ int main(void)
         cmocka_unit_test(nothing_needs_a_context_to_fail),
         cmocka_unit_test(odd_numbers_of_threads_are_one),
         cmocka_unit_test(every_status_has_a_text),
-        cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known)
-            cmocka_unit_test(own_tasks_come_before_the_others),
+        cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known),
+        cmocka_unit_test(own_tasks_come_before_the_others),
     };
     return cmocka_run_group_tests_name("context", tests, NULL, NULL);
 }
