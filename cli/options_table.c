@@ -131,6 +131,11 @@ static const cli_option own[] = {
       "of a project with several domains (shape_NAME, ...) the one to model alone; without it they "
       "become one model, as with --parts",
       NULL },
+    { "constraints", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "PATH", "constraints", NULL,
+      "only a part of the surface counts: a folder with a file NAME.json for each shape, or one "
+      "file, of the shape that it is called like or of the one that --template names; shapes "
+      "without get the region by registration",
+      NULL },
     { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE | CLI_CERTIFY | CLI_IMPORT,
       "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
@@ -251,7 +256,7 @@ cli_option *cli_options_list(size_t *n)
 
 static const char *const texts[] = { "preset",  "labels",    "reflect_match", "exclude",
                                      "pattern", "ignore",    "domain",        "template",
-                                     "seed",    "landmarks", "unit" };
+                                     "seed",    "landmarks", "unit",          "constraints" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

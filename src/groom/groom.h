@@ -36,6 +36,7 @@ typedef struct apsm_groom_options {
                              mesh's area; default 0.1; 1: close everything */
     bool open;            /* larger openings than open_share stay open; default false */
     double open_share;    /* default 0.01; 0: all stay */
+    bool keep_sides;      /* what is outside is known: the file's order of corners says it */
     bool remesh;          /* default true; false: repair only */
     bool measure; /* what remeshing did, for the report (default true; takes a third longer) */
     apsm_remesh_options remesh_options;

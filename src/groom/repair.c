@@ -192,6 +192,7 @@ static apsm_status face_outward(repair *r)
     const double area = apsm_mesh_area(m), unit = area * sqrt(area);
     double volume;
     APSM_TRY(closed_volume(r, area, &volume));
+    if (r->opt->keep_sides) return APSM_OK;
     if (r->report->openings) {
         r->report->sided = !(fabs(volume) > least_bulge * unit);
         if (r->report->sided) return APSM_OK;

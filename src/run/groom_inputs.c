@@ -12,6 +12,7 @@
 #include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"
+#include "run/regions.h"
 #include "run/source.h"
 
 /* ---- which inputs ---- */
@@ -48,6 +49,8 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
     } else {
         APSM_TRY(list_files(run, &in->list));
     }
+    APSM_TRY(
+        regions_list(run, in, source->root && !source_ignores(run, "constraints") ? source : NULL));
     return refuse_labels_of_meshes(run, in);
 }
 
@@ -131,7 +134,7 @@ static void reflect(apsm_mesh *mesh, double M[16])
     for (size_t x = 0; x < 3 * mesh->nv; x++) mesh->V[x] = (double)(float)mesh->V[x];
 }
 
-static apsm_status move_to_store(apsm_context *ctx, const groom_inputs *in, apsm_mesh *mesh)
+apsm_status groom_inputs_store(apsm_context *ctx, const groom_inputs *in, apsm_mesh *mesh)
 {
     array_list arrays = { 0 };
     mesh_arrays(mesh, &arrays);
@@ -142,7 +145,7 @@ static apsm_status move_to_store(apsm_context *ctx, const groom_inputs *in, apsm
 apsm_status groom_inputs_replace(apsm_context *ctx, const groom_inputs *in, size_t i,
                                  apsm_mesh *mesh)
 {
-    APSM_TRY(move_to_store(ctx, in, mesh));
+    APSM_TRY(groom_inputs_store(ctx, in, mesh));
     run_free_mesh(&in->mesh[i], in->store != NULL);
     in->mesh[i] = *mesh;
     *mesh = (apsm_mesh){ 0 };
@@ -198,7 +201,7 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
         reflect(&in->mesh[i], in->reflection[i]);
         in->reflected[i] = true;
     }
-    if (in->status[i] == APSM_OK) in->status[i] = move_to_store(ctx, in, &in->mesh[i]);
+    if (in->status[i] == APSM_OK) in->status[i] = groom_inputs_store(ctx, in, &in->mesh[i]);
     if (in->status[i] == APSM_OK) return APSM_OK;
     apsm_mesh_free(&in->mesh[i]);
     if (lost != APSM_OK) return lost;
@@ -307,6 +310,14 @@ void groom_inputs_free(groom_inputs *in)
     free(in->report);
     free(in->is_mask);
     free(in->cropped);
+    for (size_t i = 0; in->limits && i < in->list.n; i++) free(in->limits[i]);
+    for (size_t i = 0; in->region && i < in->list.n; i++) apsm_region_free(&in->region[i]);
+    for (size_t i = 0; in->whole && i < in->list.n; i++)
+        run_free_mesh(&in->whole[i], in->store != NULL);
+    free(in->limits);
+    free(in->region);
+    free(in->whole);
+    free(in->kept);
     apsm_labels_free(&in->labels);
     apsm_input_list_free(&in->list);
     apsm_project_free(&in->source);

@@ -3,6 +3,7 @@
 #ifndef APSM_RUN_GROOM_INPUTS_H
 #define APSM_RUN_GROOM_INPUTS_H
 
+#include "geometry/region.h"
 #include "groom/groom.h"
 #include "input/input.h"
 #include "run/session.h"
@@ -21,7 +22,11 @@ typedef struct groom_inputs {
     bool *reflected;
     apsm_groom_report *report; /* what grooming did; the frame is that of the input */
     bool *is_mask;
-    double *cropped; /* share of the surface that cropping took away */
+    double *cropped;     /* share of the surface that cropping took away */
+    char **limits;       /* files of constraints (regions.h); NULL: none */
+    apsm_region *region; /* what they say */
+    apsm_mesh *whole;    /* NULL, or the surfaces before constraints cut them ... */
+    double *kept;        /* ... and what share they left */
     char (*sha256)[65];
     apsm_status *status;
     char **problem; /* the line of a failure, else NULL */
@@ -53,6 +58,8 @@ apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65]);
  * one. */
 apsm_status groom_inputs_replace(apsm_context *ctx, const groom_inputs *in, size_t i,
                                  apsm_mesh *mesh);
+/* Moves the arrays of a mesh to where those of the others are. */
+apsm_status groom_inputs_store(apsm_context *ctx, const groom_inputs *in, apsm_mesh *mesh);
 
 /* Mirrors a groomed mesh; its coordinates stay float32 numbers, as in the file. */
 apsm_status groom_inputs_reflect(apsm_context *ctx, groom_inputs *in, size_t i);

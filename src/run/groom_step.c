@@ -18,8 +18,13 @@
 #include "run/landmarks.h"
 #include "run/manifest.h"
 #include "run/notes.h"
+#include "run/regions.h"
 #include "run/session.h"
 #include "run/source.h"
+
+/* Parts are aligned by themselves if their mean residual is less than this share of that in the
+ * poses of the whole surfaces. */
+static const double better_alone = 0.67;
 
 typedef struct groom_work {
     apsm_run *run;
@@ -102,6 +107,42 @@ static apsm_status align_by_landmarks(groom_work *w)
     return landmarks_align(w->run, &w->in, w->alignment.template_index, w->alignment.M);
 }
 
+static double mean_residual(const apsm_alignment *a)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < a->n; i++) sum += a->residual[i];
+    return sum / (double)a->n;
+}
+
+/* Parts have the poses of the whole surfaces, which know more, moved to rest.  Whole surfaces that
+ * do not say how they are turned (balls) are worse than the parts alone: these are searched for,
+ * too, and taken if they fit clearly better. */
+static apsm_status align_parts(groom_work *w, const apsm_mesh *const *meshes,
+                               const char *const *names, const apsm_align_options *opt)
+{
+    apsm_context *ctx = w->run->ctx;
+    const size_t n = w->in.list.n;
+    apsm_alignment alone = { 0 };
+    apsm_align_options ao = *opt;
+    kept_pieces_of_parts(w->run, n, meshes);
+    APSM_TRY(apsm_align_cropped(ctx, n, meshes, names, opt, &w->alignment));
+    if (opt->mode == APSM_ALIGN_NONE || n < 2) return APSM_OK;
+    ao.template_index = w->alignment.template_index;
+    ao.mirror = APSM_MIRROR_OFF;
+    ao.borders = NULL;
+    APSM_TRY(apsm_align_cohort(ctx, n, meshes, names, &ao, &alone));
+    if (mean_residual(&alone) < better_alone * mean_residual(&w->alignment)) {
+        const apsm_alignment whole = w->alignment;
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "what the constraints leave says better than the whole "
+                 "surfaces how shapes are turned, and is aligned by itself");
+        w->alignment = alone;
+        alone = whole;
+    }
+    apsm_alignment_free(&alone);
+    return APSM_OK;
+}
+
 static apsm_status align(groom_work *w)
 {
     apsm_run *run = w->run;
@@ -109,7 +150,7 @@ static apsm_status align(groom_work *w)
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
     const char **names = calloc(n, sizeof *names);
     apsm_borders *borders = calloc(n, sizeof *borders);
-    bool cropped = false;
+    bool cropped = false, cut = false;
     apsm_align_options ao = apsm_align_defaults();
     ao.mode = run->options.align;
     ao.mirror = run->options.mirror_check;
@@ -126,6 +167,8 @@ static apsm_status align(groom_work *w)
     }
     json_t *notes = status == APSM_OK ? notes_of_alignment(&w->alignment, names, &ao) : NULL;
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
+    if (status == APSM_OK) status = groom_cut_regions(run, &w->in, &w->alignment, &cut);
+    if (status == APSM_OK && cut) status = align_parts(w, meshes, names, &ao);
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)
         status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
@@ -145,13 +188,29 @@ static apsm_status align(groom_work *w)
 
 /* ---- results to the folder ---- */
 
+static apsm_status write_as(apsm_context *ctx, const groom_work *w, const char *format, size_t i,
+                            const apsm_mesh *mesh)
+{
+    char *path = run_pathf(w->run, format, w->in.list.cases[i].name);
+    const apsm_status status = path ? apsm_write_mesh(ctx, path, mesh) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
+}
+
 static apsm_status write_mesh(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
     const groom_work *w = user;
-    char *path = run_pathf(w->run, "groomed/%s.ply", w->in.list.cases[i].name);
-    const apsm_status status = path ? apsm_write_mesh(ctx, path, &w->in.mesh[i]) : APSM_ERR_MEMORY;
-    free(path);
+    APSM_TRY(write_as(ctx, w, "groomed/%s.ply", i, &w->in.mesh[i]));
+    return w->in.whole ? write_as(ctx, w, "groomed/whole/%s.ply", i, &w->in.whole[i]) : APSM_OK;
+}
+
+static apsm_status make_folder(const apsm_run *run, const char *name)
+{
+    char *folder = run_path(run, name);
+    if (!folder) return APSM_ERR_MEMORY;
+    const apsm_status status = apsm_make_folder(run->ctx, folder);
+    free(folder);
     return status;
 }
 
@@ -201,7 +260,9 @@ static bool is_groomed(const groom_work *w, const char *name)
  * would be taken for shapes of this one. */
 static apsm_status remove_other_shapes(groom_work *w)
 {
-    static const char *const files[] = { "groomed/%s.ply", "particles/%s_local.particles",
+    static const char *const files[] = { "groomed/%s.ply",
+                                         "groomed/whole/%s.ply",
+                                         "particles/%s_local.particles",
                                          "particles/%s_world.particles",
                                          "particles/%s_original.particles",
                                          "meshes/%s_reconstructed.ply" };
@@ -286,11 +347,8 @@ static apsm_status save(groom_work *w)
         return hand_over(w);
     }
     APSM_TRY(stage_start(run, "groom"));
-    char *folder = run_path(run, "groomed");
-    if (!folder) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_make_folder(run->ctx, folder);
-    free(folder);
-    APSM_TRY(status);
+    APSM_TRY(make_folder(run, "groomed"));
+    if (w->in.whole) APSM_TRY(make_folder(run, "groomed/whole"));
     /* particles of the shapes before */
     APSM_TRY(run_remove(run, run_path(run, RUN_INITIAL)));
     APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));

@@ -68,6 +68,9 @@ static json_t *shape_json(const groom_inputs *in, size_t i)
                   in->is_mask[i] ? "mask" : "mesh", "volume", apsm_mesh_volume(&in->mesh[i]),
                   "genus", (json_int_t)r->genus, "cropped", in->cropped[i]);
     if (!o) return NULL;
+    if (in->kept) json_object_set_new(o, "kept", json_real(in->kept[i]));
+    if (in->limits && in->limits[i])
+        json_object_set_new(o, "constraints", json_string(in->limits[i]));
     if (!(in->is_mask[i] ? set_mask(o, r) : set_mesh(o, r))) return o;
     json_decref(o);
     return NULL;

@@ -485,6 +485,20 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
     set_keeper(run, &sha);
 }
 
+void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshes)
+{
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "parts");
+    settings_hash(run, &sha);
+    add_text(&sha, apsm_run_text(run, "template"));
+    for (size_t i = 0; i < n; i++) {
+        apsm_sha256_add(&sha, meshes[i]->V, 3 * meshes[i]->nv * sizeof *meshes[i]->V);
+        apsm_sha256_add(&sha, meshes[i]->F, 3 * meshes[i]->nf * sizeof *meshes[i]->F);
+    }
+    set_keeper(run, &sha);
+}
+
 apsm_status kept_pieces_of_shapes(apsm_run *run)
 {
     char identity[65];

@@ -47,8 +47,9 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
                           const kept_groomed *groomed);
 
 /* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, for
- * initialize those of run_identity. */
+ * initialize those of run_identity; of parts, after constraints cut the surfaces of groom. */
 void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65]);
+void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshes);
 apsm_status kept_pieces_of_shapes(apsm_run *run);
 
 #endif

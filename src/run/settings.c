@@ -10,8 +10,9 @@
 
 /* ---- texts beside the option table ---- */
 
-static const char *const texts[] = { "labels", "reflect_match", "exclude", "pattern",   "ignore",
-                                     "domain", "template",      "seed",    "landmarks", "unit" };
+static const char *const texts[] = { "labels",    "reflect_match", "exclude",    "pattern",
+                                     "ignore",    "domain",        "template",   "seed",
+                                     "landmarks", "unit",          "constraints" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */

@@ -56,6 +56,11 @@ static bool is_ignored(const char *text, size_t request)
     return false;
 }
 
+bool source_ignores(const apsm_run *run, const char *word)
+{
+    return is_ignored(apsm_run_text(run, "ignore"), find_word(word, strlen(word)));
+}
+
 static bool begins(const char *key, const char *prefix)
 {
     return strncmp(key, prefix, strlen(prefix)) == 0;
@@ -150,8 +155,8 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
     count_requests(source, apsm_run_text(run, "domain"), count);
     if (*apsm_run_text(run, "landmarks")) count[LANDMARKS] = 0; /* given otherwise */
     for (size_t k = 0; k < REQUESTS; k++) {
-        if (count[k] == 0) continue;
         const bool is = is_ignored(ignore, k);
+        if (count[k] == 0 || (k == CONSTRAINTS && !is)) continue; /* constraints are followed */
         add(is ? left : asked, sizeof left, "; ", requests[k].what);
         if (!is) add(words, sizeof words, ",", requests[k].word);
     }

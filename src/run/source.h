@@ -17,6 +17,8 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
 
 /* Whether the project asks that its landmarks guide the particles. */
 bool source_wants_landmarks(const apsm_project *source);
+/* Whether option ignore has the word. */
+bool source_ignores(const apsm_run *run, const char *word);
 
 /* Lists the cases of the project under the names that it gives them. */
 apsm_status source_list(apsm_run *run, const apsm_project *source, apsm_input_list *list);
