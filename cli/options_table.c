@@ -136,8 +136,8 @@ static const cli_option own[] = {
       "file, of the shape that it is called like or of the one that --template names; shapes "
       "without get the region by registration",
       NULL },
-    { "template", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_EVALUATE | CLI_CERTIFY | CLI_IMPORT,
-      "NAME", "template", NULL,
+    { "template", 0, CLI_SETS, CLI_GROUP_INPUT,
+      GROOMS | CLI_CHECK | CLI_EVALUATE | CLI_CERTIFY | CLI_IMPORT, "NAME", "template", NULL,
       "the shape that neighbours and meshes are taken from; auto: the one that suits the others "
       "best (default auto); evaluate of files and projects: the one to warp to the others",
       NULL },

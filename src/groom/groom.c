@@ -74,7 +74,8 @@ static void say_vertices_and_faces(line *l, const apsm_groom_report *r)
 }
 
 /* One line for all that repair had to do; nothing if that is nothing. */
-static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_report *r)
+static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_options *opt,
+                       const apsm_groom_report *r)
 {
     line l = { .n = 0 };
     say_vertices_and_faces(&l, r);
@@ -88,7 +89,8 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_rep
             r->largest_cap_at[2], 100.0 * r->largest_cap);
     /* A cap of one per cent is no longer a mend but a guess at the anatomy: worth a look. */
     const bool guessed = r->largest_cap > 0.01, grave = guessed || r->dropped_area > 0.05;
-    if (guessed) add(&l, "say --fill if that is right, --open to leave openings as they are");
+    if (guessed && !(opt->max_cap_share >= 1.0))
+        add(&l, "say --fill if that is right, --open to leave openings as they are");
     if (r->openings)
         add(&l, "%zu opening%s left as %s", r->openings, r->openings == 1 ? "" : "s",
             r->openings == 1 ? "it is" : "they are");
@@ -161,7 +163,7 @@ apsm_status groom_surface(apsm_context *ctx, const char *name, const apsm_mesh *
                           const apsm_groom_options *opt, apsm_mesh *mesh_out, apsm_groom_report *r)
 {
     APSM_TRY(apsm_repair(ctx, name, mesh, opt, mesh_out, r));
-    say_repair(ctx, name, r);
+    say_repair(ctx, name, opt, r);
     if (!opt->remesh) return APSM_OK;
     const apsm_status status =
         groom_remesh(ctx, name, mesh_out, &opt->remesh_options, opt->measure ? &r->remesh : NULL);

@@ -26,6 +26,9 @@
  * poses of the whole surfaces. */
 static const double better_alone = 0.67;
 
+/* Of the surfaces before constraints cut them. */
+#define WHOLE "groomed/whole/%s.ply"
+
 typedef struct groom_work {
     apsm_run *run;
     groom_inputs in;
@@ -202,7 +205,7 @@ static apsm_status write_mesh(apsm_context *ctx, size_t i, int worker, void *use
     (void)worker;
     const groom_work *w = user;
     APSM_TRY(write_as(ctx, w, "groomed/%s.ply", i, &w->in.mesh[i]));
-    return w->in.whole ? write_as(ctx, w, "groomed/whole/%s.ply", i, &w->in.whole[i]) : APSM_OK;
+    return w->in.whole ? write_as(ctx, w, WHOLE, i, &w->in.whole[i]) : APSM_OK;
 }
 
 static apsm_status make_folder(const apsm_run *run, const char *name)
@@ -261,7 +264,7 @@ static bool is_groomed(const groom_work *w, const char *name)
 static apsm_status remove_other_shapes(groom_work *w)
 {
     static const char *const files[] = { "groomed/%s.ply",
-                                         "groomed/whole/%s.ply",
+                                         WHOLE,
                                          "particles/%s_local.particles",
                                          "particles/%s_world.particles",
                                          "particles/%s_original.particles",
@@ -269,6 +272,7 @@ static apsm_status remove_other_shapes(groom_work *w)
     apsm_run *run = w->run;
     for (size_t i = 0; i < run->project.n; i++) {
         const char *name = run->project.subjects[i].name;
+        if (!w->in.whole) APSM_TRY(run_remove(run, run_pathf(run, WHOLE, name)));
         for (size_t k = 0; k < sizeof files / sizeof files[0] && !is_groomed(w, name); k++)
             APSM_TRY(run_remove(run, run_pathf(run, files[k], name)));
     }

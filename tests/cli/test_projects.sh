@@ -92,15 +92,13 @@ refused() { # refused WORD MORE-COLUMNS MORE-GROUPS
     has r/manifest.json '"ignored": ' "\"ignore\": \"$1\""
     expect 0 "" run --resume -o r
 }
-refused constraints ', "constraints_1": "c.json"' ''
-has r/project.swproj '"constraints_1": "../c.json"'
 refused fixed ', "fixed": "yes"' ''
 refused domains ', "shape_2": "in/p1/bone.ply"' ''
 refused normals '' ', "optimize": {"use_normals": "true"}'
 refused landmarks '' ', "optimize": {"use_landmarks": true}'
 refused reflect '' ', "groom": {"1": {"reflect": "true"}}'
-refused constraints,normals ', "constraints_1": "c.json"' ', "optimize": {"use_normals": 1}'
-expect 1 "go on without by --ignore normals,constraints" groom r.swproj -o q --ignore normals
+refused normals,fixed ', "fixed": "yes"' ', "optimize": {"use_normals": 1}'
+expect 1 "go on without by --ignore normals,fixed" groom r.swproj -o q --ignore normals
 expect 2 "'nonsense' is none of" groom r.swproj -o q --ignore nonsense
 [ -e q ] && fail "a wrong --ignore left a folder"
 # Of several domains, too, a project that is refused leaves nothing.
@@ -112,7 +110,7 @@ printf '{"data": [{"name": "a", "contour_1": "c.vtp"}]}' >c.swproj
 expect 1 "is a contour" groom c.swproj -o q
 # In the folder of the user's project nothing is replaced (test_harm.sh), and check tells.
 mkdir theirs && cp r.swproj theirs/project.swproj
-expect 1 "--ignore constraints,normals" check theirs
+expect 1 "--ignore normals,fixed" check theirs
 
 # ---- any project ----
 if command -v python3 >/dev/null; then

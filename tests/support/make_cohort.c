@@ -9,6 +9,7 @@
  * degrees), size (standard deviation of log size), mirror (every so many-th shape is mirrored and
  * called KIND_NN_L), cut (1: cut flat at 0 to 35 % of the height), open (above so much of the
  * height and more the surface is missing: open, shapes and truth alike, at the same place of all),
+ * paint (1: with open, shapes are closed and OUT_DIR/constraints/KIND_NN.json says what counts),
  * mess (level of mesh_mess.h, for masks of mesh_mask.h), coarse, fine (the meshes' grids, relative
  * to the truth's, are drawn from fine to coarse), landmarks (so many true ones, to
  * OUT_DIR/landmarks.csv), noise (standard deviation of what they are moved by, on shapes other than
@@ -47,12 +48,13 @@ enum {
     OPEN,
     LANDMARKS,
     NOISE,
+    PAINT,
     OPTIONS
 };
 static const char *const names[OPTIONS] = { "count",  "seed", "strength",  "turn",   "size",
                                             "mirror", "cut",  "mess",      "coarse", "fine",
                                             "x",      "y",    "z",         "mixed",  "crop",
-                                            "rough",  "open", "landmarks", "noise" };
+                                            "rough",  "open", "landmarks", "noise",  "paint" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -61,6 +63,8 @@ typedef struct job {
     double v[OPTIONS];
     apsm_mesh template_mesh;
     apsm_writer *landmarks; /* NULL: none are wanted */
+    apsm_mesh whole; /* with paint: of which template_mesh is the part where below is positive */
+    double *below;
 } job;
 
 static apsm_status write_mask(const job *j, const char *path, const apsm_mesh *mesh,
@@ -116,6 +120,26 @@ static apsm_status write_truth(const job *j, const char *name, const anatomy_map
     return apsm_write_mesh(j->ctx, path, mesh);
 }
 
+/* The whole shape, and what of it counts. */
+static apsm_status write_paint(const job *j, const char *name, const anatomy_map *map,
+                               apsm_mesh *mesh)
+{
+    char path[1024];
+    snprintf(path, sizeof path, "%s/constraints/%s.json", j->folder, name);
+    APSM_TRY(apsm_mesh_copy(&j->whole, mesh));
+    anatomy_apply(map, mesh);
+    FILE *file = fopen(path, "w");
+    if (!file) return APSM_ERR_IO;
+    fputs("{\"free_form_constraints\": {\"field\": {\"points\": [", file);
+    for (size_t v = 0; v < mesh->nv; v++)
+        fprintf(file, "%s[%.9g, %.9g, %.9g]", v ? ", " : "", mesh->V[3 * v], mesh->V[3 * v + 1],
+                mesh->V[3 * v + 2]);
+    fputs("], \"scalars\": [", file);
+    for (size_t v = 0; v < mesh->nv; v++) fprintf(file, "%s%d", v ? ", " : "", j->below[v] > 0);
+    fputs("]}}}\n", file);
+    return fclose(file) == 0 ? APSM_OK : APSM_ERR_IO;
+}
+
 /* Heights and grids have a stream of their own: a cohort cut or coarse has the shapes it has whole.
  */
 static apsm_status make_one(const job *j, size_t i)
@@ -143,6 +167,10 @@ static apsm_status make_one(const job *j, size_t i)
         APSM_TRY(anatomy_template(j->ctx, j->kind, coarser, cut, &mesh));
         anatomy_apply(&map, &mesh);
     }
+    if (j->v[PAINT] > 0) {
+        apsm_mesh_free(&mesh);
+        APSM_TRY(write_paint(j, name, &map, &mesh));
+    }
     const apsm_status status = write_shape(j, name, &mesh, &rng);
     apsm_mesh_free(&mesh);
     return status;
@@ -158,18 +186,16 @@ static apsm_status make_folder(const job *j, const char *name)
 /* Takes away what lies above a share of the template's height. */
 static apsm_status open_template(job *j)
 {
-    apsm_mesh *m = &j->template_mesh, open;
-    double lo[3], hi[3], *below = malloc(m->nv * sizeof *below);
-    if (!below) return APSM_ERR_MEMORY;
+    apsm_mesh *m = &j->whole;
+    double lo[3], hi[3];
+    *m = j->template_mesh;
+    j->template_mesh = (apsm_mesh){ 0 };
+    j->below = malloc(m->nv * sizeof *j->below);
+    if (!j->below) return APSM_ERR_MEMORY;
     apsm_mesh_bounds(m, lo, hi);
     for (size_t v = 0; v < m->nv; v++)
-        below[v] = lo[2] + j->v[OPEN] * (hi[2] - lo[2]) - m->V[3 * v + 2];
-    const apsm_status status = apsm_mesh_clip_field(m, below, &open);
-    free(below);
-    if (status != APSM_OK) return status;
-    apsm_mesh_free(m);
-    *m = open;
-    return APSM_OK;
+        j->below[v] = lo[2] + j->v[OPEN] * (hi[2] - lo[2]) - m->V[3 * v + 2];
+    return apsm_mesh_clip_field(m, j->below, &j->template_mesh);
 }
 
 static apsm_status open_landmarks(job *j)
@@ -186,6 +212,7 @@ static apsm_status make_all(job *j)
 {
     APSM_TRY(make_folder(j, "shapes"));
     APSM_TRY(make_folder(j, "truth"));
+    if (j->v[PAINT] > 0) APSM_TRY(make_folder(j, "constraints"));
     APSM_TRY(anatomy_template(j->ctx, j->kind, 1, -INFINITY, &j->template_mesh));
     if (j->v[OPEN] < 1) APSM_TRY(open_template(j));
     APSM_TRY(open_landmarks(j));
@@ -216,6 +243,8 @@ int make_cohort(apsm_context *ctx, int argc, char **argv)
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, j.v)) return 2;
     const apsm_status status = make_all(&j);
     apsm_mesh_free(&j.template_mesh);
+    apsm_mesh_free(&j.whole);
+    free(j.below);
     if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     return status != APSM_OK;
 }

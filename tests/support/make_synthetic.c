@@ -7,9 +7,10 @@
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
- * out), wobble (root mean square of a smooth random deformation as a share of the box's diagonal)
- * with its seed, mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along
- * (1, -2, 0.5)), scale; applied in this order whatever their order on the command line. */
+ * out), open (what lies above so much of the height is missing), wobble (root mean square of a
+ * smooth random deformation as a share of the box's diagonal) with its seed, mirror (1: x is
+ * negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale; applied in this
+ * order whatever their order on the command line. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,12 +19,13 @@
 #include "apsm/context.h"
 #include "apsm/formats.h"
 #include "core/random.h"
+#include "geometry/clip.h"
 #include "make_cohort.h"
 #include "option_words.h"
 #include "synthetic.h"
 
-enum { LEVEL, INDEX, COUNT, HOLE, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
-static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "wobble",
+enum { LEVEL, INDEX, COUNT, HOLE, OPEN, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
+static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "open", "wobble",
                                             "seed",  "mirror", "turn",  "shift", "scale" };
 
 static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPTIONS],
@@ -45,6 +47,22 @@ static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPT
         *mesh = shape_box((size_t[3]){ cells, cells, 1 }, (double[3]){ 40 + v[INDEX], 30, 1 });
     else
         return apsm_read_mesh(ctx, shape, mesh);
+    return APSM_OK;
+}
+
+static apsm_status open_top(double share, apsm_mesh *mesh)
+{
+    double lo[3], hi[3], *below = malloc(mesh->nv * sizeof *below);
+    apsm_mesh open;
+    if (!below) return APSM_ERR_MEMORY;
+    apsm_mesh_bounds(mesh, lo, hi);
+    for (size_t i = 0; i < mesh->nv; i++)
+        below[i] = lo[2] + share * (hi[2] - lo[2]) - mesh->V[3 * i + 2];
+    const apsm_status status = apsm_mesh_clip_field(mesh, below, &open);
+    free(below);
+    if (status != APSM_OK) return status;
+    apsm_mesh_free(mesh);
+    *mesh = open;
     return APSM_OK;
 }
 
@@ -106,12 +124,15 @@ static void move(const double v[OPTIONS], apsm_mesh *mesh)
 
 static int make_one(apsm_context *ctx, int argc, char **argv)
 {
-    double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1 };
+    double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1, [OPEN] = 1 };
     apsm_mesh mesh = { 0 };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, v)) return 2;
     apsm_status status = make(ctx, argv[1], v, &mesh);
     if (status == APSM_OK) {
         mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;
+        if (v[OPEN] < 1) status = open_top(v[OPEN], &mesh);
+    }
+    if (status == APSM_OK) {
         if (v[WOBBLE] > 0) wobble(v[WOBBLE], (uint64_t)v[SEED], &mesh);
         move(v, &mesh);
         status = apsm_write_mesh(ctx, argv[2], &mesh);
