@@ -91,6 +91,7 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     if (!s->VN) return APSM_ERR_MEMORY;
     apsm_mesh_vertex_normals(&s->mesh, s->VN);
     APSM_TRY(apsm_topology_build(&s->mesh, &s->topology));
+    APSM_TRY(apsm_rim_build(&s->mesh, &s->topology, &s->rim));
     APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
@@ -129,6 +130,7 @@ static void free_shape(apsm_shape *s)
         const array_list arrays = list_arrays(s);
         arrays_forget(&arrays);
     }
+    apsm_rim_free(&s->rim);
     apsm_field_free(s->field);
     apsm_geodesic_free(s->geodesic);
     apsm_bvh_free(s->bvh);
@@ -156,5 +158,30 @@ void apsm_shape_look_up(const apsm_shape *shape, size_t n, const double *P, apsm
         S[j] = c.on;
         if (X) memcpy(X + 3 * j, c.x, sizeof c.x);
         if (N) apsm_surface_normal(&shape->mesh, shape->VN, &c.on, N + 3 * j);
+    }
+}
+
+void apsm_shape_find_on_rim(const apsm_shape *shape, size_t J, const double *P, bool *on)
+{
+    static const double near = 1e-5; /* spacings */
+    memset(on, 0, J * sizeof *on);
+    if (shape->rim.n == 0) return;
+    const double h = near * apsm_expected_spacing(apsm_mesh_area(&shape->mesh), J);
+    for (size_t j = 0; j < J; j++) {
+        apsm_rim_point p;
+        apsm_rim_closest(&shape->rim, P + 3 * j, &p);
+        on[j] = p.distance2 < h * h;
+    }
+}
+
+void apsm_shape_keep_on_rim(const apsm_shape *shape, size_t J, const bool *on, double *P,
+                            apsm_surface_point *S)
+{
+    for (size_t j = 0; j < J && shape->rim.n > 0; j++) {
+        apsm_rim_point p;
+        if (!on[j]) continue;
+        apsm_rim_closest(&shape->rim, P + 3 * j, &p);
+        memcpy(P + 3 * j, p.x, sizeof p.x);
+        if (S) S[j] = p.on;
     }
 }

@@ -7,6 +7,7 @@
 #include "geometry/bvh.h"
 #include "geometry/distance_field.h"
 #include "geometry/geodesic.h"
+#include "geometry/rim.h"
 #include "geometry/topology.h"
 
 #ifdef __cplusplus
@@ -18,6 +19,7 @@ typedef struct apsm_shape {
     const char *name; /* borrowed, for messages */
     apsm_mesh mesh;
     apsm_topology topology;
+    apsm_rim rim;          /* of an open mesh; without edges where it is closed */
     double *VN;            /* nv x 3: vertex normals */
     double half_thickness; /* 5th percentile over the surface; INFINITY if rays find no far side */
     apsm_bvh *bvh;
@@ -75,6 +77,14 @@ void apsm_cohort_free(apsm_cohort *cohort);
  * unit normals N (n x 3) interpolated from the vertices'; X and N may be NULL. */
 void apsm_shape_look_up(const apsm_shape *shape, size_t n, const double *P, apsm_surface_point *S,
                         double *X, double *N);
+
+/* on (J, out): which of particles P (J x 3) lie on the shape's rim.  Those of the template are the
+ * rim particles of a cohort. */
+void apsm_shape_find_on_rim(const apsm_shape *shape, size_t J, const double *P, bool *on);
+/* Moves those particles of P (J x 3) to the closest points of the shape's rim, if it has one; S (J;
+ * may be NULL) says where they are then. */
+void apsm_shape_keep_on_rim(const apsm_shape *shape, size_t J, const bool *on, double *P,
+                            apsm_surface_point *S);
 
 #ifdef __cplusplus
 }

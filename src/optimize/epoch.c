@@ -9,6 +9,9 @@
 #include "optimize/snap.h"
 #include "optimize/terms.h"
 
+/* Of the template, particles that are not on its rim keep so far from it, in h. */
+static const double rim_width = 1e-3;
+
 /* ---- gradients ---- */
 
 /* Unit normals N at P; guess as in apsm_snap_closest. */
@@ -82,6 +85,24 @@ static void snap_to_side(const apsm_shape *shape, size_t J, const double *N, dou
     }
 }
 
+/* Particles of the rim stay on it; of the template, too, no other comes there: which ones they are
+ * is read from its positions. */
+static void keep_rim(const optimizer *op, size_t i, double *P)
+{
+    const apsm_shape *shape = &op->cohort->shape[i];
+    const size_t J = op->J;
+    if (shape->rim.n == 0) return;
+    apsm_shape_keep_on_rim(shape, J, op->on_rim, P, NULL);
+    if (i != op->cohort->template_index) return;
+    for (size_t j = 0; j < J; j++) {
+        apsm_rim_point p;
+        if (op->on_rim[j]) continue;
+        apsm_rim_closest(&shape->rim, P + 3 * j, &p);
+        if (p.distance2 < rim_width * rim_width * op->state->h * op->state->h)
+            memcpy(P + 3 * j, op->tP + 3 * j, 3 * sizeof *P);
+    }
+}
+
 static bool is_thin(const optimizer *op, size_t i)
 {
     const double thickness = 2 * op->cohort->shape[i].half_thickness;
@@ -107,6 +128,7 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user
         snap_to_side(&op->cohort->shape[i], op->J, op->N + i * op->J * 3, op->state->h, P);
     else
         snap_to_surface(op, i, P, &op->worker[worker_index]);
+    keep_rim(op, i, P);
     apsm_anchors_hold(op->cohort, i, P);
     op->fresh[i] = false;
     optimizer_normals(op, i);

@@ -104,11 +104,13 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     f->triangle = malloc(J * PAIRS * sizeof *f->triangle);
     f->side = malloc(J * PAIRS * sizeof *f->side);
     f->Q = malloc(J * J * sizeof *f->Q);
+    f->on_rim = malloc(J * sizeof *f->on_rim);
     apsm_surface_point *S = malloc(J * sizeof *S);
     apsm_status status = APSM_ERR_MEMORY;
-    if (f->T && f->TN && f->N6 && f->triangle && f->side && f->Q && S) {
+    if (f->T && f->TN && f->N6 && f->triangle && f->side && f->Q && f->on_rim && S) {
         memcpy(f->T, T, 3 * J * sizeof *f->T);
         apsm_shape_look_up(shape, J, T, S, NULL, f->TN);
+        apsm_shape_find_on_rim(shape, J, T, f->on_rim);
         status = measure_reference(shape, S, f);
         if (status == APSM_OK) status = apsm_neighbours6(J, T, f->N6);
     }
@@ -152,6 +154,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
     free(f->triangle);
     free(f->side);
     free(f->Q);
+    free(f->on_rim);
     free(f);
 }
 
@@ -300,7 +303,7 @@ static bool find_step(const round_task *t, size_t i, double limit, size_t folds,
         if (k > 0) {
             if (!(q->prior > 0)) break;
             q->prior /= 4;
-            fidelity_linearise(t->f, &w->a, w);
+            fidelity_linearise(t->f, i, &w->a, w);
             fidelity_set_prior(t->f, q, w->a.P, w);
             fidelity_value(t->f, q, &w->a, w);
         }
@@ -318,7 +321,7 @@ static bool descend(const round_task *t, size_t i, double limit, fidelity_work *
     fidelity_weights q = { 0 };
     bool moved = false;
     for (long k = 0; k < f->o.iterations; k++) {
-        const double diagonal = fidelity_linearise(f, &w->a, w);
+        const double diagonal = fidelity_linearise(f, i, &w->a, w);
         if (k == 0) {
             q = weights_at(t, i, diagonal);
             fidelity_set_prior(f, &q, w->a.P, w);
@@ -347,7 +350,7 @@ static void return_half_way(const apsm_fidelity *f, size_t i, const double *P0, 
         apsm_shape_look_up(shape, 1, P + 3 * j, &on, NULL, normal);
         if (anchor_holds(f->cohort, i, j)) continue;
         for (size_t c = 3 * j; c < 3 * j + 3; c++) P[c] = 0.5 * P[c] + 0.5 * P0[c];
-        fidelity_land(shape, normal, P + 3 * j, &on);
+        fidelity_land(shape, f->on_rim[j], normal, P + 3 * j, &on);
     }
 }
 

@@ -378,6 +378,27 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_
     fidelity_value_landmarks(f, q->shape, s);
 }
 
+/* Particles of the rim have one tangent, along it. */
+static void make_rim_tangents(const apsm_fidelity *f, size_t i, const double *P, double *tangent)
+{
+    const apsm_rim *rim = &f->cohort->shape[i].rim;
+    for (size_t j = 0; j < f->J && rim->n > 0; j++) {
+        apsm_rim_point p;
+        if (!f->on_rim[j]) continue;
+        memset(tangent + 6 * j, 0, 6 * sizeof *tangent);
+        apsm_rim_closest(rim, P + 3 * j, &p);
+        apsm_rim_direction(rim, p.edge, tangent + 6 * j);
+    }
+}
+
+/* An unknown that moves nothing gets a pivot. */
+static void hold_still(const apsm_fidelity *f, double pivot, const double *tangent, double *H)
+{
+    const size_t n = 2 * f->J;
+    for (size_t x = 0; x < n; x++)
+        if (!(vec3_dot(tangent + 3 * x, tangent + 3 * x) > 0)) H[x * n + x] += pivot;
+}
+
 /* Two unit tangents at each particle, from its normal alone. */
 static void make_tangents(size_t J, const double *N, double *tangent)
 {
@@ -429,10 +450,12 @@ APSM_KERNEL static void make_row(size_t J, const double *part, const double dire
 }
 
 /* The matrix is summed in single precision: it shapes the step, whose worth the value decides. */
-double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
+double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,
+                          fidelity_work *w)
 {
     const size_t n = 2 * f->J;
     make_tangents(f->J, s->N, w->tangent);
+    make_rim_tangents(f, i, s->P, w->tangent);
     memset(w->H32, 0, n * n * sizeof *w->H32);
     memset(w->g, 0, n * sizeof *w->g);
     for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
@@ -452,6 +475,7 @@ double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidel
         for (size_t y = 0; y <= x; y++) w->H[x * n + y] = (double)w->H32[x * n + y];
         trace += w->H[x * n + x];
     }
+    hold_still(f, trace / (double)n, w->tangent, w->H);
     return trace / (double)n;
 }
 
@@ -512,10 +536,14 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
 
 /* ---- moves ---- */
 
-void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
+void fidelity_land(const apsm_shape *shape, bool on_rim, const double normal[3], double x[3],
                    apsm_surface_point *on)
 {
     apsm_closest c;
+    if (on_rim && shape->rim.n > 0) {
+        apsm_shape_keep_on_rim(shape, 1, &on_rim, x, on);
+        return;
+    }
     apsm_bvh_closest_facing(shape->bvh, x, normal, 0, INFINITY, &c);
     if (!isfinite(c.distance2)) apsm_bvh_closest(shape->bvh, x, INFINITY, &c);
     *on = c.on;
@@ -534,7 +562,7 @@ void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_st
         const double scale = f->h * (length > most ? most / length : 1);
         memcpy(x, from->P + 3 * j, 3 * sizeof *x);
         if (!anchor_holds(f->cohort, i, j)) vec3_add_scaled(x, scale, d);
-        fidelity_land(shape, from->N + 3 * j, x, &to->S[j]);
+        fidelity_land(shape, f->on_rim[j], from->N + 3 * j, x, &to->S[j]);
         apsm_surface_normal(&shape->mesh, shape->VN, &to->S[j], to->N + 3 * j);
     }
 }

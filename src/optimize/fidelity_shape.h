@@ -14,6 +14,7 @@ struct apsm_fidelity {
     apsm_warp warp;    /* of the template's vertices */
     apsm_warp anchors; /* of its landmarks; nv 0: none */
     double *T, *TN;    /* J x 3: its particles and their normals */
+    bool *on_rim;      /* J: those on its rim, which stay on the shapes' rims */
     uint32_t *N6;      /* J x 6 */
     size_t triangles;
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
@@ -94,16 +95,19 @@ void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const
 /* s->value from the matches and the quadratic terms. */
 void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_state *s,
                     fidelity_work *w);
-/* w->tangent, w->H and w->g of the surface terms at s; returns the mean of H's diagonal. */
-double fidelity_linearise(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w);
+/* w->tangent, w->H and w->g of the surface terms of shape i at s; returns the mean of H's diagonal.
+ */
+double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,
+                          fidelity_work *w);
 /* Adds the quadratic terms to w->H and w->g. */
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
                             const fidelity_state *s, fidelity_work *w);
 /* Mean distance in h of particles P (J x 3) from what the other shapes' model makes of them. */
 double fidelity_left_out(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                          fidelity_work *w);
-/* x <- the closest point of the surface, on the side that looks the way of the normal. */
-void fidelity_land(const apsm_shape *shape, const double normal[3], double x[3],
+/* x <- the closest point of the surface, on the side that looks the way of the normal; of the rim,
+ * if the particle is one of it. */
+void fidelity_land(const apsm_shape *shape, bool on_rim, const double normal[3], double x[3],
                    apsm_surface_point *on);
 /* to->P (with N, S) = from->P moved along the surface by t times the tangential step w->g, in h. */
 void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_state *from,

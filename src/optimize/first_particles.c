@@ -14,6 +14,7 @@
 #include "initialize/projection.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/optimizer.h"
+#include "optimize/rim_seats.h"
 
 enum { SPREAD_EPOCHS = 60 };
 static const double anchor_reach = 3; /* of the pull of a landmark, in h */
@@ -65,6 +66,7 @@ typedef struct carry {
     size_t J;
     double h;
     const double *T, *TN;            /* J x 3 */
+    bool *on_rim;                    /* J: particles on the template's rim */
     double *P;                       /* I x J x 3, out */
     apsm_registration *registration; /* NULL if not asked for */
 } carry;
@@ -156,6 +158,7 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
     APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
     if (c->cohort->anchors.L > 0) APSM_TRY(pull_to_anchors(c, i, P));
+    apsm_shape_keep_on_rim(&c->cohort->shape[i], c->J, c->on_rim, P, NULL);
     return apsm_keep(ctx, "first", i, bytes, P);
 }
 
@@ -172,6 +175,12 @@ static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
         positions(shape, J, S, T);
         apsm_anchors_hold(cohort, cohort->template_index, T);
         status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
+    }
+    if (status == APSM_OK && shape->rim.n > 0) {
+        status = apsm_seat_rim(shape, J, T);
+        apsm_anchors_hold(cohort, cohort->template_index, T);
+        if (status == APSM_OK)
+            status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
     }
     if (status == APSM_OK) {
         apsm_shape_look_up(shape, J, T, S, NULL, TN);
@@ -200,11 +209,16 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     if (!T) return APSM_ERR_MEMORY;
     carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
     apsm_status status = seed_template(ctx, cohort, options, J, T, T + 3 * J, &c.h);
+    c.on_rim = malloc(J * sizeof *c.on_rim);
+    if (status == APSM_OK && !c.on_rim) status = APSM_ERR_MEMORY;
+    if (status == APSM_OK)
+        apsm_shape_find_on_rim(&cohort->shape[cohort->template_index], J, T, c.on_rim);
     if (status == APSM_OK && options->initialize == APSM_INIT_REGISTRATION)
         status = prepare_registration(&c);
     if (status == APSM_OK)
         status = apsm_dealt_for(ctx, cohort->I, carry_to_shape, &c, "initialize");
     apsm_registration_free(c.registration);
+    free(c.on_rim);
     free(T);
     return status;
 }

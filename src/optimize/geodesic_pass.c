@@ -8,7 +8,8 @@ typedef struct pass {
     const apsm_cohort *cohort;
     apsm_walk_options walk;
     size_t J;
-    double *P; /* I x J x 3 */
+    double *P;    /* I x J x 3 */
+    bool *on_rim; /* J: of the template's rim */
     apsm_neighbourhoods reference;
     apsm_walk_report *report; /* I */
 } pass;
@@ -65,6 +66,8 @@ static apsm_status walk_shape(apsm_context *ctx, size_t i, int worker, void *use
     if (status == APSM_OK)
         status = apsm_geodesic_correspondence(shape->geodesic, g, shape->bvh, p->J, &p->reference,
                                               &p->walk, S, p->P + i * p->J * 3, w, &p->report[i]);
+    if (status == APSM_OK)
+        apsm_shape_keep_on_rim(shape, p->J, p->on_rim, p->P + i * p->J * 3, NULL);
     apsm_walk_work_free(w);
     apsm_geodesic_work_free(g);
     free(S);
@@ -89,11 +92,17 @@ apsm_status geodesic_pass(apsm_context *ctx, const apsm_cohort *cohort, const ap
 {
     pass p = { .cohort = cohort, .walk = walk_options(options, h), .J = J, .P = P };
     p.report = calloc(cohort->I, sizeof *p.report);
-    apsm_status status = p.report ? apsm_neighbourhoods_resize(&p.reference, J) : APSM_ERR_MEMORY;
+    p.on_rim = malloc(J * sizeof *p.on_rim);
+    apsm_status status =
+        p.report && p.on_rim ? apsm_neighbourhoods_resize(&p.reference, J) : APSM_ERR_MEMORY;
+    if (status == APSM_OK)
+        apsm_shape_find_on_rim(&cohort->shape[cohort->template_index], J,
+                               P + cohort->template_index * J * 3, p.on_rim);
     if (status == APSM_OK) status = reference_neighbourhoods(&p);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, cohort->I, walk_shape, &p, NULL);
     if (status == APSM_OK) *result = sum_up(&p);
     apsm_neighbourhoods_free(&p.reference);
     free(p.report);
+    free(p.on_rim);
     return status;
 }

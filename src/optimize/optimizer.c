@@ -58,6 +58,7 @@ static apsm_status freeze_template(optimizer *op)
 {
     const size_t t = op->cohort->template_index;
     memcpy(op->tP, particles(op, t), op->J * 3 * sizeof *op->tP);
+    apsm_shape_find_on_rim(&op->cohort->shape[t], op->J, op->tP, op->on_rim);
     memcpy(op->tN, optimizer_normals(op, t), op->J * 3 * sizeof *op->tN);
     APSM_TRY(apsm_neighbours6(op->J, op->tP, op->N6));
     const double h = apsm_spacing(op->J, op->tP, op->N6, op->h_j);

@@ -62,6 +62,7 @@ void optimizer_free(optimizer *op)
     free(op->worker);
     free(op->tP);
     free(op->N6);
+    free(op->on_rim);
     free(op->order);
     free(op->mean);
     free(op->Y);
@@ -101,6 +102,7 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
     op->worker = calloc((size_t)op->workers, sizeof *op->worker);
     op->tP = optimizer_doubles(7 * J);
     op->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *op->N6);
+    op->on_rim = calloc(J, sizeof *op->on_rim);
     op->order = malloc(I * sizeof *op->order);
     op->mean = optimizer_doubles(3 * J);
     op->Y = optimizer_doubles(K * J * 6 + K * K);
@@ -109,8 +111,9 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
     op->record = calloc(I, sizeof *op->record);
     op->guess = calloc(I * J, sizeof *op->guess);
     if (o->template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
-    bool ok = op->worker && op->tP && op->N6 && op->order && op->mean && op->Y && op->N &&
-              op->fresh && op->record && op->guess && (!o->template_gradient || op->template_pull);
+    bool ok = op->worker && op->tP && op->N6 && op->on_rim && op->order && op->mean && op->Y &&
+              op->N && op->fresh && op->record && op->guess &&
+              (!o->template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;
         op->h_j = op->tN + 3 * J;

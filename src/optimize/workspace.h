@@ -47,6 +47,7 @@ typedef struct optimizer {
     /* the template at the epoch's start */
     double *tP, *tN, *h_j; /* J x 3, J x 3, J */
     uint32_t *N6;          /* J x 6 */
+    bool *on_rim;          /* J: the template's particles that lie on its rim */
     /* the current batch */
     size_t batch_size;
     size_t *order; /* I: shapes of the epoch in the order of the batches */

@@ -179,7 +179,7 @@ static void test_gradient(void **state)
     fidelity_set_prior(f, &q, p.w.a.P, &p.w);
     apsm_shape_look_up(&p.s.cohort.shape[i], J, p.w.a.P, p.w.a.S, NULL, p.w.a.N);
     fidelity_measure(f, i, 0, &p.w.a, &p.w);
-    assert_true(fidelity_linearise(f, &p.w.a, &p.w) > 0);
+    assert_true(fidelity_linearise(f, i, &p.w.a, &p.w) > 0);
     fidelity_add_quadratic(f, &q, &p.w.a, &p.w);
     for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
     double slope = 0, curve = 0, value[2];
