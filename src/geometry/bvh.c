@@ -431,6 +431,22 @@ double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *clos
     return vec3_dot(d, n) < 0.0 ? -1.0 : 1.0;
 }
 
+bool bvh_is_open(const apsm_bvh *bvh)
+{
+    for (size_t h = 0; h < 3 * bvh->mesh->nf; h++)
+        if (bvh->twin[h] == APSM_NONE) return true;
+    return false;
+}
+
+bool bvh_is_beyond(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest)
+{
+    double n[3], d[3];
+    pseudo_normal(bvh, &closest->on, n);
+    vec3_sub(x, closest->x, d);
+    const double along = vec3_dot(d, n);
+    return along * along < 0.5 * vec3_dot(d, d) * vec3_dot(n, n);
+}
+
 double apsm_bvh_signed_distance(const apsm_bvh *bvh, const double x[3], apsm_closest *out)
 {
     apsm_closest here;

@@ -15,4 +15,9 @@ const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face);
 /* -1 if x is behind the pseudo-normal at its closest point, else +1. */
 double bvh_sign(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest);
 
+/* Whether the mesh has a border, and whether x, whose closest point on such a mesh is given, lies
+ * beyond it: more to the side of the surface than above or below it. */
+bool bvh_is_open(const apsm_bvh *bvh);
+bool bvh_is_beyond(const apsm_bvh *bvh, const double x[3], const apsm_closest *closest);
+
 #endif

@@ -57,6 +57,7 @@ struct apsm_field {
     uint32_t *table; /* open-addressing hash of keys; 0: empty */
     unsigned table_bits;
     double lo[3], size[3]; /* box of the mesh */
+    bool open;             /* it has a border, beyond which nothing is drawn */
 };
 
 /* ---- interpolation -------------------------------------------------------------------------- */
@@ -396,6 +397,7 @@ apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxe
     field->voxel = voxel;
     field->per_voxel = 1.0 / voxel;
     field->band = band;
+    field->open = bvh_is_open(bvh);
     const apsm_status status = build(ctx, field);
     if (status == APSM_OK) {
         *out = field;
@@ -683,6 +685,13 @@ static inline bool in_band(const trials *a, const candidate *c, double *d)
     return fabs(*d) <= a->band;
 }
 
+static bool is_beyond(const apsm_field *field, const double x[3])
+{
+    apsm_closest closest;
+    apsm_bvh_closest(field->bvh, x, INFINITY, &closest);
+    return bvh_is_beyond(field->bvh, x, &closest);
+}
+
 /* Trials are places in space, one after the other, and those in the band are the points: a rounding
  * that lets one in or out changes that point and the last, and the order of the others.  Several
  * are under way at a time so that their memory arrives while others are looked at.  Where the
@@ -700,7 +709,7 @@ void apsm_field_draw(const apsm_field *field, apsm_random *rng, double band, siz
         for (size_t k = 0; k < may; k++) prepare(&a, picked[k], &c[k]);
         for (size_t k = 0; k < may && found < n; k++) {
             double d;
-            const bool in = in_band(&a, &c[k], &d);
+            const bool in = in_band(&a, &c[k], &d) && !(field->open && is_beyond(field, c[k].x));
             memcpy(B + 3 * found, c[k].x, sizeof c[k].x);
             if (D) D[found] = d;
             found += in;

@@ -25,9 +25,10 @@ extern "C" {
 typedef struct apsm_field apsm_field;
 
 /* voxel, band > 0 in the mesh's unit.  bvh is borrowed and must outlive the field.  The mesh must
- * be closed and face outward (apsm_mesh_inspect tells).  APSM_ERR_ARG: voxel or band not positive,
- * or more than 2^20 voxels along an axis; APSM_ERR_MEMORY; APSM_ERR_INTERRUPTED.  Time as memory:
- * about 0.5 us a node in the band. */
+ * be closed and face outward (apsm_mesh_inspect tells), or open: then the sign is that of the side
+ * which the nearest face shows, and means little beyond the border.  APSM_ERR_ARG: voxel or band
+ * not positive, or more than 2^20 voxels along an axis; APSM_ERR_MEMORY; APSM_ERR_INTERRUPTED. Time
+ * as memory: about 0.5 us a node in the band. */
 apsm_status apsm_field_build(apsm_context *ctx, const apsm_bvh *bvh, double voxel, double band,
                              apsm_field **field) APSM_NODISCARD;
 void apsm_field_free(apsm_field *field);
@@ -40,7 +41,8 @@ double apsm_field_band(const apsm_field *field);
  * (slower, never wrong). */
 void apsm_field_sample(const apsm_field *field, size_t n, const double *X, double *D, double *N);
 
-/* n points B (n x 3) drawn uniformly from the volume {|D| <= band}, band > 0, and their D
+/* n points B (n x 3) drawn uniformly from the volume {|D| <= band}, band > 0, but what lies beyond
+ * the border of an open mesh, and their D
  * (n; NULL if not wanted; as sampled, or exact where a sheet is too thin for the voxels to show it;
  * a band wider than the field's own takes a hundred times as long): rejection of places in the
  * mesh's box, which are taken in steps of 2^-21 of it.  About 5 ns times box over band volume, and

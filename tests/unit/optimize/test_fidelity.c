@@ -275,7 +275,7 @@ static void test_sides_of_sheets(void **state)
         apsm_surface_point on;
         for (size_t c = 0; c < 3; c++)
             x[c] = shape->mesh.V[3 * v + c] - 1.4 * shape->half_thickness * n[c];
-        fidelity_land(shape, n, x, &on);
+        fidelity_land(shape, false, n, x, &on);
         apsm_surface_normal(&shape->mesh, shape->VN, &on, is);
         for (size_t c = 0; c < 3; c++) cosine += is[c] * n[c];
         turned += cosine < 0;
