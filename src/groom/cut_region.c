@@ -60,7 +60,7 @@ apsm_status apsm_cut_region(apsm_context *ctx, const char *name, const apsm_mesh
     size_t outside = 0;
     *part = (apsm_mesh){ 0 };
     *share = 1.0;
-    for (size_t v = 0; v < whole->nv; v++) outside += !(field[v] > 0.0);
+    for (size_t v = 0; v < whole->nv; v++) outside += field[v] > 0.0 ? 0 : 1;
     if (outside == 0) return apsm_mesh_copy(whole, part);
     APSM_TRY(apsm_mesh_clip_field(whole, field, &cut));
     const apsm_status status =
