@@ -83,13 +83,22 @@ bench: deps ## the short set of benchmarks, one line of JSON each
 install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
 
-package: all ## build/apsm_VERSION_ARCH.deb
-	@command -v dpkg-shlibdeps >/dev/null && command -v file >/dev/null || { \
-	    echo "make package: needs dpkg-shlibdeps and file; run scripts/setup --package" >&2; exit 1; }
-	@cd $(BUILD) && cpack -G DEB
+package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
+	@scripts/setup --package --check || { echo "make: run 'scripts/setup --package' to install what is missing" >&2; exit 1; }
+	@cmake -S . -B $(BUILD)-package -DAPSM_PACKAGE=ON -DAPSM_TESTS=OFF -DCMAKE_SKIP_INSTALL_RPATH=ON \
+	    -DCMAKE_INSTALL_PREFIX=/usr -DCMAKE_INSTALL_LIBDIR=lib/$$(dpkg-architecture -qDEB_HOST_MULTIARCH) \
+	    -DCMAKE_SHARED_LINKER_FLAGS="$$(dpkg-buildflags --get LDFLAGS) -Wl,-z,now" \
+	    -DCMAKE_EXE_LINKER_FLAGS="$$(dpkg-buildflags --get LDFLAGS) -Wl,-z,now -pie" \
+	    -DCMAKE_C_FLAGS="-fstack-protector-strong -Wformat -Werror=format-security -D_FORTIFY_SOURCE=2 -ffile-prefix-map=$(CURDIR)=." $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-package -j$(JOBS)
+	@cd $(BUILD)-package && umask 022 && cpack -G DEB
+	@# CPack calls ldconfig in scripts; the trigger in the package does what is needed.
+	@cd $(BUILD)-package && rm -rf repack && for deb in libapsm0_*.deb; do dpkg-deb -R $$deb repack && \
+	    rm -f repack/DEBIAN/postinst repack/DEBIAN/postrm && dpkg-deb --root-owner-group -b repack $$deb >/dev/null && rm -rf repack; done
+	@ls $(BUILD)-package/*.deb
 
 clean: ## remove everything that was built
-	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi
+	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi $(BUILD)-package
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile
