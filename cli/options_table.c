@@ -95,6 +95,12 @@ static const cli_option own[] = {
       ".csv) "
       "are landmarks of these names; without it they are clouds",
       NULL },
+    { "features", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "LIST", "features", NULL,
+      "what must correspond beside the form: fields of the vertices (.ply) or images that a "
+      "project "
+      "names (image_NAME), and normals, with weights: thickness:1,normals:0.5; weight 0: only "
+      "sampled at the particles",
+      NULL },
     { "aligned", 0, CLI_FLAG_ALIGNED, CLI_GROUP_INPUT, CLI_FIT | CLI_LANDMARKS_VERB, NULL, NULL,
       NULL,
       "shapes (landmarks: points, on the mean) are in the world frame of the model: search for no "
@@ -256,7 +262,8 @@ cli_option *cli_options_list(size_t *n)
 
 static const char *const texts[] = { "preset",  "labels",    "reflect_match", "exclude",
                                      "pattern", "ignore",    "domain",        "template",
-                                     "seed",    "landmarks", "unit",          "constraints" };
+                                     "seed",    "landmarks", "unit",          "constraints",
+                                     "features" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

@@ -11,6 +11,7 @@
 #define FOLDER_EVALUATION_CSV "evaluation.csv"
 #define FOLDER_CERTIFICATE    "certificate.json"
 #define FOLDER_LANDMARKS      "landmarks.csv"
+#define FOLDER_FEATURES       "features.csv"
 #define FOLDER_HISTORY        "history.csv"
 #define FOLDER_REPORT         "report.html"
 #define FOLDER_INITIAL        "state/initial.ckpt"

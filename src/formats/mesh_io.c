@@ -1,6 +1,7 @@
 /* Surface meshes and points from files, by extension. */
 #include "formats/mesh_io.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 #include "apsm/formats.h"
@@ -125,6 +126,31 @@ apsm_status apsm_read_mesh_points(apsm_context *ctx, const char *path, size_t *n
         m.point = NULL;
     }
     soup_free(&m);
+    free(bytes);
+    return s.status;
+}
+
+apsm_status apsm_read_mesh_field(apsm_context *ctx, const char *path, const char *name, size_t n,
+                                 double *value)
+{
+    char *bytes;
+    size_t size, found = 0;
+    if (reader_of(path) != read_ply)
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: fields of vertices are read from .ply alone; convert it", path);
+    APSM_TRY(input_file_read(ctx, path, &bytes, &size));
+    scan s = scan_begin(ctx, path, bytes, size);
+    double *const all = read_ply_field(&s, name, &found);
+    if (s.status == APSM_OK && (!all || found != n))
+        s.status =
+            apsm_fail(ctx, APSM_ERR_FORMAT, "%s: its vertices have no field '%s'", path, name);
+    for (size_t k = 0; k < n && s.status == APSM_OK; k++) {
+        value[k] = all[k];
+        if (!isfinite(value[k]))
+            s.status = apsm_fail(ctx, APSM_ERR_NONFINITE,
+                                 "%s: '%s' of vertex %zu is no finite number", path, name, k);
+    }
+    free(all);
     free(bytes);
     return s.status;
 }

@@ -2,6 +2,7 @@
  * z and the list of corners; what is not needed is passed over, and what follows the last needed
  * element is not looked at (Amira puts materials there). */
 #include <math.h>
+#include <stdlib.h>
 
 #include "formats/soup.h"
 
@@ -259,4 +260,36 @@ void read_ply(scan *s, soup *m)
     read_header(s, &h);
     if (h.format != ASCII) s->binary = true;
     if (scan_ok(s)) read_elements(s, &h, m);
+}
+
+/* ---- a field of the vertices ---- */
+
+static void take_field(scan *s, const header *h, const element *e, int which, double *value)
+{
+    for (size_t v = 0; v < e->count && scan_ok(s); v++)
+        for (int k = e->first; k < e->end; k++)
+            if (k != which)
+                skip_property(s, &h->property[k], h->format);
+            else
+                value[v] = read_real(s, h->property[k].type, h->format);
+}
+
+double *read_ply_field(scan *s, const char *name, size_t *n)
+{
+    header h = { .format = ASCII };
+    const element *e = h.element;
+    double *value = NULL;
+    *n = 0;
+    read_header(s, &h);
+    if (h.format != ASCII) s->binary = true;
+    for (int k = 0; scan_ok(s) && k < h.elements && !word_is(e->name, "vertex"); k++, e++)
+        skip_element(s, &h, e);
+    const int which = e < h.element + h.elements ? find_property(&h, e, name) : NO_PROPERTY;
+    if (!scan_ok(s) || which == NO_PROPERTY || h.property[which].list) return NULL;
+    if (scan_check_count(s, (int64_t)e->count, "number of elements", least_size(&h, e)) > 0)
+        value = malloc(e->count * sizeof *value);
+    if (!value) return scan_no_memory(s), NULL;
+    take_field(s, &h, e, which, value);
+    *n = e->count;
+    return value;
 }

@@ -38,6 +38,8 @@ void soup_merge_points(scan *s, soup *m);
 void soup_triangulate(scan *s, soup *m);
 
 void read_ply(scan *s, soup *m);
+/* The property `name` of the *n vertices, malloc'ed; NULL if there is none, or on failure. */
+double *read_ply_field(scan *s, const char *name, size_t *n);
 void read_stl(scan *s, soup *m); /* three points for each triangle: see soup_merge_points */
 void read_obj(scan *s, soup *m);
 void read_legacy_vtk(scan *s, soup *m); /* DATASET POLYDATA: polygons and strips */

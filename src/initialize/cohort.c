@@ -146,6 +146,9 @@ void apsm_cohort_free(apsm_cohort *cohort)
     free(cohort->shape);
     free(cohort->anchors.has);
     free(cohort->anchors.x);
+    for (size_t i = 0; cohort->features.value && i < cohort->features.I; i++)
+        free(cohort->features.value[i]);
+    free(cohort->features.value);
     *cohort = (apsm_cohort){ 0 };
 }
 

@@ -37,11 +37,19 @@ typedef struct apsm_anchors {
     double *x;     /* I x L x 3: in the world */
 } apsm_anchors;
 
+/* Fields of the surfaces that must correspond (initialize/features.h); F = 0: none.  Owns its
+ * arrays. */
+typedef struct apsm_features {
+    size_t I, F;
+    double **value; /* I: F x nv of the shape's mesh, without unit and times their weights */
+} apsm_features;
+
 typedef struct apsm_cohort {
     size_t I;
     apsm_shape *shape;     /* I */
     size_t template_index; /* t */
     apsm_anchors anchors;
+    apsm_features features;
 } apsm_cohort;
 
 /* Spacing that J particles have on a surface of this area if every one has six neighbours at the

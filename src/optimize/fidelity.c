@@ -16,6 +16,7 @@
 
 #include "geometry/vec3.h"
 #include "initialize/anchors.h"
+#include "initialize/features.h"
 #include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
@@ -93,6 +94,22 @@ static apsm_status measure_reference(const apsm_shape *shape, const apsm_surface
     return status;
 }
 
+/* Those of the template's particles. */
+static apsm_status take_features(apsm_fidelity *f)
+{
+    const apsm_cohort *c = f->cohort;
+    const size_t F = c->features.F, t = c->template_index;
+    if (F == 0) return APSM_OK;
+    f->features = malloc(f->J * F * sizeof *f->features);
+    if (!f->features) return APSM_ERR_MEMORY;
+    for (size_t j = 0; j < f->J; j++) {
+        apsm_surface_point on;
+        apsm_shape_look_up(&c->shape[t], 1, f->T + 3 * j, &on, NULL, NULL);
+        apsm_features_at(c, t, &on, f->features + j * F, NULL);
+    }
+    return APSM_OK;
+}
+
 static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
 {
     enum { PAIRS = APSM_NEIGHBOURS * (APSM_NEIGHBOURS - 1) / 2 };
@@ -119,6 +136,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     f->h = apsm_spacing(J, T, f->N6, NULL);
     list_triangles(f);
     APSM_TRY(fidelity_smoothness(J, T, f->Q));
+    APSM_TRY(take_features(f));
     if (f->cohort->anchors.L > 0 && !f->cohort->anchors.hold)
         APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
@@ -147,6 +165,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
     if (!f) return;
     apsm_warp_free(&f->warp);
     apsm_warp_free(&f->anchors);
+    free(f->features);
     apsm_neighbourhoods_free(&f->reference);
     free(f->T);
     free(f->TN);
@@ -391,8 +410,9 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
     fidelity_measure(f, i, t->round, &w->a, w);
     r->before = w->a.distance;
-    const bool may_grow = f->doubt > 0 || f->anchors.nv > 0;
-    r->moved = descend(t, i, (may_grow ? growth : 1) * w->a.distance, w);
+    const bool guided = f->anchors.nv > 0 || f->features;
+    const double limit = (f->doubt > 0 || guided ? growth : 1) * w->a.distance;
+    r->moved = descend(t, i, guided ? limit + f->o.floor : limit, w);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
     if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));

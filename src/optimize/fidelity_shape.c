@@ -80,10 +80,12 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->z = malloc((3 * J * modes + 1) * sizeof *w->z);
     w->K = malloc((modes * modes + 1) * sizeof *w->K);
     w->entry = malloc(3 * J * sizeof *w->entry);
+    w->feature = malloc((4 * f->cohort->features.F + 1) * sizeof *w->feature);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->v && w->z && w->K && w->entry && w->named && w->Y && w->YN && w->tangent &&
-        w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Se && w->tangent_mode) {
+    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->YN &&
+        w->tangent && w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Se &&
+        w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -102,6 +104,7 @@ void fidelity_work_free(fidelity_work *w)
     free(w->K);
     free(w->entry);
     free(w->named);
+    free(w->feature);
     free(w->Y);
     free(w->YN);
     apsm_bvh_free(w->bvh);
@@ -376,6 +379,7 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_
     if (q->order > 0) sum += 0.5 * q->order * disorder(f, q, s->P, NULL, w);
     s->value = sum;
     fidelity_value_landmarks(f, q->shape, s);
+    fidelity_value_features(f, q->shape, s, w);
 }
 
 /* Particles of the rim have one tangent, along it. */
@@ -528,6 +532,7 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
     if (q->smooth > 0) add_roughness(f, q, s->P, w);
     if (q->order > 0) disorder(f, q, s->P, w->tangent, w);
     fidelity_add_landmarks(f, q->shape, s, w);
+    fidelity_add_features(f, q->shape, s, w);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
     add_gradient(f->J, q->prior, w->Se, w->tangent, w->g);

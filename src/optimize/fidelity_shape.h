@@ -13,6 +13,7 @@ struct apsm_fidelity {
     double h;
     apsm_warp warp;    /* of the template's vertices */
     apsm_warp anchors; /* of its landmarks; nv 0: none */
+    double *features;  /* J x F: of its particles; NULL: none */
     double *T, *TN;    /* J x 3: its particles and their normals */
     bool *on_rim;      /* J: those on its rim, which stay on the shapes' rims */
     uint32_t *N6;      /* J x 6 */
@@ -60,6 +61,7 @@ apsm_status fidelity_smoothness(size_t J, const double *T, double *Q) APSM_NODIS
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {
     fidelity_state a, b;
+    double *feature;      /* F, F x 3 */
     double *entry;        /* J x 3: particles at the round's start */
     bool *named;          /* J: by the certificate */
     double *Y;            /* nv x 3: warped template */
@@ -116,6 +118,10 @@ void fidelity_move(const apsm_fidelity *f, size_t i, double t, const fidelity_st
 void fidelity_value_landmarks(const apsm_fidelity *f, size_t i, fidelity_state *s);
 void fidelity_add_landmarks(const apsm_fidelity *f, size_t i, const fidelity_state *s,
                             fidelity_work *w);
+/* The same of features. */
+void fidelity_value_features(const apsm_fidelity *f, size_t i, fidelity_state *s, fidelity_work *w);
+void fidelity_add_features(const apsm_fidelity *f, size_t i, const fidelity_state *s,
+                           fidelity_work *w);
 /* Triangles of neighbours that are turned over against the template. */
 size_t fidelity_folds(const apsm_fidelity *f, const fidelity_state *s);
 

@@ -11,6 +11,7 @@
 #include "initialize/anchors.h"
 #include "initialize/assignment.h"
 #include "initialize/farthest_point.h"
+#include "initialize/features.h"
 #include "initialize/projection.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/optimizer.h"
@@ -157,6 +158,8 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     }
     if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
     APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
+    if (c->cohort->features.F > 0)
+        APSM_TRY(apsm_features_pull(c->cohort, i, c->J, c->T, c->h, P));
     if (c->cohort->anchors.L > 0) APSM_TRY(pull_to_anchors(c, i, P));
     apsm_shape_keep_on_rim(&c->cohort->shape[i], c->J, c->on_rim, P, NULL);
     return apsm_keep(ctx, "first", i, bytes, P);

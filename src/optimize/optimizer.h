@@ -60,7 +60,8 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state);
     X(SAMPLING, sampling)                                                                          \
     X(CORRESPONDENCE, correspondence)                                                              \
     X(EIGENSHAPE, eigenshape)                                                                      \
-    X(LANDMARKS, landmarks)
+    X(LANDMARKS, landmarks)                                                                        \
+    X(FEATURES, features)
 #define APSM_TERM_ENUM(upper, lower) APSM_TERM_##upper,
 enum { APSM_TERM_LIST(APSM_TERM_ENUM) APSM_TERMS, APSM_TERMS_MOST = 6 };
 #undef APSM_TERM_ENUM

@@ -6,6 +6,7 @@
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
 #include "run/compare_inputs.h"
+#include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/guard.h"
 #include "run/landmarks.h"
@@ -35,6 +36,7 @@ static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, si
     groom_inputs in = { 0 };
     apsm_status status = groom_inputs_list(run, &in);
     if (status == APSM_OK) status = landmarks_read(run, &in);
+    if (status == APSM_OK) status = features_check(run, &in);
     if (status == APSM_OK) status = groom_inputs_read(run, &in);
     for (size_t i = 0; status == APSM_OK && i < in.list.n; i++) {
         if (in.status[i] == APSM_ERR_INTERRUPTED) status = APSM_ERR_INTERRUPTED;
@@ -243,6 +245,7 @@ static apsm_status look_ahead(apsm_run *run, groom_inputs *in)
     if (!run->resume) APSM_TRY(guard_files(run, "groom", &in->list));
     APSM_TRY(groom_inputs_template(run, in, &template_index));
     APSM_TRY(landmarks_read(run, in));
+    APSM_TRY(features_check(run, in));
     return groom_inputs_try(run, in);
 }
 

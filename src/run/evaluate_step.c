@@ -11,6 +11,7 @@
 #include "folder/names.h"
 #include "geometry/affine.h"
 #include "run/certify.h"
+#include "run/features.h"
 #include "run/guard.h"
 #include "run/landmarks.h"
 #include "run/manifest.h"
@@ -333,6 +334,32 @@ static apsm_status remove_other_modes(const evaluation_work *w)
     return APSM_OK;
 }
 
+/* The mean shape, with the mean of every field that is sampled. */
+static apsm_status write_mean(evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    const size_t S = run->features.S;
+    char *path = run_path(run, "meshes/mean.ply");
+    if (S == 0) return write_warped(run->ctx, w, w->model.mean, NULL, path);
+    const apsm_mesh *from = &run->cohort.shape[run->cohort.template_index].mesh;
+    apsm_mesh mesh = { 0 };
+    double *value = NULL;
+    apsm_mesh_field *fields = calloc(S, sizeof *fields);
+    apsm_status status = path && fields ? apsm_mesh_copy(from, &mesh) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = features_mean(run, &w->warp, w->J, w->P, &value);
+    if (status == APSM_OK) {
+        apsm_warp_apply(&w->warp, w->model.mean, mesh.V);
+        for (size_t s = 0; s < S; s++)
+            fields[s] = (apsm_mesh_field){ run->features.name[s], value + s * mesh.nv };
+        status = apsm_write_mesh_fields(run->ctx, path, &mesh, S, fields);
+    }
+    apsm_mesh_free(&mesh);
+    free(fields);
+    free(value);
+    free(path);
+    return status;
+}
+
 static apsm_status write_meshes(evaluation_work *w)
 {
     apsm_run *run = w->run;
@@ -341,7 +368,7 @@ static apsm_status write_meshes(evaluation_work *w)
     const apsm_status status = apsm_make_folder(run->ctx, folder);
     free(folder);
     APSM_TRY(status);
-    APSM_TRY(write_warped(run->ctx, w, w->model.mean, NULL, run_path(run, "meshes/mean.ply")));
+    APSM_TRY(write_mean(w));
     APSM_TRY(write_modes(w));
     APSM_TRY(remove_other_modes(w));
     return apsm_parallel_for(run->ctx, w->I, write_reconstruction, w, "reconstruct");
@@ -377,6 +404,7 @@ static apsm_status evaluate_and_write(evaluation_work *w)
     APSM_TRY(write_model(w));
     APSM_TRY(write_evaluation(w));
     APSM_TRY(write_evaluation_csv(w));
+    APSM_TRY(features_write_table(w->run, w->J, w->P));
     APSM_TRY(
         write_json(w->run, FOLDER_CERTIFICATE, certify_json(&w->run->cohort, &w->certificate)));
     return write_meshes(w);

@@ -11,6 +11,7 @@
 #include "model/template_choice.h"
 #include "run/compare_inputs.h"
 #include "run/crop_ends.h"
+#include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
 #include "run/guard.h"
@@ -204,7 +205,11 @@ static apsm_status write_mesh(apsm_context *ctx, size_t i, int worker, void *use
 {
     (void)worker;
     const groom_work *w = user;
-    APSM_TRY(write_as(ctx, w, "groomed/%s.ply", i, &w->in.mesh[i]));
+    char *path = run_pathf(w->run, "groomed/%s.ply", w->in.list.cases[i].name);
+    const apsm_status status =
+        path ? features_write_mesh(ctx, w->run, &w->in, i, path) : APSM_ERR_MEMORY;
+    free(path);
+    APSM_TRY(status);
     return w->in.whole ? write_as(ctx, w, WHOLE, i, &w->in.whole[i]) : APSM_OK;
 }
 
@@ -408,6 +413,7 @@ apsm_status apsm_run_groom(apsm_run *run)
     if (status == APSM_OK) status = guard_files(run, "groom", &w.in.list);
     if (status == APSM_OK) status = groom_inputs_template(run, &w.in, &template_index);
     if (status == APSM_OK) status = landmarks_read(run, &w.in);
+    if (status == APSM_OK) status = features_check(run, &w.in);
     if (status == APSM_OK) status = run_open_store(run, &w.in.store);
     if (status == APSM_OK) status = read_inputs(&w);
     if (status == APSM_OK) status = align(&w);

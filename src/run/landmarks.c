@@ -117,6 +117,11 @@ apsm_status landmarks_read(apsm_run *run, const groom_inputs *in)
     run->use_landmarks = run->landmarks.L > 0 &&
                          run->options.landmarks_use == APSM_LANDMARKS_AUTO && p->root &&
                          source_wants_landmarks(p) && !ignored;
+    if (run->landmarks.L > 0 && landmarks_use(run) >= APSM_LANDMARKS_ANCHOR &&
+        run->options.method == APSM_METHOD_PSM)
+        return apsm_fail(
+            run->ctx, APSM_ERR_UNSUPPORTED,
+            "method psm draws particles to no landmarks; --landmarks-use judge or align");
     if (run->landmarks.L == 0 && !ignored && is_needed(run, p))
         return apsm_fail(run->ctx, APSM_ERR_ARG,
                          "landmarks are to be used (landmarks_use, align_by) and there are none: "

@@ -23,6 +23,7 @@ static const struct {
                { FOLDER_CERTIFICATE, "evaluate" },
                { FOLDER_REPORT, "report" },
                { FOLDER_LANDMARKS, "groom" },
+               { FOLDER_FEATURES, "evaluate" },
                { RUN_PROJECT, "groom" },
                { RUN_PROJECT, "initialize" },
                { RUN_PROJECT, "optimize" },

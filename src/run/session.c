@@ -10,6 +10,7 @@
 #include "apsm/report.h"
 #include "core/sized.h"
 #include "files/io.h"
+#include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/guard.h"
 #include "run/kept.h"
@@ -185,6 +186,7 @@ void apsm_run_close(apsm_run *run)
     run_unload(run);
     run_forget_results(run);
     landmark_table_free(&run->landmarks);
+    features_free(&run->features);
     memory_free(run);
     kept_close(run);
     close_store(run);

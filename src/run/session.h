@@ -30,6 +30,15 @@ typedef struct run_results {
     cohort_certificate certificate;
 } run_results;
 
+/* Scalar fields of the groomed meshes (run/features.h).  Owns its arrays. */
+typedef struct run_features {
+    size_t I, S;
+    char **name;    /* S */
+    double *weight; /* S: 0: only sampled */
+    double normals; /* weight of the normals */
+    double **value; /* I: S x nv */
+} run_features;
+
 struct apsm_run {
     apsm_context *ctx;
     char *folder; /* NULL: a job in memory, without any file */
@@ -61,6 +70,7 @@ struct apsm_run {
     const char **names;       /* project.n, borrowed from the project */
     double *transforms;       /* project.n x 16: local to world */
     landmark_table landmarks; /* in the groomed frames; I = 0: not loaded */
+    run_features features;    /* S = 0: none */
     bool use_landmarks;       /* the project asks that they guide the particles */
     run_results results;
     /* Of a job in memory. */

@@ -10,9 +10,9 @@
 
 /* ---- texts beside the option table ---- */
 
-static const char *const texts[] = { "labels",    "reflect_match", "exclude",    "pattern",
-                                     "ignore",    "domain",        "template",   "seed",
-                                     "landmarks", "unit",          "constraints" };
+static const char *const texts[] = { "labels",    "reflect_match", "exclude",     "pattern",
+                                     "ignore",    "domain",        "template",    "seed",
+                                     "landmarks", "unit",          "constraints", "features" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 /* Options that can change without making the particles different. */

@@ -7,6 +7,7 @@
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
+#include "run/features.h"
 #include "run/kept.h"
 #include "run/landmarks.h"
 #include "run/session.h"
@@ -25,6 +26,7 @@ void run_unload(apsm_run *run)
     for (size_t i = 0; run->mesh && i < run->mesh_count; i++)
         run_free_mesh(&run->mesh[i], run->meshes_stored);
     landmark_table_free(&run->landmarks);
+    features_free(&run->features);
     run->identity[0] = '\0';
     run->meshes_stored = false;
     free(run->mesh);
@@ -122,5 +124,6 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     APSM_TRY(run_open_store(run, &store));
     APSM_TRY(apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
                                   run->transforms, t, &fields, &run->cohort));
+    APSM_TRY(features_load(run));
     return landmarks_anchor(run);
 }

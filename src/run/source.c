@@ -1,6 +1,7 @@
 #include "run/source.h"
 
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -107,6 +108,16 @@ bool source_wants_landmarks(const apsm_project *source)
     return group_says(source, "optimize", "use_landmarks");
 }
 
+double source_normals(const apsm_project *source)
+{
+    static const double usual = 0.5; /* of ShapeWorks */
+    double weight;
+    const char *text = apsm_project_get(source, "optimize", "normals_strength");
+    if (!group_says(source, "optimize", "use_normals")) return 0;
+    return text && apsm_parse_number(text, strlen(text), &weight) && weight > 0 ? fmin(weight, 1e3)
+                                                                                : usual;
+}
+
 static bool has_landmarks(const apsm_project *p)
 {
     char key[APSM_KEY_LENGTH];
@@ -122,7 +133,6 @@ static void count_requests(const apsm_project *p, const char *domain, size_t cou
 {
     for (size_t i = 0; i < p->n; i++) count_row(p, &p->subjects[i], count);
     count[LANDMARKS] += source_wants_landmarks(p) && !has_landmarks(p);
-    count[NORMALS] += group_says(p, "optimize", "use_normals");
     if (*domain) count[DOMAINS] = 0; /* one was chosen */
     count[REFLECT] += group_says(p, "groom", "reflect");
 }

@@ -20,6 +20,10 @@ bool source_wants_landmarks(const apsm_project *source);
 /* Whether option ignore has the word. */
 bool source_ignores(const apsm_run *run, const char *word);
 
+/* The weight of normals that the project asks for (optimize.use_normals, normals_strength); 0: none.
+ */
+double source_normals(const apsm_project *source);
+
 /* Lists the cases of the project under the names that it gives them. */
 apsm_status source_list(apsm_run *run, const apsm_project *source, apsm_input_list *list);
 

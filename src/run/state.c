@@ -34,6 +34,8 @@ apsm_status run_identity(apsm_run *run, char hex[65])
     if (landmarks_use(run) >= APSM_LANDMARKS_ANCHOR && run->landmarks.L > 0)
         apsm_sha256_add(&sha, run->landmarks.x,
                         3 * run->landmarks.I * run->landmarks.L * sizeof *run->landmarks.x);
+    const char *features = apsm_run_text(run, "features");
+    if (*features) apsm_sha256_add(&sha, features, strlen(features));
     apsm_sha256_end(&sha, digest);
     apsm_sha256_hex(digest, run->identity);
     memcpy(hex, run->identity, sizeof run->identity);

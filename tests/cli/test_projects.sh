@@ -94,11 +94,10 @@ refused() { # refused WORD MORE-COLUMNS MORE-GROUPS
 }
 refused fixed ', "fixed": "yes"' ''
 refused domains ', "shape_2": "in/p1/bone.ply"' ''
-refused normals '' ', "optimize": {"use_normals": "true"}'
 refused landmarks '' ', "optimize": {"use_landmarks": true}'
 refused reflect '' ', "groom": {"1": {"reflect": "true"}}'
-refused normals,fixed ', "fixed": "yes"' ', "optimize": {"use_normals": 1}'
-expect 1 "go on without by --ignore normals,fixed" groom r.swproj -o q --ignore normals
+refused fixed,reflect ', "fixed": "yes"' ', "groom": {"1": {"reflect": "true"}}'
+expect 1 "go on without by --ignore reflect,fixed" groom r.swproj -o q --ignore reflect
 expect 2 "'nonsense' is none of" groom r.swproj -o q --ignore nonsense
 [ -e q ] && fail "a wrong --ignore left a folder"
 # Of several domains, too, a project that is refused leaves nothing.
@@ -110,7 +109,7 @@ printf '{"data": [{"name": "a", "contour_1": "c.vtp"}]}' >c.swproj
 expect 1 "is a contour" groom c.swproj -o q
 # In the folder of the user's project nothing is replaced (test_harm.sh), and check tells.
 mkdir theirs && cp r.swproj theirs/project.swproj
-expect 1 "--ignore normals,fixed" check theirs
+expect 1 "--ignore fixed,reflect" check theirs
 
 # ---- any project ----
 if command -v python3 >/dev/null; then

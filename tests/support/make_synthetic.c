@@ -9,8 +9,9 @@
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
  * out), open (what lies above so much of the height is missing), wobble (root mean square of a
  * smooth random deformation as a share of the box's diagonal) with its seed, mirror (1: x is
- * negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale; applied in this
- * order whatever their order on the command line. */
+ * negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale, patch (degrees about
+ * z: a field "heat" of the vertices, a bell about the direction there, 30 degrees wide); applied in
+ * this order whatever their order on the command line. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,9 +25,9 @@
 #include "option_words.h"
 #include "synthetic.h"
 
-enum { LEVEL, INDEX, COUNT, HOLE, OPEN, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, OPTIONS };
-static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "open", "wobble",
-                                            "seed",  "mirror", "turn",  "shift", "scale" };
+enum { LEVEL, INDEX, COUNT, HOLE, OPEN, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, PATCH, OPTIONS };
+static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "open",  "wobble",
+                                            "seed",  "mirror", "turn",  "shift", "scale", "patch" };
 
 static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPTIONS],
                         apsm_mesh *mesh)
@@ -122,9 +123,27 @@ static void move(const double v[OPTIONS], apsm_mesh *mesh)
     }
 }
 
+/* The field moves over the surface as the shapes differ, which are equal otherwise. */
+static apsm_status write_patch(apsm_context *ctx, const char *path, const apsm_mesh *mesh,
+                               double degrees)
+{
+    double *heat = malloc(mesh->nv * sizeof *heat);
+    const double a = degrees * M_PI / 180, width = 30 * M_PI / 180;
+    if (!heat) return APSM_ERR_MEMORY;
+    for (size_t v = 0; v < mesh->nv; v++) {
+        const double *x = mesh->V + 3 * v, r = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
+        const double angle = acos((x[0] * cos(a) + x[1] * sin(a)) / r);
+        heat[v] = 100 * exp(-0.5 * angle * angle / (width * width / 4));
+    }
+    const apsm_mesh_field field = { "heat", heat };
+    const apsm_status status = apsm_write_mesh_fields(ctx, path, mesh, 1, &field);
+    free(heat);
+    return status;
+}
+
 static int make_one(apsm_context *ctx, int argc, char **argv)
 {
-    double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1, [OPEN] = 1 };
+    double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1, [OPEN] = 1, [PATCH] = NAN };
     apsm_mesh mesh = { 0 };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, v)) return 2;
     apsm_status status = make(ctx, argv[1], v, &mesh);
@@ -135,7 +154,8 @@ static int make_one(apsm_context *ctx, int argc, char **argv)
     if (status == APSM_OK) {
         if (v[WOBBLE] > 0) wobble(v[WOBBLE], (uint64_t)v[SEED], &mesh);
         move(v, &mesh);
-        status = apsm_write_mesh(ctx, argv[2], &mesh);
+        status = isnan(v[PATCH]) ? apsm_write_mesh(ctx, argv[2], &mesh)
+                                 : write_patch(ctx, argv[2], &mesh, v[PATCH]);
     }
     if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     apsm_mesh_free(&mesh);
