@@ -10,8 +10,7 @@
  * divided by its standard deviation: the weights (S) and normals are without unit.
  * APSM_ERR_GEOMETRY: a scalar is the same everywhere; *flat (out) is which. */
 apsm_status apsm_cohort_features(apsm_cohort *cohort, size_t S, const double *const *scalar,
-                                 const double *weight, double normals,
-                                 size_t *flat) APSM_NODISCARD;
+                                 const double *weight, double normals, size_t *flat) APSM_NODISCARD;
 
 /* f (F, out): the features at a point of shape i; slope (F x 3; NULL: not wanted): how they change
  * along the surface there. */

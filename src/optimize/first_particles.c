@@ -158,8 +158,7 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     }
     if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
     APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
-    if (c->cohort->features.F > 0)
-        APSM_TRY(apsm_features_pull(c->cohort, i, c->J, c->T, c->h, P));
+    if (c->cohort->features.F > 0) APSM_TRY(apsm_features_pull(c->cohort, i, c->J, c->T, c->h, P));
     if (c->cohort->anchors.L > 0) APSM_TRY(pull_to_anchors(c, i, P));
     apsm_shape_keep_on_rim(&c->cohort->shape[i], c->J, c->on_rim, P, NULL);
     return apsm_keep(ctx, "first", i, bytes, P);

@@ -20,7 +20,8 @@ bool source_wants_landmarks(const apsm_project *source);
 /* Whether option ignore has the word. */
 bool source_ignores(const apsm_run *run, const char *word);
 
-/* The weight of normals that the project asks for (optimize.use_normals, normals_strength); 0: none.
+/* The weight of normals that the project asks for (optimize.use_normals, normals_strength); 0:
+ * none.
  */
 double source_normals(const apsm_project *source);
 
