@@ -206,6 +206,31 @@ static void say_particles(apsm_context *ctx, const apsm_project *project, cli_ui
     free(path);
 }
 
+/* Those of all shapes: files that are not there, or of another number than the first. */
+static void say_wrong_particles(apsm_context *ctx, const apsm_project *project, cli_ui *ui)
+{
+    size_t absent = 0, others = 0, first = 0;
+    for (size_t i = 0; i < project->n; i++) {
+        size_t J = 0;
+        double *P = NULL;
+        const char *stored = project->subjects[i].world_particles;
+        char *path = stored ? apsm_project_path(project, stored) : NULL;
+        if (path && apsm_particles_read(ctx, path, &J, &P) != APSM_OK) absent++;
+        if (first == 0) first = J;
+        others += J > 0 && J != first;
+        free(P);
+        free(path);
+    }
+    if (absent > 0)
+        cli_say(ui, "particle files of %zu shapes are absent or damaged; apsm check names them",
+                absent);
+    if (others > 0)
+        cli_say(ui,
+                "%zu shapes have another number of particles than the first: they do not belong "
+                "together",
+                others);
+}
+
 static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_project project = { 0 };
@@ -220,6 +245,7 @@ static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
             groomed, mirrored, with_particles);
     const char *template_name = apsm_project_get(&project, "apsm", "template_used");
     say_particles(ctx, &project, ui);
+    say_wrong_particles(ctx, &project, ui);
     if (template_name) cli_say(ui, "template: %s", template_name);
     say_options(ui, &project);
     apsm_project_free(&project);
@@ -292,6 +318,45 @@ static void say_figures(cli_ui *ui, const json_t *evaluation, const char *unit)
                 json_array_size(compact));
 }
 
+/* Whether the model's mean is that of the particles, up to the digits of their files. */
+static bool is_of_its_particles(const model_folder *m)
+{
+    const size_t n = 3 * m->J;
+    double worst = 0, size = 0;
+    for (size_t x = 0; x < n; x++) {
+        double sum = 0;
+        for (size_t i = 0; i < m->I; i++) sum += m->P[i * n + x] / (double)m->I;
+        worst = fmax(worst, fabs(sum - m->model.mean[x]));
+        size = fmax(size, fabs(m->model.mean[x]));
+    }
+    return worst <= 1e-6 * size;
+}
+
+/* Another program may have written particles into the folder since. */
+static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
+{
+    model_folder m;
+    if (model_folder_read(ctx, folder, FOLDER_PARTICLES, &m) != APSM_OK) {
+        cli_say(ui, "model and particles do not belong together: %s", apsm_error_text(ctx));
+        return;
+    }
+    if (!is_of_its_particles(&m))
+        cli_say(ui,
+                "model and particles do not belong together: model.json was made of others; run "
+                "`apsm evaluate %s`",
+                folder);
+    model_folder_free(&m);
+}
+
+static void say_landmarks(cli_ui *ui, const json_t *landmarks, const char *unit)
+{
+    if (!json_is_object(landmarks)) return;
+    const char *use = json_string_value(json_object_get(landmarks, "use"));
+    cli_say(ui, "landmarks: mean distance %.4g%s over %lld (use: %s)",
+            json_number_value(json_object_get(landmarks, "mean")), unit,
+            (long long)json_integer_value(json_object_get(landmarks, "judged")), use ? use : "");
+}
+
 /* What evaluate has found, and by which version. */
 static apsm_status info_results(apsm_context *ctx, const char *folder, cli_ui *ui)
 {
@@ -305,6 +370,9 @@ static apsm_status info_results(apsm_context *ctx, const char *folder, cli_ui *u
     if (status == APSM_OK && manifest)
         cli_say(ui, "made by: apsm %s", json_string_value(json_object_get(manifest, "apsm")));
     if (status == APSM_OK && evaluation) say_figures(ui, evaluation, unit);
+    if (status == APSM_OK && evaluation)
+        say_landmarks(ui, json_object_get(evaluation, "landmarks"), unit);
+    if (status == APSM_OK && evaluation) say_belonging(ctx, folder, ui);
     if (status == APSM_OK && certificate) say_verdict(ui, certificate);
     if (status == APSM_OK && !certificate) cli_say(ui, "verdict: not evaluated yet");
     json_decref(manifest);

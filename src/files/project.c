@@ -304,7 +304,7 @@ static apsm_status move_slot(const apsm_project *project, const char *folder, ch
     return APSM_OK;
 }
 
-static bool is_path_column(const char *key)
+bool apsm_project_is_path(const char *key)
 {
     static const char *const prefixes[] = {
         "shape_",   "segmentation_",    "mesh_",           "contour_",
@@ -322,7 +322,7 @@ static apsm_status move_row(const apsm_project *project, const char *folder, jso
     json_t *value;
     json_object_foreach(row, key, value)
     {
-        if (!is_path_column(key)) continue;
+        if (!apsm_project_is_path(key)) continue;
         char *moved;
         APSM_TRY(move_path(project, folder, json_string_value(value), &moved));
         if (!moved) continue;

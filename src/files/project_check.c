@@ -103,7 +103,6 @@ static void check_subject(checking *c, size_t i)
     const apsm_subject *s = &c->project->subjects[i];
     if (!s->shape && !s->groomed && !s->local_particles)
         tell(c, "%s: names no file; give it a shape_%s", s->name, c->project->domain);
-    check_file(c, s, "input", s->shape);
     check_file(c, s, "groomed mesh", s->groomed);
     if (s->local_particles && !s->groomed && !s->shape)
         tell(c, "%s: has particles but no surface; surface distances cannot be measured", s->name);
@@ -125,11 +124,44 @@ static void check_whole(checking *c)
     if (c->project->n == 0) tell(c, "the project holds no shapes; add some to \"data\"");
 }
 
+/* One column of a row, and the file that it names. */
+static void check_column(checking *c, const apsm_subject *s, const char *key, const char *stored)
+{
+    char *path = path_of(c, s, key, stored);
+    if (path && !apsm_is_folder(path) && !apsm_file_exists(path))
+        tell(c, "%s: %s: %s does not exist; correct the path or remove it", s->name, key, path);
+    free(path);
+}
+
+static bool is_made_by_a_run(const char *key)
+{
+    return strncmp(key, "groomed_", 8) == 0 || strncmp(key, "local_particles_", 16) == 0 ||
+           strncmp(key, "world_particles_", 16) == 0;
+}
+
+size_t apsm_project_check_inputs(apsm_context *ctx, const apsm_project *project,
+                                 apsm_problem_fn report, void *user)
+{
+    checking c = { .ctx = ctx, .project = project, .report = report, .user = user };
+    for (size_t i = 0; i < project->n; i++) {
+        const apsm_subject *s = &project->subjects[i];
+        const char *key;
+        json_t *value;
+        json_object_foreach(s->row, key, value)
+        {
+            const char *stored = json_string_value(value);
+            if (stored && *stored && apsm_project_is_path(key) && !is_made_by_a_run(key))
+                check_column(&c, s, key, stored);
+        }
+    }
+    return c.problems;
+}
+
 size_t apsm_project_check(apsm_context *ctx, const apsm_project *project, apsm_problem_fn report,
                           void *user)
 {
     checking c = { .ctx = ctx, .project = project, .report = report, .user = user };
     for (size_t i = 0; i < project->n; i++) check_subject(&c, i);
     check_whole(&c);
-    return c.problems;
+    return c.problems + apsm_project_check_inputs(ctx, project, report, user);
 }

@@ -38,7 +38,10 @@ static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, si
     if (status == APSM_OK) status = landmarks_read(run, &in);
     if (status == APSM_OK) status = features_check(run, &in);
     if (status == APSM_OK) status = groom_inputs_read(run, &in);
+    if (in.source.root) *problems += apsm_project_check_inputs(run->ctx, &in.source, report, user);
     for (size_t i = 0; status == APSM_OK && i < in.list.n; i++) {
+        const char *path = in.list.cases[i].path;
+        if (in.source.root && !apsm_file_exists(path) && !apsm_is_folder(path)) continue;
         if (in.status[i] == APSM_ERR_INTERRUPTED) status = APSM_ERR_INTERRUPTED;
         if (in.status[i] == APSM_OK) continue;
         report(user, in.problem[i]);

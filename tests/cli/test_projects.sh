@@ -111,6 +111,22 @@ expect 1 "is a contour" groom c.swproj -o q
 mkdir theirs && cp r.swproj theirs/project.swproj
 expect 1 "--ignore fixed,reflect" check theirs
 
+# ---- what is missing, and what does not belong together ----
+printf '{"data": [%s, %s, %s]}' "$(row a 0 ', "landmarks_file_1": "no/a.csv", "image_ct": "no/ct.nrrd"')" \
+    '{"name": "b", "shape_1": "no/b.ply"}' '{"name": "c", "shape_1": "in/p2/bone.ply", "shape_2": "no/c.ply"}' >m.swproj
+expect 1 "" check m.swproj
+for file in landmarks_file_1 image_ct shape_1 shape_2; do
+    grep -q ": $file: .*no/.* does not exist" said || fail "check does not name the missing $file: $(cat said)"
+done
+expect 0 "" info sub/m
+grep -q "belong together\|absent" said && fail "info of a sound folder: $(cat said)"
+awk '{ print $1 + 1, $2, $3 }' sub/m/particles/beta_world.particles >moved
+cp moved sub/m/particles/beta_world.particles
+expect 0 "model.json was made of others" info sub/m
+rm sub/m/particles/beta_world.particles
+expect 0 "particle files of 1 shapes are absent" info sub/m
+expect 0 "do not belong together" info sub/m
+
 # ---- any project ----
 if command -v python3 >/dev/null; then
     python3 "$here/any_project.py" "$apsm" "$PWD" 10 || failed=1
