@@ -111,7 +111,8 @@ apsm_status apsm_project_rebase(apsm_project *project, const char *folder) APSM_
 typedef void (*apsm_problem_fn)(void *user, const char *line);
 size_t apsm_project_check(apsm_context *ctx, const apsm_project *project, apsm_problem_fn report,
                           void *user);
-/* The missing files alone that its rows name, of whatever column, but for those that a run makes. */
+/* The missing files alone that its rows name, of whatever column, but for those that a run makes.
+ */
 size_t apsm_project_check_inputs(apsm_context *ctx, const apsm_project *project,
                                  apsm_problem_fn report, void *user);
 

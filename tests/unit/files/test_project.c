@@ -377,7 +377,7 @@ static void every_problem_of_a_project_is_one_line(void **state)
     folder_put(state, "b.particles", "1 2 3\n", 6);
     folder_put(state, "c.particles", "1 2\n", 4);
     assert_int_equal(apsm_project_check(ctx, &p, note, lines), 6);
-    const char *const expected[] = { "b: its input ",
+    const char *const expected[] = { "b: shape_1: ",
                                      "none.ply does not exist",
                                      "b: has 1 local particles where a has 2",
                                      "c: local particles: ",
