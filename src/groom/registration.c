@@ -28,7 +28,7 @@
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"
 
-enum { CENTRES = 128, SCALES = 3, ROUNDS = 50, COARSE_ROUNDS = 35, COARSE = 200 };
+enum { CENTRES = 128, SCALES = 3, ROUNDS = 50, COARSE_ROUNDS = 25, COARSE = 280 };
 
 static const double reach[SCALES] = { 1.0, 0.5, 0.25 };     /* b_s */
 static const double size_of[SCALES] = { 0.12, 0.05, 0.02 }; /* a_s */
@@ -186,7 +186,7 @@ static void move_point(const double *U, const double y[3], const double n[3], do
     }
 }
 
-enum { LANES = 8 };
+enum { LANES = 16 };
 
 static size_t padded(size_t n)
 {
@@ -195,42 +195,48 @@ static size_t padded(size_t n)
 
 /* Everything a registration works on.  x, n: where the reference's points are, M of them; in lists
  * by coordinate (xs, ns, sums) and by point (ws, per_w, arrived, D, rows of S) they are padded to a
- * whole number of LANES with points of no weight. */
+ * whole number of LANES with points of no weight.  The weights of (16) are in single precision:
+ * they say which points attract which, to 1e-6. */
 typedef struct job {
     const apsm_registration *r;
     const apsm_cloud *shape;
     size_t M, K;   /* points in use: the first ones, fewer while sigma is large */
     size_t stride; /* M, padded */
     double sigma, kappa;
-    double *z;                 /* K x 3 */
-    double *x, *n, *u;         /* M x 3, M x 3, 4M x 3 */
-    double *xs, *ns;           /* 3 x M */
-    double *ws, *per_w;        /* M: weights, and one over them */
-    double *wk;                /* K: weights */
-    double *S;                 /* K x M */
-    double *reached, *arrived; /* K, M: the sums in (16) */
-    double *D, *sums, *target; /* M, 3 x M, M x 3 */
-    double *A, *b, *weighted;  /* p x p, p x 3, M x p */
+    double *z, *wk;           /* K x 3; K: weights */
+    double *x, *n, *u;        /* M x 3, M x 3, 4M x 3 */
+    double *target;           /* M x 3 */
+    double *A, *b, *weighted; /* p x p, p x 3, M x p */
+    float *xs, *ns;           /* 3 x M */
+    float *ws, *per_w;        /* M: weights, and one over them */
+    float *S;                 /* K x M */
+    float *reached, *arrived; /* K, M: the sums in (16) */
+    float *D, *sums;          /* M, 3 x M */
 } job;
 
 size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
 {
-    const size_t m = padded(r->M), p = r->p;
-    return 4 * n + 21 * r->M + 13 * m + n * m + n + p * p + 3 * p + r->M * p;
+    const size_t m = padded(r->M), p = r->p, floats = 13 * m + n * m + padded(n);
+    return 4 * n + 21 * r->M + p * p + 3 * p + r->M * p + floats / 2;
 }
 
 static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
 {
     const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
     job j = { .r = r, .shape = shape };
-    double **const array[] = { &j.z,  &j.x,     &j.n,      &j.u, &j.xs,      &j.ns,
-                               &j.ws, &j.per_w, &j.wk,     &j.S, &j.reached, &j.arrived,
-                               &j.D,  &j.sums,  &j.target, &j.A, &j.b,       &j.weighted };
-    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * m, 3 * m, m,     m,     K,
-                            K * m, K,     m,     m,      3 * m, 3 * M, p * p, 3 * p, M * p };
+    double **const array[] = { &j.z, &j.wk, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted };
+    const size_t size[] = { 3 * K, K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];
+    }
+    float **const single[] = { &j.xs,      &j.ns,      &j.ws, &j.per_w, &j.S,
+                               &j.reached, &j.arrived, &j.D,  &j.sums };
+    const size_t count[] = { 3 * m, 3 * m, m, m, K * m, padded(K), m, m, 3 * m };
+    float *next = (float *)work;
+    for (size_t k = 0; k < sizeof count / sizeof *count; k++) {
+        *single[k] = next;
+        next += count[k];
     }
     return j;
 }
@@ -262,9 +268,13 @@ static void use_points(job *j, size_t most)
     memset(j->ns, 0, 3 * j->stride * sizeof *j->ns);
     memset(j->ws, 0, j->stride * sizeof *j->ws);
     memset(j->per_w, 0, j->stride * sizeof *j->per_w);
-    share_weights(r->M, r->y, r->w, j->M, j->ws);
     share_weights(j->shape->n, j->z, j->shape->w, j->K, j->wk);
-    for (size_t m = 0; m < j->M; m++) j->per_w[m] = 1.0 / j->ws[m];
+    double *w = j->target;
+    share_weights(r->M, r->y, r->w, j->M, w);
+    for (size_t m = 0; m < j->M; m++) {
+        j->ws[m] = (float)w[m];
+        j->per_w[m] = 1.0f / (float)w[m];
+    }
 }
 
 static void move_reference(job *j)
@@ -274,8 +284,8 @@ static void move_reference(job *j)
     for (size_t m = 0; m < j->M; m++) {
         move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
         for (size_t c = 0; c < 3; c++) {
-            j->xs[c * j->stride + m] = j->x[3 * m + c];
-            j->ns[c * j->stride + m] = j->n[3 * m + c];
+            j->xs[c * j->stride + m] = (float)j->x[3 * m + c];
+            j->ns[c * j->stride + m] = (float)j->n[3 * m + c];
         }
     }
 }
@@ -284,32 +294,41 @@ static void move_reference(job *j)
 
 /* One point of the shape, as the kernels see it. */
 typedef struct shape_point {
-    double z[3], normal[3], weight;
+    float z[3], normal[3], weight;
 } shape_point;
+
+static shape_point point_of(const job *j, size_t k)
+{
+    shape_point p = { .weight = (float)j->wk[k] };
+    for (size_t c = 0; c < 3; c++) {
+        p.z[c] = (float)j->z[3 * k + c];
+        p.normal[c] = (float)j->shape->normal[3 * k + c];
+    }
+    return p;
+}
 
 /* S (M) <- w_m w_k S_mk, arrived (M) += w_k S_mk; returns sum_m w_m S_mk.  Sums run in LANES, so
  * that they are the same whatever the processor's registers. */
-APSM_KERNEL static double soft_row(size_t M, const double *restrict x, const double *restrict n,
-                                   const double *restrict w, const double *restrict per_w,
-                                   const shape_point *p, double steep, double kappa,
-                                   double *restrict S, double *restrict arrived)
+APSM_KERNEL static float soft_row(size_t M, const float *restrict x, const float *restrict n,
+                                  const float *restrict w, const float *restrict per_w,
+                                  const shape_point *p, float steep, float kappa, float *restrict S,
+                                  float *restrict arrived)
 {
-    double lane[LANES] = { 0 };
+    float lane[LANES] = { 0 }, sum = 0;
     for (size_t m = 0; m < M; m += LANES) {
 #pragma omp simd
         for (size_t l = 0; l < LANES; l++) {
             const size_t i = m + l;
-            const double a = x[i] - p->z[0], b = x[M + i] - p->z[1], c = x[2 * M + i] - p->z[2];
-            const double cosine =
+            const float a = x[i] - p->z[0], b = x[M + i] - p->z[1], c = x[2 * M + i] - p->z[2];
+            const float cosine =
                 n[i] * p->normal[0] + n[M + i] * p->normal[1] + n[2 * M + i] * p->normal[2];
-            const double s =
-                w[i] * apsm_exp(-steep * (a * a + b * b + c * c) - kappa * (1.0 - cosine));
+            const float s =
+                w[i] * apsm_expf(-steep * (a * a + b * b + c * c) - kappa * (1.0f - cosine));
             lane[l] += s;
             S[i] = p->weight * s;
             arrived[i] += S[i] * per_w[i];
         }
     }
-    double sum = 0;
     for (size_t l = 0; l < LANES; l++) sum += lane[l];
     return sum;
 }
@@ -317,25 +336,24 @@ APSM_KERNEL static double soft_row(size_t M, const double *restrict x, const dou
 /* (15) and the sums in (16); S_mk w_m w_k in S. */
 static void match_softly(job *j)
 {
-    const double steep = 0.5 / (j->sigma * j->sigma), e = outlier / (double)j->M;
+    const float steep = (float)(0.5 / (j->sigma * j->sigma)), kappa = (float)j->kappa;
+    const float e = (float)(outlier / (double)j->M);
     for (size_t m = 0; m < j->stride; m++) j->arrived[m] = e;
     for (size_t k = 0; k < j->K; k++) {
-        shape_point p = { .weight = j->wk[k] };
-        memcpy(p.z, j->z + 3 * k, sizeof p.z);
-        memcpy(p.normal, j->shape->normal + 3 * k, sizeof p.normal);
-        j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, j->kappa,
+        const shape_point p = point_of(j, k);
+        j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, kappa,
                                      j->S + k * j->stride, j->arrived);
     }
 }
 
 /* D (M) += A_mk, sums (3 x M) += A_mk z_k for one k.  per_arrived: M, over the sums in (16). */
-APSM_KERNEL static void add_row(size_t M, const double *restrict S, double per_reached,
-                                const double *restrict per_arrived, double half, const double z[3],
-                                double *restrict D, double *restrict sums)
+APSM_KERNEL static void add_row(size_t M, const float *restrict S, float per_reached,
+                                const float *restrict per_arrived, float half, const float z[3],
+                                float *restrict D, float *restrict sums)
 {
 #pragma omp simd
     for (size_t m = 0; m < M; m++) {
-        const double A = half * S[m] * (per_reached + per_arrived[m]);
+        const float A = half * S[m] * (per_reached + per_arrived[m]);
         D[m] += A;
         sums[m] += A * z[0];
         sums[M + m] += A * z[1];
@@ -350,13 +368,15 @@ static void find_targets(job *j)
     const size_t M = j->stride;
     memset(j->D, 0, M * sizeof *j->D);
     memset(j->sums, 0, 3 * M * sizeof *j->sums);
-    for (size_t m = 0; m < M; m++) j->arrived[m] = 1 / j->arrived[m];
-    for (size_t k = 0; k < j->K; k++)
-        add_row(M, j->S + k * M, 1 / j->reached[k], j->arrived, 0.5 * (double)j->M, j->z + 3 * k,
-                j->D, j->sums);
+    for (size_t m = 0; m < M; m++) j->arrived[m] = 1.0f / j->arrived[m];
+    for (size_t k = 0; k < j->K; k++) {
+        const shape_point p = point_of(j, k);
+        add_row(M, j->S + k * M, 1.0f / j->reached[k], j->arrived, 0.5f * (float)j->M, p.z, j->D,
+                j->sums);
+    }
     for (size_t m = 0; m < j->M; m++)
         for (size_t c = 0; c < 3; c++)
-            j->target[3 * m + c] = j->sums[c * M + m] - j->D[m] * r->y[3 * m + c];
+            j->target[3 * m + c] = (double)j->sums[c * M + m] - (double)j->D[m] * r->y[3 * m + c];
 }
 
 /* (17): (sigma^2 I + Phi' D Phi) b = Phi' target. */
@@ -364,9 +384,10 @@ static apsm_status fit(job *j)
 {
     const apsm_registration *r = j->r;
     const size_t p = r->p;
-    for (size_t m = 0; m < j->M; m++)
-        for (size_t k = 0; k < p; k++)
-            j->weighted[m * p + k] = sqrt(j->D[m]) * r->Phi[4 * m * p + k];
+    for (size_t m = 0; m < j->M; m++) {
+        const double root = sqrt((double)j->D[m]);
+        for (size_t k = 0; k < p; k++) j->weighted[m * p + k] = root * r->Phi[4 * m * p + k];
+    }
     apsm_syrk(p, j->M, j->weighted, 0, j->A);
     for (size_t k = 0; k < p; k++) j->A[k * p + k] += j->sigma * j->sigma;
     apsm_gemm(1, 0, p, 3, j->M, 1, r->Phi, 4 * p, j->target, 3, 0, j->b, 3);
