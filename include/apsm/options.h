@@ -170,6 +170,8 @@ extern "C" {
     INT(psm_procrustes_interval, 10, 1, 1000000, "iterations between two registrations")           \
     BOOL(psm_procrustes_scaling, false, "registrations remove size")                               \
     BOOL(psm_procrustes_rotation_translation, true, "registrations remove pose")                   \
+    BOOL(psm_sampling_scale, false,                                                                \
+         "sampling gradients times a shape's area over 12,250 psm_unit^2: sizes balance alike")    \
     REAL(psm_unit, 1, 1e-9, 1e9, "length that stands for ShapeWorks' mm, in the input's unit")     \
     /* evaluate */                                                                                 \
     ENUM(definition, "standard|paper|shapeworks-compat", "definition of specificity")              \

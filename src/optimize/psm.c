@@ -15,9 +15,9 @@
  * What the sampling gradient (1 / length) and the mean energy's (length) have in common is the
  * unit: psm_unit is the length that stands for ShapeWorks' mm, and regularisations and first steps
  * are in its square.  Where this differs from ShapeWorks:
- *   - The first particle lies closest to the centroid of the template's surface (there: some
- *     surface point of the first shape); twins go in directions of a fixed sequence (there:
- * random), 1/20 of the spacing away (there: 1/5 voxel).
+ *   - The first particle is the point next to the upper corner of the template's box (there: of the
+ *     first shape's), and what is next to that on the others; twins go in directions of a fixed
+ *     sequence (there: random), 1/20 of the spacing away (there: 0.1 mm).
  *   - The last split is partial if J is no power of two: the particles with the widest kernels get
  *     twins (there: J is rounded up).
  *   - psm_starting_share sets the regularisation by the cohort: the documented way to tune it.
@@ -44,7 +44,8 @@ typedef struct psm {
     apsm_optimizer_state *state;
     size_t I, J;
     double unit;
-    double *longest;         /* I: diagonals of the shapes */
+    double longest;          /* longest side of all shapes' boxes */
+    double *sampling;        /* I: factors of the sampling gradients */
     double *Q, *grad;        /* I x 3J: particles in the common frame, correspondence gradient */
     double *blocks;          /* J x 9 */
     double *work;            /* of the entropy */
@@ -328,7 +329,11 @@ static apsm_status sweep_shape(apsm_context *ctx, size_t i, int worker, void *us
     const psm *p = user;
     const psm_particles at = particles_of(p, i);
     const psm_pull pull = pull_of(p, i);
-    p->swept[i] = psm_sweep(&p->cohort->shape[i], p->longest[i], p->unit, least_step(p), &pull, &at,
+    const psm_measure by = { .longest = p->longest,
+                             .unit = p->unit,
+                             .least_step = least_step(p),
+                             .sampling = p->sampling[i] };
+    p->swept[i] = psm_sweep(&p->cohort->shape[i], &by, &pull, &at,
                             p->sweep + (size_t)worker * psm_sweep_work_size(p->J));
     return APSM_OK;
 }
@@ -441,7 +446,7 @@ static double *doubles(size_t n)
 
 static void psm_free(psm *p)
 {
-    free(p->longest);
+    free(p->sampling);
     free(p->Q);
     free(p->grad);
     free(p->blocks);
@@ -450,23 +455,32 @@ static void psm_free(psm *p)
     free(p->swept);
 }
 
+/* The size that bounds kernels, and what psm_sampling_scale makes of the shapes' areas. */
+static void measure_shapes(psm *p)
+{
+    const double usual_area = 12250 * p->unit * p->unit;
+    for (size_t i = 0; i < p->I; i++) {
+        const apsm_mesh *mesh = &p->cohort->shape[i].mesh;
+        double lo[3], hi[3];
+        apsm_mesh_bounds(mesh, lo, hi);
+        for (int a = 0; a < 3; a++) p->longest = fmax(p->longest, hi[a] - lo[a]);
+        p->sampling[i] = p->o->psm_sampling_scale ? apsm_mesh_area(mesh) / usual_area : 1;
+    }
+}
+
 static apsm_status psm_alloc(psm *p)
 {
     const size_t n = 3 * p->J, threads = (size_t)apsm_context_threads(p->ctx);
-    p->longest = doubles(p->I);
+    p->sampling = doubles(p->I);
     p->Q = doubles(p->I * n);
     p->grad = doubles(p->I * n);
     p->blocks = doubles(3 * n);
     p->work = doubles(psm_entropy_work_size(p->I, n));
     p->sweep = doubles(threads * psm_sweep_work_size(p->J));
     p->swept = calloc(p->I, sizeof *p->swept);
-    if (!p->longest || !p->Q || !p->grad || !p->blocks || !p->work || !p->sweep || !p->swept)
+    if (!p->sampling || !p->Q || !p->grad || !p->blocks || !p->work || !p->sweep || !p->swept)
         return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < p->I; i++) {
-        double lo[3], hi[3];
-        apsm_mesh_bounds(&p->cohort->shape[i].mesh, lo, hi);
-        p->longest[i] = sqrt(vec3_distance2(lo, hi));
-    }
+    measure_shapes(p);
     return own_alloc(p);
 }
 
@@ -500,10 +514,10 @@ apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
 void apsm_psm_first_particle(const apsm_cohort *cohort, apsm_optimizer_state *state)
 {
     const apsm_shape *t = &cohort->shape[cohort->template_index];
-    double centroid[3];
+    double lo[3], corner[3];
     apsm_closest first;
-    apsm_mesh_centroid(&t->mesh, centroid);
-    apsm_bvh_closest(t->bvh, centroid, INFINITY, &first);
+    apsm_mesh_bounds(&t->mesh, lo, corner);
+    apsm_bvh_closest(t->bvh, corner, INFINITY, &first);
     for (size_t i = 0; i < cohort->I; i++) {
         apsm_closest here;
         apsm_bvh_closest(cohort->shape[i].bvh, first.x, INFINITY, &here);

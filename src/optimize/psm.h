@@ -13,9 +13,9 @@
 extern "C" {
 #endif
 
-/* The first particle of every shape: the point of the template's surface closest to the surface's
- * centroid, and what is closest to it on the others.  state (made by apsm_optimizer_state_alloc)
- * gets it J times. */
+/* The first particle of every shape: the point of the template's surface closest to the upper
+ * corner of its box, which lies at an end of the shape and not in a hollow, and what is closest to
+ * it on the others.  state (made by apsm_optimizer_state_alloc) gets it J times. */
 void apsm_psm_first_particle(const apsm_cohort *cohort, apsm_optimizer_state *state);
 
 /* Numbers in state->own once the method has begun. */

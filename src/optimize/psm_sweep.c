@@ -34,7 +34,7 @@ typedef struct sweep {
     const apsm_shape *shape;
     const psm_particles *at;
     const psm_pull *pull;
-    double longest, unit, least_step;
+    psm_measure by;
     double *X, *Y, *Z; /* the particles, coordinate by coordinate */
     double *all;       /* squared distances of all */
     /* the neighbours of the current particle */
@@ -145,17 +145,17 @@ static double nearest(const sweep *s, size_t k)
  * from changing too quickly. */
 static double renew_width(sweep *s, size_t k)
 {
-    const double last = s->at->sigma[k], widest = s->longest / 3;
-    double start = last > 0 ? last : fmax(nearest(s, k), 1e-9 * s->longest);
+    const double last = s->at->sigma[k], widest = s->by.longest / 3;
+    double start = last > 0 ? last : fmax(nearest(s, k), 1e-9 * s->by.longest);
     double sigma = 0;
     while (!(sigma > 0) && start < widest) {
-        gather(s, k, fmin(reach * start, s->longest));
+        gather(s, k, fmin(reach * start, s->by.longest));
         if (s->n) sigma = psm_kernel_width(s->n, s->d2, s->w, start);
         if (!(sigma > 0)) start *= 2;
     }
-    if (!(sigma > 0) || sigma > widest) {
+    if (!(sigma > 0) || sigma > s->by.longest) {
         sigma = widest;
-        gather(s, k, s->longest);
+        gather(s, k, s->by.longest);
     }
     if (last > 0) sigma = 0.5 * (last + sigma);
     return s->at->sigma[k] = sigma;
@@ -163,17 +163,26 @@ static double renew_width(sweep *s, size_t k)
 
 /* ---- energy and move ---- */
 
-/* p(x), and the sum over j of w_j exp(..) (x - x_j) if gradient is wanted. */
+APSM_KERNEL
+static void gaussians(size_t n, const double *d2, double s, double *q)
+{
+    const double c = -0.5 / s;
+    for (size_t j = 0; j < n; j++) q[j] = apsm_exp(c * d2[j]);
+}
+
+/* p(x) = sum over j of exp(..), and that of w_j exp(..) (x - x_j) if gradient is wanted: a
+ * neighbour that looks another way counts, but does not push. */
 static double density(const sweep *s, const double x[3], double sigma, double *gradient)
 {
     double p = 0, g[3] = { 0, 0, 0 };
     squared_distances(s->n, s->x, s->y, s->z, x, s->d2);
-    kernel_values(s->n, s->d2, s->w, sigma * sigma, s->q);
+    gaussians(s->n, s->d2, sigma * sigma, s->q);
     for (size_t j = 0; j < s->n; j++) {
+        const double q = s->w[j] * s->q[j];
         p += s->q[j];
-        g[0] += s->q[j] * (x[0] - s->x[j]);
-        g[1] += s->q[j] * (x[1] - s->y[j]);
-        g[2] += s->q[j] * (x[2] - s->z[j]);
+        g[0] += q * (x[0] - s->x[j]);
+        g[1] += q * (x[1] - s->y[j]);
+        g[2] += q * (x[2] - s->z[j]);
     }
     for (int a = 0; a < 3 && gradient; a++) gradient[a] = g[a];
     return p;
@@ -186,7 +195,7 @@ static double tangent_gradient(const sweep *s, size_t k, double sigma, const dou
     const double *n = s->at->N + 3 * k;
     double sum[3];
     const double p = density(s, s->at->P + 3 * k, sigma, sum);
-    const double c = p > 0 ? -1 / (p * sigma * sigma) : 0;
+    const double c = p > 0 ? -s->by.sampling / (p * sigma * sigma) : 0;
     for (int a = 0; a < 3; a++) gradient[a] = c * sum[a] + pull[a];
     vec3_add_scaled(gradient, -vec3_dot(gradient, n), n);
     return p;
@@ -207,7 +216,7 @@ static void settle(sweep *s, size_t k, const apsm_closest *to)
 static double energy(const sweep *s, size_t k, const double x[3], double sigma)
 {
     const double *L = s->pull->L, *C = s->pull->C + 9 * k, *P = s->at->P + 3 * k;
-    const double width = sigma / s->unit;
+    const double width = sigma / s->by.unit;
     double d[3], y[3], Cy[3];
     vec3_sub(x, P, d);
     for (int a = 0; a < 3; a++) y[a] = s->pull->Y[3 * k + (size_t)a] + vec3_dot(L + 3 * a, d);
@@ -227,9 +236,10 @@ static double back_off(double step, double longest_step, double least_step)
 static double descend(sweep *s, size_t k, double sigma, const double gradient[3], double slope)
 {
     const double *P = s->at->P + 3 * k, before = energy(s, k, P, sigma);
-    const double most = move_limit * sigma / slope, least = s->least_step * s->unit * s->unit;
+    const double most = move_limit * sigma / slope,
+                 least = s->by.least_step * s->by.unit * s->by.unit;
     double *step = &s->at->step[k];
-    *step = fmin(fmax(*step, least), step_limit * s->unit * s->unit);
+    *step = fmin(fmax(*step, least), step_limit * s->by.unit * s->by.unit);
     for (;;) {
         const double used = fmin(*step, most), length = used * slope;
         double x[3];
@@ -259,17 +269,12 @@ static double move(sweep *s, size_t k, psm_sweep_record *r)
     return slope > 0 && isfinite(slope) ? descend(s, k, sigma, gradient, slope) : 0;
 }
 
-psm_sweep_record psm_sweep(const apsm_shape *shape, double longest, double unit, double least_step,
+psm_sweep_record psm_sweep(const apsm_shape *shape, const psm_measure *measure,
                            const psm_pull *pull, const psm_particles *particles, double *work)
 {
     const size_t J = particles->J;
     psm_sweep_record r = { 0, 0 };
-    sweep s = { .shape = shape,
-                .at = particles,
-                .pull = pull,
-                .longest = longest,
-                .unit = unit,
-                .least_step = least_step };
+    sweep s = { .shape = shape, .at = particles, .pull = pull, .by = *measure };
     double **const arrays[] = { &s.X, &s.Y, &s.Z, &s.all, &s.x, &s.y, &s.z, &s.w, &s.d2, &s.q };
     for (size_t a = 0; a < sizeof arrays / sizeof arrays[0]; a++) *arrays[a] = work + a * J;
     for (size_t k = 0; k < J; k++) {

@@ -29,12 +29,18 @@ typedef struct psm_sweep_record {
     double log_density, move;
 } psm_sweep_record;
 
+/* What the moves are measured by. */
+typedef struct psm_measure {
+    double longest;    /* no kernel reaches farther: the size of the shapes */
+    double unit;       /* length of energies and steps */
+    double least_step; /* in unit^2: a step no longer than this is made even uphill */
+    double sampling;   /* factor of the sampling gradient */
+} psm_measure;
+
 size_t psm_sweep_work_size(size_t J); /* in doubles */
 
-/* longest: no kernel reaches farther (the size of the shape).  unit: length in which energies and
- * steps are measured.  least_step, in unit^2: a step no longer than this is made even uphill.
- * O(J (J + neighbours)). */
-psm_sweep_record psm_sweep(const apsm_shape *shape, double longest, double unit, double least_step,
+/* O(J (J + neighbours)). */
+psm_sweep_record psm_sweep(const apsm_shape *shape, const psm_measure *measure,
                            const psm_pull *pull, const psm_particles *particles, double *work);
 
 /* The width sigma > 0 at which n >= 1 neighbours at squared distances d2 with weights w give the

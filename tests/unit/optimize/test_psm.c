@@ -182,6 +182,55 @@ static void test_ellipsoids(void **unused)
     scene_close(&s);
 }
 
+/* Shapes of ten thousand times the usual area: unscaled, the pull to the mean keeps particles
+ * together; with psm_sampling_scale they spread as on shapes of the usual size. */
+static double unevenness_of_large(bool scaled)
+{
+    scene s;
+    apsm_optimizer_state state;
+    scene_open(&s, 4, 3, 3000);
+    s.o.psm_unit = 1;
+    s.o.psm_iterations_per_split = 200;
+    s.o.psm_optimization_iterations = 0;
+    s.o.psm_sampling_scale = scaled;
+    start(&s, 16, &state);
+    run(&s, &state, NULL, NULL);
+    double worst = 0;
+    for (size_t i = 0; i < s.I; i++) worst = fmax(worst, unevenness(16, state.P + i * 16 * 3));
+    apsm_optimizer_state_free(&state);
+    scene_close(&s);
+    return worst;
+}
+
+static void test_size_is_made_up_for(void **unused)
+{
+    (void)unused;
+    const double plain = unevenness_of_large(false), scaled = unevenness_of_large(true);
+    print_message("unevenness %.3f, scaled %.3f\n", plain, scaled);
+    if (!(scaled <= 0.2)) fail_msg("spacing varies by %.3f", scaled);
+    if (!(plain >= 4 * scaled))
+        fail_msg("%.3f without, %.3f with: nothing to make up for", plain, scaled);
+}
+
+/* The first particle lies at an end, not in the hollow that faces the centroid. */
+static void test_first_particle_is_at_an_end(void **unused)
+{
+    (void)unused;
+    scene s;
+    apsm_optimizer_state state;
+    scene_open(&s, 4, 4, 1);
+    start(&s, 2, &state);
+    for (size_t i = 0; i < s.I; i++) {
+        double c[3];
+        apsm_mesh_centroid(&s.mesh[i], c);
+        for (int a = 0; a < 3; a++)
+            if (!(state.P[6 * i + (size_t)a] > c[a]))
+                fail_msg("shape %zu: not the upper corner", i);
+    }
+    apsm_optimizer_state_free(&state);
+    scene_close(&s);
+}
+
 /* Few particles and iterations, with everything in it: partial split, registration, the entropy
  * from the start. */
 static void open_small(scene *s, double scale)
@@ -343,10 +392,16 @@ static void test_xu2023_is_a_set_of_options(void **unused)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_width_of_a_ring),  cmocka_unit_test(test_width_is_likeliest),
-        cmocka_unit_test(test_entropy_gradient), cmocka_unit_test(test_ellipsoids),
-        cmocka_unit_test(test_threads_and_unit), cmocka_unit_test(test_resume),
-        cmocka_unit_test(test_interrupt),        cmocka_unit_test(test_xu2023_is_a_set_of_options),
+        cmocka_unit_test(test_width_of_a_ring),
+        cmocka_unit_test(test_width_is_likeliest),
+        cmocka_unit_test(test_entropy_gradient),
+        cmocka_unit_test(test_ellipsoids),
+        cmocka_unit_test(test_size_is_made_up_for),
+        cmocka_unit_test(test_first_particle_is_at_an_end),
+        cmocka_unit_test(test_threads_and_unit),
+        cmocka_unit_test(test_resume),
+        cmocka_unit_test(test_interrupt),
+        cmocka_unit_test(test_xu2023_is_a_set_of_options),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
