@@ -140,6 +140,7 @@ static void find_reach(judging *g, size_t i)
     for (size_t j = 0; j < J; j++) {
         const double d = g->reach[J * i + j] - g->usual_reach[J * i + j];
         g->out->uncovered[J * i + j] = d;
+        f->farthest = fmax(f->farthest, g->reach[J * i + j]);
         if (!(d > most)) continue;
         most = d;
         f->reach_at = (uint32_t)j;

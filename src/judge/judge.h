@@ -18,6 +18,7 @@ typedef struct apsm_findings {
     double reach; /* how far the surface reaches beyond the particles, in h beyond what is usual */
     double reach_excess;
     uint32_t reach_at;
+    double farthest;    /* of its surface from the particle next to it, in the shape's own h */
     double area, size;  /* over the median of the others */
     double area_excess; /* of its logarithm, either way */
     double size_excess;

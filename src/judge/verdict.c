@@ -33,6 +33,7 @@ apsm_verdict_options apsm_verdict_defaults(void)
                                    .slip = 0.75,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
+                                   .farthest = 1.4,
                                    .off = 2.5,
                                    .off_excess = 5.0,
                                    .size = 1.3,
@@ -60,7 +61,8 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     doubts |= compare(f->agreement, &f->turn[1], o->likely, APSM_DOUBT_MIRRORED, APSM_DOUBT_HAND);
     if (f->slip > o->slip_excess && f->slip * f->slip_size > o->slip)
         doubts |= 1u << APSM_DOUBT_SLIP;
-    if (f->reach_excess > o->reach_excess && f->reach > o->reach_size)
+    if ((f->reach_excess > o->reach_excess && f->reach > o->reach_size) ||
+        f->farthest > o->farthest)
         doubts |= 1u << APSM_DOUBT_ENDS;
     doubts |= (unsigned)(f->opposed > 0) << APSM_DOUBT_SIDE;
     return doubts;

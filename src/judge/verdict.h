@@ -53,6 +53,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 typedef struct apsm_verdict_options {
     double slip_excess, slip;        /* both: 1.5, and 0.75 for the excess times the size in h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
+    double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
     double size, size_excess;        /* both: 1.3 times the others' or less than that part, 6 */
     double

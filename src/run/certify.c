@@ -281,11 +281,11 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
     const bool slipped = c->doubts[i] & (1u << APSM_DOUBT_SLIP);
     const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
     return json_pack(
-        "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
+        "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
         json_agreement(f->agreement), "agreement_turned", json_agreement(f->turn[0].agreement),
         "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip, "slip",
         f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
-        "reach_excess", f->reach_excess, "reach", f->reach, "beyond",
+        "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
         f->size, "off", f->off, "off_excess", f->off_excess);
 }
@@ -328,12 +328,13 @@ static json_t *json_thresholds(void)
 {
     const apsm_certificate_options o = apsm_certificate_defaults();
     const apsm_verdict_options v = apsm_verdict_defaults();
-    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
+    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
                      "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
                      o.off_surface, "coincident", o.coincident, "slip_excess", v.slip_excess,
-                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size, "off",
-                     v.off, "off_excess", v.off_excess, "size", v.size, "size_excess",
-                     v.size_excess, "as_likely", v.likely, "least_shapes", (int)APSM_LEAST_JUDGED);
+                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size,
+                     "farthest", v.farthest, "off", v.off, "off_excess", v.off_excess, "size",
+                     v.size, "size_excess", v.size_excess, "as_likely", v.likely, "least_shapes",
+                     (int)APSM_LEAST_JUDGED);
 }
 
 json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *c)

@@ -35,4 +35,12 @@ grep -q 'needs a mesh for each shape' log || fail "certify without meshes says: 
 "$apsm" run s0.ply s1.ply s2.ply -o three $few 2>log || fail "run of three: $(cat log)"
 grep -q '"verdict": *"not judged"' three/certificate.json || fail "three shapes are judged"
 grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be judged: $(cat log)"
+
+# Long bones on which psm, unscaled, leaves the ends of all shapes out: certify says so of each.
+"$make_synthetic" femur long count 5 seed 0 >/dev/null || exit 1
+"$apsm" run long/shapes -o slips --method psm -J 32 --psm-iterations-per-split 60 \
+    --psm-optimization-iterations 60 --threads 1 -q 2>log || fail "run of long bones: $(cat log)"
+"$apsm" certify slips/project.swproj -o ends.json >out 2>log || fail "certify long bones: $(cat log)"
+[ "$(grep -o 'miss a part of the surface' ends.json | wc -l)" -ge 5 ] ||
+    fail "missed ends are not seen: $(cat log)"
 exit $bad

@@ -132,6 +132,27 @@ static void mirror_image_is_found(void **state)
     only_shape_3(&s, 1u << APSM_DOUBT_MIRRORED | 1u << APSM_DOUBT_FORM);
 }
 
+/* All shapes' particles keep to the middle: no shape is unusual, and all miss their ends. */
+static void ends_missed_by_all_are_found(void **state)
+{
+    (void)state;
+    static scene s;
+    unsigned doubts[I];
+    open_scene(&s);
+    for (size_t i = 0; i < I; i++)
+        for (size_t j = 0; j < J; j++) {
+            double u[3];
+            spiral(j, u);
+            u[2] *= 0.5;
+            for (int c = 0; c < 2; c++) u[c] *= sqrt((1 - u[2] * u[2]) / (1 - 4 * u[2] * u[2]));
+            body(i, u, s.P + 3 * (J * i + j));
+        }
+    judge(&s, doubts);
+    for (size_t i = 0; i < I; i++)
+        if (!(doubts[i] & 1u << APSM_DOUBT_ENDS)) fail_msg("shape %zu: %x", i, doubts[i]);
+    close_scene(&s);
+}
+
 /* A region of shape 3 moves along the surface by about a spacing, fading out. */
 static void slip_is_found(void **state)
 {
@@ -256,6 +277,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(right_shapes_pass),     cmocka_unit_test(half_turn_is_found),
         cmocka_unit_test(mirror_image_is_found), cmocka_unit_test(slip_is_found),
+        cmocka_unit_test(ends_missed_by_all_are_found),
         cmocka_unit_test(missed_end_is_found),   cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(form_settles_notes),    cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out), cmocka_unit_test(usual_variation_leaves_no_rest),
