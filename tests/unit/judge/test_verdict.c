@@ -275,12 +275,17 @@ static void usual_variation_leaves_no_rest(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(right_shapes_pass),     cmocka_unit_test(half_turn_is_found),
-        cmocka_unit_test(mirror_image_is_found), cmocka_unit_test(slip_is_found),
+        cmocka_unit_test(right_shapes_pass),
+        cmocka_unit_test(half_turn_is_found),
+        cmocka_unit_test(mirror_image_is_found),
+        cmocka_unit_test(slip_is_found),
         cmocka_unit_test(ends_missed_by_all_are_found),
-        cmocka_unit_test(missed_end_is_found),   cmocka_unit_test(size_of_a_stranger_is_found),
-        cmocka_unit_test(form_settles_notes),    cmocka_unit_test(heights_on_a_sphere),
-        cmocka_unit_test(medians_leave_one_out), cmocka_unit_test(usual_variation_leaves_no_rest),
+        cmocka_unit_test(missed_end_is_found),
+        cmocka_unit_test(size_of_a_stranger_is_found),
+        cmocka_unit_test(form_settles_notes),
+        cmocka_unit_test(heights_on_a_sphere),
+        cmocka_unit_test(medians_leave_one_out),
+        cmocka_unit_test(usual_variation_leaves_no_rest),
     };
     return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
 }
