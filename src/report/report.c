@@ -5,6 +5,7 @@
 
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,6 +17,7 @@
 #include "report/display.h"
 #include "report/pack.h"
 #include "report/page.h"
+#include "report/selection.h"
 
 enum { DATA_VERSION = 1 };
 
@@ -25,6 +27,7 @@ static const double position_levels = 16383, mode_levels = 8191;
 typedef struct composing {
     const model_folder *m;
     const display *d;
+    size_t all; /* shapes of the cohort, of which m has those that are shown */
     pack bytes;
     double lo[3], step; /* positions: lo + step * integer of 16 bits */
     double largest_distance;
@@ -258,9 +261,21 @@ static json_t *compose(composing *c, const char *title)
 
 /* ---- the page ---- */
 
+/* Says how many shapes are shown, if not all. */
+static char *title_of(const composing *c)
+{
+    char *name = page_title(c->m->path);
+    if (!name || c->all == c->m->I) return name;
+    const size_t room = strlen(name) + 64;
+    char *title = malloc(room);
+    if (title) snprintf(title, room, "%s (%zu of %zu shapes)", name, c->m->I, c->all);
+    free(name);
+    return title;
+}
+
 static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
 {
-    char *title = page_title(c->m->path);
+    char *title = title_of(c);
     if (!title) return APSM_ERR_MEMORY;
     json_t *root = compose(c, title), *answers = NULL;
     free(title);
@@ -281,6 +296,12 @@ apsm_status apsm_report_write(apsm_context *ctx, const char *folder)
     if (!folder) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_report_write: no folder");
     char *path = apsm_path_join(folder, FOLDER_REPORT);
     apsm_status status = path ? model_folder_read(ctx, folder, SHOWN_PARTS, &m) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = selection_make(REPORT_MOST_SHAPES, &m, &c.all);
+    if (status == APSM_OK && c.all > m.I)
+        apsm_log(ctx, APSM_LOG_INFO,
+                 "the report shows %zu of %zu shapes: the template, those that need review or lie "
+                 "farthest from their surface, the others evenly; figures are those of all",
+                 m.I, c.all);
     if (status == APSM_OK) status = display_make(ctx, &m, &d);
     if (status == APSM_OK) status = write_file(ctx, &c, path);
     pack_free(&c.bytes);
