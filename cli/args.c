@@ -149,6 +149,7 @@ static const cli_slot flags[] = {
     { CLI_FLAG_FORCE, offsetof(cli_args, force) },
     { CLI_FLAG_HELP, offsetof(cli_args, help) },
     { CLI_FLAG_VERSION, offsetof(cli_args, version) },
+    { CLI_FLAG_XML, offsetof(cli_args, xml) },
 };
 
 /* The options that need a word more; APSM_ERR_ARG: no such option. */
@@ -433,7 +434,7 @@ static apsm_status parse(parsing *p)
     APSM_TRY(take_verb(p));
     APSM_TRY(check_names(p));
     APSM_TRY(run_getopt(p));
-    if (a->help || a->version) return APSM_OK;
+    if (a->help || a->version || (a->xml && a->verb)) return APSM_OK;
     if (!a->verb)
         return apsm_fail(p->ctx, APSM_ERR_ARG,
                          "the verb comes first: apsm VERB ...; see apsm --help");

@@ -72,7 +72,7 @@ typedef struct cli_pair {
 
 typedef struct cli_args {
     const cli_verb_info *verb; /* NULL with help or version only */
-    bool help, help_all, version;
+    bool help, help_all, version, xml;
     size_t n_inputs;
     const char **inputs; /* array owned, texts of argv */
     const char

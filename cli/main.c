@@ -12,6 +12,7 @@
 #include "room.h"
 #include "signals.h"
 #include "verbs.h"
+#include "xml.h"
 
 enum { EXIT_USAGE = 2, EXIT_INTERRUPTED = 130 };
 
@@ -118,9 +119,11 @@ static int run_program(int argc, char **argv)
         return EXIT_FAILURE;
     }
     int code = EXIT_SUCCESS;
-    const apsm_status status = cli_args_parse(ctx, argc, argv, &args);
+    char **linked = cli_argv_of_link(&argc, argv);
+    const apsm_status status = cli_args_parse(ctx, argc, linked ? linked : argv, &args);
     const bool first = cli_ranks_get().rank == 0; /* the others help with run alone */
-    if (!first && (status != APSM_OK || args.help || args.version || args.verb->verb != CLI_RUN))
+    if (!first &&
+        (status != APSM_OK || args.help || args.version || args.xml || args.verb->verb != CLI_RUN))
         ;
     else if (status != APSM_OK)
         code = refuse_usage(ctx, status, &args);
@@ -128,9 +131,12 @@ static int run_program(int argc, char **argv)
         cli_help(stdout, args.verb, args.help_all);
     else if (args.version)
         cli_version(stdout);
+    else if (args.xml)
+        cli_xml(stdout, args.verb);
     else
         code = work(ctx, &args);
     cli_args_free(&args);
+    free(linked);
     apsm_context_free(ctx);
     return flush_output(code);
 }

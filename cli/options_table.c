@@ -193,6 +193,8 @@ static const cli_option own[] = {
     { "help", 'h', CLI_FLAG_HELP, CLI_GROUP_RUN, ALL, NULL, NULL, NULL, "this text", NULL },
     { "help-all", 0, CLI_FLAG_HELP_ALL, CLI_GROUP_RUN, ALL, NULL, NULL, NULL,
       "this text with all options of the method", NULL },
+    { "xml", 0, CLI_FLAG_XML, CLI_GROUP_RUN, ALL, NULL, NULL, NULL,
+      "describe the verb as a module of 3D Slicer (Slicer Execution Model)", NULL },
     { "version", 'V', CLI_FLAG_VERSION, CLI_GROUP_RUN, ALL, NULL, NULL, NULL, "print the version",
       NULL },
 };

@@ -46,7 +46,8 @@ typedef enum cli_action {
     CLI_FLAG_FORCE,
     CLI_FLAG_HELP,
     CLI_FLAG_HELP_ALL,
-    CLI_FLAG_VERSION
+    CLI_FLAG_VERSION,
+    CLI_FLAG_XML
 } cli_action;
 
 typedef enum cli_group {
