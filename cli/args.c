@@ -119,6 +119,7 @@ static const cli_slot texts[] = {
     { CLI_OUT, offsetof(cli_args, out_dir) },
     { CLI_PARTS, offsetof(cli_args, parts) },
     { CLI_ALIGN_PARTS, offsetof(cli_args, align_parts) },
+    { CLI_SHARED, offsetof(cli_args, shared) },
     { CLI_TO, offsetof(cli_args, to) },
     { CLI_WHAT, offsetof(cli_args, what) },
     { CLI_SHAPE, offsetof(cli_args, shape) },

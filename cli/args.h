@@ -78,9 +78,9 @@ typedef struct cli_args {
     const char
         *out_dir;   /* MODEL_DIR, however given, or what convert and render write; NULL if not */
     const char *to; /* of convert and export: the format; NULL if not given */
-    const char *parts, *align_parts;         /* of run: several parts a subject; NULL: one */
-    const char *what, *shape, *view, *width; /* of render, as given; NULL if not */
-    const char *hand, *extent;               /* of fit, as given; NULL if not */
+    const char *parts, *align_parts, *shared; /* of run: several parts a subject; NULL: one */
+    const char *what, *shape, *view, *width;  /* of render, as given; NULL if not */
+    const char *hand, *extent;                /* of fit, as given; NULL if not */
     const char *subjects, *formula, *of, *at, *on, *within, *permutations,
         *bootstraps;        /* of test */
     const char *landmarks;  /* of fit: the file; NULL if not */

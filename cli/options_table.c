@@ -119,6 +119,10 @@ static const cli_option own[] = {
       "several parts a subject, one model of all: tibia=REGEX,talus=REGEX (what the names of a "
       "part's shapes have; the rest of the name is the subject) or tibia=1,talus=2+3 (labels)",
       NULL },
+    { "shared-boundary", 0, CLI_SHARED, CLI_GROUP_INPUT, CLI_RUN, "A,B", NULL, NULL,
+      "with --parts: what two parts that touch share becomes a part of its own, A-B, and they keep "
+      "the rest; A,B,T: where they are nearer than T spacings (default 0.1)",
+      NULL },
     { "align-parts", 0, CLI_ALIGN_PARTS, CLI_GROUP_INPUT, CLI_RUN, "WORD", NULL, NULL,
       "with --parts: global (all parts move together), apart (each for itself), or the part by "
       "which the others are aligned (default global)",

@@ -17,6 +17,7 @@ typedef enum cli_action {
     CLI_ATTACH,
     CLI_PARTS,
     CLI_ALIGN_PARTS,
+    CLI_SHARED,
     CLI_WHAT,
     CLI_SHAPE,
     CLI_VIEW,

@@ -74,7 +74,8 @@ static apsm_status run_together(apsm_context *ctx, apsm_run_settings *s, const c
 static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *(*pairs)[2])
 {
     bool joint;
-    apsm_joint_settings settings = { settings_of(args), args->parts, args->align_parts };
+    apsm_joint_settings settings = { settings_of(args), args->parts, args->align_parts,
+                                     args->shared };
     settings.run.set = cli_pairs(args, pairs);
     settings.run.n_set = args->n_set;
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &joint));

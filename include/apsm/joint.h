@@ -27,6 +27,10 @@ typedef struct apsm_joint_settings {
     /* "global": all parts of a subject move together, relative pose stays; "apart": every part for
      * itself; or the name of a part by which the others are aligned.  NULL: global. */
     const char *align;
+    /* "A,B" or "A,B,T": what parts A and B, which touch, share (nearer than T spacings; 0.1)
+     * becomes a part A-B of its own, and they keep the rest; all three are open surfaces.  NULL:
+     * nothing. Not for parts that are domains of a project. */
+    const char *shared;
 } apsm_joint_settings;
 
 /* Whether these settings ask for this job: there are parts, or the one input is a project with

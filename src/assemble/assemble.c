@@ -84,7 +84,10 @@ static size_t options_of_part(const joint_job *job, size_t d, const char *(*set)
         set[n][0] = s->set[k][0];
         set[n++][1] = s->set[k][1];
     }
-    if (job->by_label || job->by_project) {
+    if (job->part[d].open) {
+        set[n][0] = "open";
+        set[n++][1] = "true";
+    } else if (job->by_label || job->by_project) {
         set[n][0] = job->by_label ? "labels" : "domain";
         set[n++][1] = job->part[d].what;
     }
@@ -169,6 +172,7 @@ static apsm_status run_locked(joint_job *job)
     APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
     APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
     apsm_status status = mark_folder(job);
+    if (status == APSM_OK) status = joint_share(job);
     if (status == APSM_OK) status = run_parts(job);
     if (status == APSM_OK) status = put_together(job);
     apsm_unlock_folder(&lock);

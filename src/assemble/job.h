@@ -14,6 +14,7 @@ typedef struct joint_part {
     char *name;
     char *what;   /* expression, or labels "1,2" */
     char *folder; /* MODEL_DIR/parts/NAME */
+    bool open;    /* an open surface, of the shared boundary */
 } joint_part;
 
 /* A subject: of every part the index of its case, or APSM_NO_CASE.  Owned. */
@@ -43,9 +44,15 @@ const char *joint_setting(const joint_job *job, const char *key);
 /* ---- spec.c: settings->parts and ->align ---- */
 apsm_status joint_parse(joint_job *job);
 
+/* Adds a part; what is what the user says that it is. */
+apsm_status joint_add_part(joint_job *job, const char *name, const char *what);
+
 /* ---- group.c: inputs to subjects ---- */
 apsm_status joint_group(joint_job *job);
 void joint_job_free(joint_job *job);
+
+/* ---- shared.c: settings->shared, in the folder, which is there ---- */
+apsm_status joint_share(joint_job *job);
 
 /* ---- load.c ---- */
 

@@ -46,7 +46,7 @@ static void plus_to_comma(char *what)
         if (*c == '+') *c = ',';
 }
 
-static apsm_status new_part(joint_job *job, const char *name, const char *what)
+apsm_status joint_add_part(joint_job *job, const char *name, const char *what)
 {
     if (job->n == PARTS_MOST)
         return apsm_fail(job->ctx, APSM_ERR_ARG, "more than 64 parts a subject");
@@ -69,7 +69,7 @@ static apsm_status add_part(joint_job *job, char *text)
     *equals = '\0';
     for (size_t d = 0; d < job->n; d++)
         if (strcasecmp(job->part[d].name, text) == 0) return refuse(job, "two parts of one name");
-    return new_part(job, text, equals + 1);
+    return joint_add_part(job, text, equals + 1);
 }
 
 static apsm_status split(joint_job *job, char *text)
@@ -114,7 +114,7 @@ static apsm_status take_domains(joint_job *job)
     apsm_status status = APSM_OK;
     const char *domain;
     for (size_t d = 0; status == APSM_OK && (domain = apsm_project_domain_name(&project, d)); d++)
-        status = new_part(job, domain, domain);
+        status = joint_add_part(job, domain, domain);
     apsm_project_free(&project);
     return status;
 }

@@ -22,7 +22,7 @@
 static const double least_volume = 1e-6;
 /* An open one with less under its lids does not say which side is outside (a hemisphere has 0.13).
  */
-static const double least_bulge = 0.005;
+static const double least_bulge = 0.05;
 /* Farther out than so many times what is usual, no vertex of a shape is. */
 static const double stray = 1000.0;
 

@@ -2,16 +2,19 @@
 
 #include <math.h>
 
+#include "geometry/bvh_guess.h"
 #include "geometry/face.h"
 
 /* What is asked of one surface: its tree, and the box outside of which nothing lies inside it. */
 typedef struct solid {
     const apsm_bvh *tree;
     double lo[3], hi[3];
+    bool open; /* nothing lies inside */
 } solid;
 
 static bool in_box(const solid *s, const double x[3])
 {
+    if (s->open) return false;
     for (int k = 0; k < 3; k++)
         if (x[k] < s->lo[k] || x[k] > s->hi[k]) return false;
     return true;
@@ -50,7 +53,8 @@ static void measure_from(const apsm_mesh *mesh, const solid *other, apsm_contact
 void apsm_contact_measure(const apsm_bvh *a, const apsm_bvh *b, apsm_contact *contact)
 {
     double area[2] = { 0 };
-    solid first = { .tree = a }, second = { .tree = b };
+    solid first = { .tree = a, .open = bvh_is_open(a) },
+          second = { .tree = b, .open = bvh_is_open(b) };
     apsm_mesh_bounds(apsm_bvh_mesh(a), first.lo, first.hi);
     apsm_mesh_bounds(apsm_bvh_mesh(b), second.lo, second.hi);
     *contact = (apsm_contact){ .gap = INFINITY };

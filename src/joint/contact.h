@@ -10,8 +10,8 @@ typedef struct apsm_contact {
     double overlap; /* share of the area of both that lies in the other */
 } apsm_contact;
 
-/* Of two closed meshes that face outward, by their trees (apsm_bvh_build).  Vertices speak for the
- * surface: exact to about an edge.  O((nv_a + nv_b) log nf). */
+/* Of two meshes that face outward, by their trees (apsm_bvh_build); in an open one nothing lies.
+ * Vertices speak for the surface: exact to about an edge.  O((nv_a + nv_b) log nf). */
 void apsm_contact_measure(const apsm_bvh *a, const apsm_bvh *b, apsm_contact *contact);
 
 #endif

@@ -90,6 +90,25 @@ cp limits/e2.json mine.json
 expect 2 "is called like none" groom in -o q2 --constraints mine.json
 expect 0 "those of e1 are carried" groom in -o q2 --constraints mine.json --template e1 --faces 400
 
+# ---- two parts that touch ----
+mkdir peanut
+for i in 0 1 2; do
+    "$synthetic" ellipsoid peanut/s${i}_lo.ply index $i level 2 open .55 || exit 1
+    "$synthetic" ellipsoid peanut/s${i}_up.ply index $i level 2 open -.55 || exit 1
+done
+parts=(--parts lo=_lo,up=_up --fill)
+expect 0 "lo-up: what lo and up share" run peanut -o peanut/m "${parts[@]}" --shared-boundary lo,up,.2 "${quick[@]}"
+for part in lo up lo-up; do
+    grep -q '"openings": 1' peanut/m/parts/$part/manifest.json || fail "part $part is not open"
+done
+expect 0 "agree" verify peanut/m
+expect 2 "is not two parts" run peanut -o q3 "${parts[@]}" --shared-boundary lo,middle
+expect 2 "no number" run peanut -o q3 "${parts[@]}" --shared-boundary lo,up,wide
+mkdir apart && cp peanut/s*_lo.ply apart
+for i in 0 1 2; do "$synthetic" peanut/s${i}_up.ply apart/s${i}_up.ply shift 100; done
+expect 1 "do not touch" run apart -o q3 "${parts[@]}" --shared-boundary lo,up --faces 400
+[ -e q3 ] && fail "a shared boundary that is refused left $(find q3 | head -n 3)"
+
 # ---- what cannot be followed ----
 bad() { # bad WORDS JSON
     echo "$2" >one/e2.json

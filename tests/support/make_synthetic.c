@@ -7,11 +7,11 @@
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
- * out), open (what lies above so much of the height is missing), wobble (root mean square of a
- * smooth random deformation as a share of the box's diagonal) with its seed, mirror (1: x is
- * negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale, patch (degrees about
- * z: a field "heat" of the vertices, a bell about the direction there, 30 degrees wide); applied in
- * this order whatever their order on the command line. */
+ * out), open (what lies above so much of the height is missing; -s: what lies below), wobble (root
+ * mean square of a smooth random deformation as a share of the box's diagonal) with its seed,
+ * mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale,
+ * patch (degrees about z: a field "heat" of the vertices, a bell about the direction there, 30
+ * degrees wide); applied in this order whatever their order on the command line. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -57,8 +57,11 @@ static apsm_status open_top(double share, apsm_mesh *mesh)
     apsm_mesh open;
     if (!below) return APSM_ERR_MEMORY;
     apsm_mesh_bounds(mesh, lo, hi);
-    for (size_t i = 0; i < mesh->nv; i++)
-        below[i] = lo[2] + share * (hi[2] - lo[2]) - mesh->V[3 * i + 2];
+    const double on = 0.1 * apsm_mesh_mean_edge(mesh); /* no needles */
+    for (size_t i = 0; i < mesh->nv; i++) {
+        const double up = mesh->V[3 * i + 2] - (lo[2] + fabs(share) * (hi[2] - lo[2]));
+        below[i] = fabs(up) < on ? 0 : share < 0 ? up : -up;
+    }
     const apsm_status status = apsm_mesh_clip_field(mesh, below, &open);
     free(below);
     if (status != APSM_OK) return status;
