@@ -1,6 +1,7 @@
 /* run, groom, initialize, optimize, evaluate: open the model folder, do the step; report. */
 #include <stdlib.h>
 
+#include "apsm/contour.h"
 #include "apsm/joint.h"
 #include "apsm/report.h"
 #include "files/files.h"
@@ -78,11 +79,26 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
                                      args->shared };
     settings.run.set = cli_pairs(args, pairs);
     settings.run.n_set = args->n_set;
+    bool contours;
+    APSM_TRY(apsm_contours_wanted(ctx, &settings.run, &contours));
+    if (contours) return apsm_contours_run(ctx, &settings.run);
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &joint));
     const cli_ranks ranks = cli_ranks_get();
     if (ranks.size > 1 && !joint && !args->dry_run) return run_together(ctx, &settings.run, &ranks);
     if (ranks.rank > 0) return APSM_OK;
     return joint ? apsm_joint_run(ctx, &settings) : do_step(ctx, args, apsm_run_all);
+}
+
+static apsm_status say_where(apsm_context *ctx, const char *folder)
+{
+    char *report = apsm_path_join(folder, "report.html");
+    if (!report) return APSM_ERR_MEMORY;
+    if (apsm_file_exists(report))
+        apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s", folder, report);
+    else
+        apsm_log(ctx, APSM_LOG_INFO, "model in %s", folder);
+    free(report);
+    return APSM_OK;
 }
 
 apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
@@ -93,9 +109,7 @@ apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     const apsm_status status = run_job(ctx, args, pairs);
     free(pairs);
     APSM_TRY(status);
-    if (!args->dry_run && cli_ranks_get().rank == 0)
-        apsm_log(ctx, APSM_LOG_INFO, "model in %s; look at it: %s/report.html", args->out_dir,
-                 args->out_dir);
+    if (!args->dry_run && cli_ranks_get().rank == 0) return say_where(ctx, args->out_dir);
     return APSM_OK;
 }
 

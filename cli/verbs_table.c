@@ -9,7 +9,8 @@ static const cli_verb_info verbs[] = {
     { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
       "the whole job: groom, initialize, optimize, evaluate",
       "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
-      "meshes (PLY, STL, OBJ, VTK, VTP), folders of them, or a project (.swproj, .xlsx). An "
+      "meshes (PLY, STL, OBJ, VTK, VTP), contours (VTK, VTP), folders of them, or a project "
+      "(.swproj, .xlsx). An "
       "interrupted "
       "run goes on with --resume, and every step can be repeated on its own.",
       .out = "a model folder", .call = apsm_cli_run },

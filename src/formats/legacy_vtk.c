@@ -88,7 +88,7 @@ typedef enum cells { POLYGONS, STRIPS, LINES, VERTICES } cells;
 
 static void add_cell(scan *s, soup *m, const int64_t *corner, int64_t n, cells kind)
 {
-    if (kind == LINES) m->lines++;
+    if (kind == LINES) m->lines++, soup_add_line(s, m, corner, (size_t)n);
     if (kind == POLYGONS || kind == STRIPS) soup_add_cell(s, m, corner, (size_t)n, kind == STRIPS);
 }
 

@@ -8,6 +8,7 @@ void soup_free(soup *m)
     free(m->point);
     free(m->corner);
     free(m->end);
+    free(m->edge);
     *m = (soup){ 0 };
 }
 
@@ -55,6 +56,16 @@ void soup_add_corner(scan *s, soup *m, int64_t index, size_t points)
                   (long long)index, points);
     soup_reserve_faces(s, m, 0, 1);
     if (scan_ok(s)) m->corner[m->corners++] = (uint32_t)index;
+}
+
+void soup_add_line(scan *s, soup *m, const int64_t *i, size_t n)
+{
+    if (!m->want_lines || n < 2) return;
+    m->edge = grown(s, m->edge, &m->edge_room, m->edges + n - 1, 2 * sizeof *m->edge, false);
+    for (size_t k = 0; k + 1 < n && scan_ok(s); k++, m->edges++) {
+        m->edge[2 * m->edges] = i[k];
+        m->edge[2 * m->edges + 1] = i[k + 1];
+    }
 }
 
 void soup_end_polygon(scan *s, soup *m)

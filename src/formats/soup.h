@@ -17,7 +17,10 @@ typedef struct soup {
     uint32_t *corner; /* of all polygons, each a point */
     size_t *end;      /* polygon p has the corners end[p-1] (0 for the first) .. end[p] - 1 */
     size_t point_room, corner_room, polygon_room;
-    size_t lines; /* cells that are no polygons: contours */
+    size_t lines;    /* cells that are no polygons: contours */
+    bool want_lines; /* set by who wants the edges of those */
+    size_t edges, edge_room;
+    int64_t *edge; /* edges x 2: points, not checked */
 } soup;
 
 void soup_free(soup *m);
@@ -31,6 +34,9 @@ void soup_add_corner(scan *s, soup *m, int64_t index, size_t points);
 void soup_end_polygon(scan *s, soup *m);
 /* The corners i[0..n) as a polygon, or as a strip of n - 2 triangles: (0 1 2), (2 1 3), (2 3 4) */
 void soup_add_cell(scan *s, soup *m, const int64_t *i, size_t n, bool strip);
+
+/* The edges between n points in their order, if they are wanted. */
+void soup_add_line(scan *s, soup *m, const int64_t *i, size_t n);
 
 /* Makes points at exactly the same place one, in order of first appearance; -0 is 0. */
 void soup_merge_points(scan *s, soup *m);

@@ -20,7 +20,16 @@ typedef struct array {
     size_t length, room;
 } array;
 
-enum { A_POINTS, A_POLY_CORNERS, A_POLY_ENDS, A_STRIP_CORNERS, A_STRIP_ENDS, ARRAYS };
+enum {
+    A_POINTS,
+    A_POLY_CORNERS,
+    A_POLY_ENDS,
+    A_STRIP_CORNERS,
+    A_STRIP_ENDS,
+    A_LINE_CORNERS,
+    A_LINE_ENDS,
+    ARRAYS
+};
 
 typedef struct vtp {
     scan *s;
@@ -31,7 +40,7 @@ typedef struct vtp {
     vtp_source appended;
     place place;
     array array[ARRAYS], *open; /* of the present piece; the one whose text comes */
-    size_t points, polys, strips;
+    size_t points, polys, strips, lines;
 } vtp;
 
 /* ---- attributes ---- */
@@ -103,8 +112,10 @@ static scalar read_type(vtp *v, const char *name)
 static array *array_named(vtp *v, const char *name)
 {
     if (v->place == POINTS) return &v->array[A_POINTS];
-    if (v->place != POLYS && v->place != STRIPS) return NULL;
-    const int first = v->place == POLYS ? A_POLY_CORNERS : A_STRIP_CORNERS;
+    if (v->place == NOWHERE || (v->place == LINES && !v->m->want_lines)) return NULL;
+    const int first = v->place == POLYS    ? A_POLY_CORNERS
+                      : v->place == STRIPS ? A_STRIP_CORNERS
+                                           : A_LINE_CORNERS;
     if (is(name, "connectivity")) return &v->array[first];
     return is(name, "offsets") ? &v->array[first + 1] : NULL;
 }
@@ -198,9 +209,9 @@ static void add_points(vtp *v)
     free(x);
 }
 
-/* n polygons or strips: the ends of their corners, and the corners, counted from the first point
- * of the piece. */
-static void add_cells(vtp *v, size_t n, int first, bool strips, size_t base)
+/* n polygons, strips or lines: the ends of their corners, and the corners, counted from the first
+ * point of the piece. */
+static void add_cells(vtp *v, size_t n, int first, size_t base)
 {
     int64_t *const end = n ? values(v, &v->array[first + 1], "offsets", true, n) : NULL;
     if (!end) return;
@@ -221,7 +232,11 @@ static void add_cells(vtp *v, size_t n, int first, bool strips, size_t base)
                             k);
             corner[c] = (int64_t)((uint64_t)corner[c] + base);
         }
-        soup_add_cell(v->s, v->m, corner + from, (size_t)(end[k] - from), strips);
+        if (first == A_LINE_CORNERS)
+            soup_add_line(v->s, v->m, corner + from, (size_t)(end[k] - from));
+        else
+            soup_add_cell(v->s, v->m, corner + from, (size_t)(end[k] - from),
+                          first == A_STRIP_CORNERS);
     }
     free(corner);
     free(end);
@@ -232,8 +247,9 @@ static void close_piece(vtp *v)
     const size_t base = v->m->points;
     if (v->points) {
         add_points(v);
-        if (scan_ok(v->s)) add_cells(v, v->polys, A_POLY_CORNERS, false, base);
-        if (scan_ok(v->s)) add_cells(v, v->strips, A_STRIP_CORNERS, true, base);
+        if (scan_ok(v->s)) add_cells(v, v->polys, A_POLY_CORNERS, base);
+        if (scan_ok(v->s)) add_cells(v, v->strips, A_STRIP_CORNERS, base);
+        if (scan_ok(v->s) && v->m->want_lines) add_cells(v, v->lines, A_LINE_CORNERS, base);
     }
     for (int k = 0; k < ARRAYS; k++) {
         free(v->array[k].text);
@@ -260,7 +276,8 @@ static void on_start(void *user, const XML_Char *name, const XML_Char **attribut
         v->points = read_count(v, attributes, "NumberOfPoints");
         v->polys = read_count(v, attributes, "NumberOfPolys");
         v->strips = read_count(v, attributes, "NumberOfStrips");
-        v->m->lines += read_count(v, attributes, "NumberOfLines");
+        v->lines = read_count(v, attributes, "NumberOfLines");
+        v->m->lines += v->lines;
     }
     for (int k = POINTS; k <= LINES; k++)
         if (is(name, places[k])) v->place = (place)k;

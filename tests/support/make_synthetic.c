@@ -3,6 +3,7 @@
  *
  *   make_synthetic SHAPE OUT.ply [OPTION VALUE...]
  *   make_synthetic IN.ply OUT.ply [OPTION VALUE...]
+ *   make_synthetic supershape OUT.vtk [index I] [count N]    a closed contour of one mode
  *   make_synthetic KIND OUT_DIR [OPTION VALUE...]    a cohort with truth: make_cohort.c
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
@@ -20,6 +21,7 @@
 #include "apsm/context.h"
 #include "apsm/formats.h"
 #include "core/random.h"
+#include "files/files.h"
 #include "geometry/clip.h"
 #include "make_cohort.h"
 #include "option_words.h"
@@ -144,11 +146,31 @@ static apsm_status write_patch(apsm_context *ctx, const char *path, const apsm_m
     return status;
 }
 
+/* Gielis' superformula in the plane with six lobes, whose sharpness alone varies. */
+static int make_contour(apsm_context *ctx, const char *path, double share)
+{
+    enum { POINTS = 180 };
+    apsm_writer *w = NULL;
+    if (apsm_writer_open(ctx, path, &w) != APSM_OK) return 1;
+    apsm_writer_printf(w, "# vtk DataFile Version 3.0\nsupershape\nASCII\nDATASET POLYDATA\n");
+    apsm_writer_printf(w, "POINTS %d double\n", POINTS);
+    for (int k = 0; k < POINTS; k++) {
+        const double phi = 2 * M_PI * k / POINTS, n1 = 4 + 4 * share;
+        const double c = pow(fabs(cos(1.5 * phi)), 3), s = pow(fabs(sin(1.5 * phi)), 3);
+        const double r = 50 * pow(c + s, -1 / n1);
+        apsm_writer_printf(w, "%.9f %.9f 0\n", r * cos(phi), r * sin(phi));
+    }
+    apsm_writer_printf(w, "LINES %d %d\n", POINTS, 3 * POINTS);
+    for (int k = 0; k < POINTS; k++) apsm_writer_printf(w, "2 %d %d\n", k, (k + 1) % POINTS);
+    return apsm_writer_commit(w) != APSM_OK;
+}
+
 static int make_one(apsm_context *ctx, int argc, char **argv)
 {
     double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1, [OPEN] = 1, [PATCH] = NAN };
     apsm_mesh mesh = { 0 };
     if (!option_words(argc - 3, argv + 3, OPTIONS, names, v)) return 2;
+    if (strcmp(argv[1], "supershape") == 0) return make_contour(ctx, argv[2], v[INDEX] / v[COUNT]);
     apsm_status status = make(ctx, argv[1], v, &mesh);
     if (status == APSM_OK) {
         mesh.nf -= (size_t)v[HOLE] < mesh.nf ? (size_t)v[HOLE] : 0;

@@ -1,0 +1,57 @@
+#!/bin/bash
+# Contours as shapes.  $1 is the program, $2 make_synthetic.
+set -u
+apsm=$1
+synthetic=$2
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+cd "$folder" || exit 1
+failed=0
+
+fail() {
+    echo "FAILED: $*"
+    failed=1
+}
+
+expect() { # expect CODE WORDS ARGUMENT...
+    local code=$1 words=$2
+    shift 2
+    timeout 60 "$apsm" "$@" >said 2>&1 </dev/null
+    local got=$?
+    if [ $got -ne "$code" ]; then
+        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
+    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
+        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
+    fi
+}
+
+mkdir in
+for i in 0 1 2 3 4; do "$synthetic" supershape in/s$i.vtk index $i count 5 || exit 1; done
+expect 0 "5 closed contours, 48 particles" run in -o m -J 48
+sed -n 's/.*compactness \([0-9.]*\).*/\1/p' said | awk '{ exit !($1 > 0.97) }' || fail "more than one mode: $(cat said)"
+awk -F, 'NR > 1 && ($2 > 0.15 || $3 > 1.5) { bad = 1 } END { exit bad }' m/evaluation.csv || fail "far: $(cat m/evaluation.csv)"
+[ "$(cat m/particles/s?_world.particles | wc -l)" -eq 240 ] || fail "particles"
+expect 0 "project: 5 shapes" info m
+expect 0 "particles: 48" info m/particles/s1_local.particles
+expect 0 "" evaluate m/particles/s?_world.particles
+expect 0 "" run in -o n -J 48 --threads 2
+cmp m/model.json n/model.json >&2 || fail "another number of threads, another model"
+# Lines in any order, and ends that are joined: the same contour.
+awk '/^LINES/ { print; inside = 1; next } inside { l[n++] = $0; next } { print }
+    END { for (k = 0; k < n; k++) print l[(k * 7) % n] }' in/s2.vtk >mixed.vtk
+mkdir mixed && cp in/s[0134].vtk mixed && cp mixed.vtk mixed/s2.vtk
+expect 0 "" run mixed -o o -J 48
+cmp m/scores.csv o/scores.csv >&2 || fail "the order of the lines matters"
+
+# ---- what is wrong ----
+expect 1 "is not empty" run in -o m -J 48
+expect 1 "has no meaning" run in -o q --gamma 1
+expect 2 "none of the 5 contours" run in -o q --template s9
+sed 's/^2 0 1$/2 0 90/' in/s0.vtk >in/x.vtk
+expect 1 "x.vtk: its lines are not one contour" run in -o q
+sed -e '/^2 0 1$/d' -e 's/^LINES 180 540/LINES 179 537/' in/s0.vtk >in/x.vtk
+expect 2 "all closed or all open" run in -o q
+sed -i 's/^2 3 4$/2 3 999/' in/x.vtk
+expect 1 "x.vtk" run in -o q
+[ -e q ] && fail "a refused run left a folder"
+exit $failed
