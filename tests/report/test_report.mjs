@@ -27,9 +27,10 @@ function makeModel() {
   assert.ok(first.size > 100e3 && first.size < 2e6, `size of the page at the end of run: ${first.size}`);
   const path = join(model, "certificate.json"), c = JSON.parse(readFileSync(path, "utf8"));
   for (const shape of c.per_shape)
-    Object.assign(shape, { verdict: "certified", reasons: [], swaps: [], folds: [], "mismatched_1.5_2.0": [] });
+    Object.assign(shape, { verdict: "certified", reasons: [], swaps: [], folds: [], lost: [], "mismatched_1.5_2.0": [] });
   Object.assign(c.per_shape[2], { verdict: "needs review", reasons: [HARM, "particles have changed places"], swaps: [[7, 11]] });
   c.per_shape[3]["mismatched_1.5_2.0"] = [5];
+  c.per_shape[3].lost = [5];
   Object.assign(c, { verdict: "needs review", certified: 7 });
   writeFileSync(path, JSON.stringify(c));
   // A table whose texts are as strange as the names, and a test by it.
@@ -105,6 +106,7 @@ const tests = {
     assert.equal(await page.evaluate(() => window.harmed), undefined);
     assert.equal(await page.locator("#certificate img, #cohort img, #cohort b").count(), 0);
     assert.ok((await page.textContent("#certificate")).includes(HARM));
+    assert.match(await page.textContent("#certificate"), /1 swapped pair, no folds, 1 of 384 particles have lost neighbours, on 1 shape \(at most 1 of 48, on d\)/);
   },
   async "the mean is drawn, and a slider moves it, by the keyboard too"(page) {
     const canvas = "#modes canvas", range = "#modes input[type=range]";

@@ -147,7 +147,7 @@ function gatherFacts() {
     return {
       name: s.name, certificate: c, surface: surface.get(s.name) ?? null,
       mean: surface.has(s.name) ? tidy(surface.get(s.name).mean, surface.get(s.name)) : NaN,
-      mismatched: c["mismatched_1.5_2.0"]?.length ?? 0, strict: c["mismatched_1.5_1.5"]?.length ?? 0,
+      lost: c.lost?.length ?? 0, mismatched: c["mismatched_1.5_2.0"]?.length ?? 0, strict: c["mismatched_1.5_1.5"]?.length ?? 0,
       distance: Math.sqrt(sum / model.J),
       fine: c.verdict === "certified",
     };
@@ -156,7 +156,7 @@ function gatherFacts() {
 function findOutliers() {
   const kinds = [
     ["surface error", facts.map((f) => f.mean), length],
-    ["mismatched particles", facts.map((f) => f.mismatched), (n) => String(n)],
+    ["stretched particles", facts.map((f) => f.mismatched), (n) => String(n)],
     ["distance from the mean", facts.map((f) => f.distance), length],
   ];
   const found = new Map();
@@ -200,11 +200,10 @@ function fillHeader() {
 /** What the certificate's table adds up to. */
 function countsText() {
   const sum = (f) => facts.reduce((a, x) => a + f(x), 0), swaps = sum((f) => f.certificate.swaps?.length ?? 0), folds = sum((f) => f.certificate.folds?.length ?? 0);
-  const lost = sum((f) => f.mismatched), some = facts.filter((f) => f.mismatched > 0);
-  const worst = facts.reduce((a, f) => (f.mismatched > a.mismatched ? f : a), facts[0]);
+  const lost = sum((f) => f.lost), some = facts.filter((f) => f.lost > 0), worst = facts.reduce((a, f) => (f.lost > a.lost ? f : a), facts[0]);
   const none = (n, word) => (n === 0 ? `no ${word}s` : plural(n, word));
-  return `${none(swaps, "swapped pair")}, ${none(folds, "fold")}, ` + (lost === 0 ? "no mismatched particles"
-    : `${plural(lost, "mismatched particle")} of ${(model.I * model.J).toLocaleString("en")}, on ${plural(some.length, "shape")} (at most ${worst.mismatched} of ${model.J}, on ${worst.name})`);
+  return `${none(swaps, "swapped pair")}, ${none(folds, "fold")}, ` + (lost === 0 ? "no particle has lost its neighbours"
+    : `${lost} of ${(model.I * model.J).toLocaleString("en")} particles have lost neighbours, on ${plural(some.length, "shape")} (at most ${worst.lost} of ${model.J}, on ${worst.name})`);
 }
 
 /** The command that leaves shapes out and makes the model anew. */
@@ -398,7 +397,7 @@ function fillCohort(strange) {
   const texts = {
     name: (f) => (Number.isFinite(f.mean) ? `error ${length(f.mean)}` : ""),
     surface: (f) => `error ${length(f.mean)}`,
-    mismatched: (f) => `${f.mismatched} mismatched`,
+    mismatched: (f) => `${f.mismatched} stretched`,
     distance: (f) => `${length(f.distance)} from the mean`,
   };
   const arrange = () => {
@@ -422,9 +421,9 @@ function fillCohort(strange) {
         el("ul", {}, list.slice(0, 5).map(item)),
         list.length > 5 && el("details", {}, el("summary", {}, `${plural(list.length - 5, "more outlier")}`), el("ul", {}, list.slice(5).map(item))),
         commandTo(list.map(([i]) => i)))
-      : el("p", {}, "No outliers: no shape is beyond the median by 3.5 robust standard deviations in surface error, mismatched particles or distance from the mean."),
+      : el("p", {}, "No outliers: no shape is beyond the median by 3.5 robust standard deviations in surface error, stretched particles or distance from the mean."),
     el("div", { class: "tools" },
-      choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "mismatches"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
+      choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "stretched particles"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
       choice("Surface", [["original", "original"], ["warped", "reconstruction"]], state.surface, (v) => { state.surface = v; dressAll(); }),
       checkbox("Particles", state.particles, (on) => { state.particles = on; dressAll(); }),
       checkbox("Surface distance", state.heat, (on) => { state.heat = on; dressAll(); }),
@@ -593,7 +592,8 @@ function showParticle(i, j) {
 }
 function trouble(c) {
   return [
-    ["mismatched", c["mismatched_1.5_2.0"]?.map((j) => [j, String(j)])],
+    ["lost neighbours", c.lost?.map((j) => [j, String(j)])],
+    ["stretched", c["mismatched_1.5_2.0"]?.filter((j) => !c.lost?.includes(j)).map((j) => [j, String(j)])],
     ["swapped", c.swaps?.map((s) => [s[0], s.join("\u2194")])],
     ["folded", c.folds?.map((f) => [f[0], f.join("-")])],
     ["slipped", c.judged?.slipped?.map((j) => [j, String(j)])],
@@ -614,15 +614,15 @@ function places(i, c) {
 
 function fillCertificate() {
   const body = byId("certificate").querySelector(".body"), c = model.certificate, limits = c.thresholds ?? {};
-  const order = facts.map((_, i) => i).sort((a, b) => Number(facts[a].fine) - Number(facts[b].fine) || facts[b].mismatched - facts[a].mismatched || a - b);
+  const order = facts.map((_, i) => i).sort((a, b) => Number(facts[a].fine) - Number(facts[b].fine) || facts[b].lost - facts[a].lost || facts[b].mismatched - facts[a].mismatched || a - b);
   const bad = facts.filter((f) => !f.fine).length;
-  const list = (some) => table(["shape", "verdict", "mismatched", "swaps", "folds", "off surface", "closest pair", "where and why"], some.map(row), [2, 3, 4, 5, 6]);
+  const list = (some) => table(["shape", "verdict", "lost neighbours", "stretched", "swaps", "folds", "off surface", "closest pair", "where and why"], some.map(row), [2, 3, 4, 5, 6, 7]);
   const row = (i) => {
     const f = facts[i], k = f.certificate;
     return [
       el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, f.name),
       el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : `! ${k.verdict}`),
-      `${f.mismatched} (${show((100 * f.mismatched) / model.J, 2)}\u00a0%)`, String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
+      `${f.lost} (${show((100 * f.lost) / model.J, 2)}\u00a0%)`, String(f.mismatched), String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
       k.off_surface_max < 1e-6 ? "0" : show(k.off_surface_max, 2), show(k.min_separation, 2),
       el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ")), places(i, k)),
     ];
@@ -630,15 +630,15 @@ function fillCertificate() {
   body.append(
     el("p", {}, `Certified: ${c.certified} of ${c.shapes}. In all: ${countsText()}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
     ...(c.notes ?? []).map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`)),
-    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle is mismatched if a neighbour on the template (within 1.5 times the spacing, along the surface) is farther than 2 times the spacing on the shape. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}. Click a particle to see it on the shape.`),
+    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle has lost neighbours if one that is beside it on the template is far from it on the shape, along the surface: farther than twice the closest, and than ${show(limits.stretch ?? 1.75)} times their distance on the template. It is stretched if a neighbour within 1.5 times the spacing is farther than 2 times the spacing: a strong stretch looks like that, too, and does not cost the certificate. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}. Click a particle to see it on the shape.`),
     savesOf("certificate", null, certificateRows),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
   );
 }
 
-const certificateRows = () => [["name", "verdict", "mismatched", "swaps", "folds", "off_surface_max", "min_separation", "reasons"],
-  ...facts.map((f) => [f.name, f.certificate.verdict, f.mismatched, f.certificate.swaps?.length, f.certificate.folds?.length, f.certificate.off_surface_max, f.certificate.min_separation, f.certificate.reasons?.join("; ")])];
+const certificateRows = () => [["name", "verdict", "lost_neighbours", "stretched", "swaps", "folds", "off_surface_max", "min_separation", "reasons"],
+  ...facts.map((f) => [f.name, f.certificate.verdict, f.lost, f.mismatched, f.certificate.swaps?.length, f.certificate.folds?.length, f.certificate.off_surface_max, f.certificate.min_separation, f.certificate.reasons?.join("; ")])];
 
 // ---- a link to what is seen ----
 
