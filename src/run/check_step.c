@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "evaluate/metrics.h"
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
 #include "run/compare_inputs.h"
@@ -164,6 +165,22 @@ static double evaluate_seconds(double J)
     return 0.08 + 1e-4 * J; /* with the report */
 }
 
+/* The side of the model that is decomposed. */
+static double model_side(double I, double J)
+{
+    return fmin(I, 3 * J);
+}
+
+/* Of all shapes: covariance and scores; eigenvectors; specificity of 1,000 samples; generalization.
+ */
+static double model_seconds(double I, double J)
+{
+    const double n = 3 * J, side = model_side(I, J),
+                 left_out = (double)apsm_generalization_shapes((size_t)I);
+    return 1.7e-10 * I * n * side + 3.3e-10 * side * side * side + 3.1e-6 * I * side +
+           5.8e-11 * left_out * side * side * n;
+}
+
 /* Of one shape: iterations are counted by the particles that there are after each split. */
 static double psm_seconds(const apsm_options *o)
 {
@@ -199,7 +216,9 @@ static double shape_bytes(const apsm_options *o)
 static double other_bytes(const apsm_options *o, double I, double threads)
 {
     const double J = (double)o->particles;
-    return 40e6 + threads * (110 * J * J + 5e6) + 8 * J * (double)o->faces + 200 * I * J;
+    const double side = model_side(I, J);
+    return 40e6 + threads * (110 * J * J + 5e6) + 8 * J * (double)o->faces + 200 * I * J +
+           16 * side * side;
 }
 
 static void forecast(const apsm_run *run, size_t shapes)
@@ -209,7 +228,7 @@ static void forecast(const apsm_run *run, size_t shapes)
                  J = (double)o->particles;
     const double seconds = I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o, I) +
                                 evaluate_seconds(J)) +
-                           template_seconds(I);
+                           template_seconds(I) + model_seconds(I, J);
     const double stored = I * shape_bytes(o), limit = (double)run->memory;
     const bool stores = run->memory > 0; /* then no factor is kept */
     const double others = other_bytes(o, I, threads) + (stores ? 0 : I * kept_bytes(o, I));
