@@ -75,10 +75,11 @@ test-fuzz: deps ## readers on 10,000 damaged files, with sanitizers
 	@cmake --build $(BUILD)-sanitize -j$(JOBS) --target test_damaged
 	$(BUILD)-sanitize/test_damaged 700
 
-bench: deps ## the short set of benchmarks, one line of JSON each
+bench: deps ## the short set of benchmarks, and CPU by step beside an earlier commit's; a line of JSON each
 	@cmake -S . -B $(BUILD) -DAPSM_BENCHMARKS=ON $(CMAKE_FLAGS)
 	@cmake --build $(BUILD) -j$(JOBS)
 	@benchmarks/short $(BUILD)
+	@benchmarks/before $(BUILD) $(BUILD)/before
 
 install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
