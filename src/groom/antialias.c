@@ -30,8 +30,11 @@
 static const double fidelity = 0.02; /* mu for smoothing = 1 */
 static const float margin = 0.03f;   /* m */
 enum { REACH = 4, ROUNDS = 3, ITERATIONS = 8, BINS = 4096 };
-/* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not. */
-enum { FREE, INNER, OUTER, INNER_LOOSE, OUTER_LOOSE };
+/* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not; of
+ * those, what sticks out by a voxel. */
+enum { FREE, INNER, OUTER, INNER_LOOSE, OUTER_LOOSE, INNER_RAGGED, OUTER_RAGGED };
+/* M in (A1); of ragged nodes the mask is hardly believed. */
+static const float expected[] = { 0.0f, 1.0f, 0.0f, 1.0f, 0.0f, 0.65f, 0.35f };
 
 /* Fine nodes [from, to) of row `row` (= y + ny z) that may change. */
 typedef struct run {
@@ -198,6 +201,16 @@ static float mask_between(const antialias_input *in, size_t x, size_t y, size_t 
     return sum;
 }
 
+/* In cubes a ragged voxel is rather noise; a slice thicker than its voxels are wide is ragged where
+ * a smooth surface leaves it. */
+static unsigned char node_kind(const antialias_input *in, unsigned char inside, unsigned char firm)
+{
+    const bool cubes = in->refine[0] == 1 && in->refine[1] == 1 && in->refine[2] == 1;
+    if (firm == THIN_FIRM) return inside ? INNER : OUTER;
+    if (firm == THIN_RAGGED && cubes) return inside ? INNER_RAGGED : OUTER_RAGGED;
+    return inside ? INNER_LOOSE : OUTER_LOOSE;
+}
+
 static void start(work *w, const unsigned char *firm)
 {
     const antialias_input *in = w->in;
@@ -210,10 +223,7 @@ static void start(work *w, const unsigned char *firm)
                 const bool node = x % r[0] == 0 && y % r[1] == 0 && z % r[2] == 0;
                 if (node) {
                     const size_t at = x / r[0] + in->n[0] * (y / r[1] + in->n[1] * (z / r[2]));
-                    if (firm[at])
-                        w->kind[i] = in->mask[at] ? INNER : OUTER;
-                    else
-                        w->kind[i] = in->mask[at] ? INNER_LOOSE : OUTER_LOOSE;
+                    w->kind[i] = node_kind(in, in->mask[at], firm[at]);
                     w->u[i] = (float)in->mask[at];
                 } else {
                     w->kind[i] = FREE;
@@ -248,8 +258,7 @@ static void step_row(size_t n, const float *restrict gradient, const unsigned ch
 {
     const float scale = 1.0f / (1.0f + mu), low = level - margin, high = level + margin;
     for (size_t i = 0; i < n; i++) {
-        const bool inside = kind[i] == INNER || kind[i] == INNER_LOOSE;
-        const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - (inside ? 1.0f : 0.0f));
+        const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - expected[kind[i]]);
         float z = y[i] - scale * (gradient[i] + pull);
         z = kind[i] == INNER && z < high ? high : z;
         z = kind[i] == OUTER && z > low ? low : z;

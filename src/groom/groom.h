@@ -21,8 +21,8 @@ typedef struct apsm_groom_options {
                            volume: gaps and tunnels narrower than twice that are filled; 0: none; -1
                            (default): if the surface has handles, the least up to 0.12 that leaves
                            fewest */
-    double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels,
-                           0: none, 2: twice its reach.  Sheets and tips of a voxel stay */
+    double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels of
+                           their shape, 0: none, 2: twice its reach.  Sheets and tips stay */
     double fairing; /* then ripples shorter than so many voxels (cube root of the voxel's volume)
                        are taken off the surface, by at most one voxel; default 5, 0: none */
     /* both */

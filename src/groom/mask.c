@@ -11,6 +11,7 @@
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "groom/closing.h"
+#include "groom/parts.h"
 
 /* Bounding box lo..hi (inclusive) of the label; false if there is none. */
 static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
@@ -57,56 +58,23 @@ static apsm_status crop(const apsm_volume *v, const size_t lo[3], const size_t h
     return APSM_OK;
 }
 
-/* Collects the voxels of value `from` joined to seed into queue, setting them to `to`; all or
- * only the 6 face neighbours.  The rim of the crop bounds the walk for from = 1; for from = 0
- * the border is checked. */
-static size_t flood(mask *m, size_t seed, unsigned char from, unsigned char to, bool all,
-                    size_t *queue)
-{
-    const ptrdiff_t nx = (ptrdiff_t)m->n[0], ny = (ptrdiff_t)m->n[1], nz = (ptrdiff_t)m->n[2];
-    size_t n = 0;
-    m->in[seed] = to;
-    queue[n++] = seed;
-    for (size_t i = 0; i < n; i++) {
-        const ptrdiff_t p = (ptrdiff_t)queue[i];
-        const ptrdiff_t x = p % nx, y = p / nx % ny, z = p / (nx * ny);
-        for (int k = 0; k < 27; k++) {
-            const int dx = k % 3 - 1, dy = k / 3 % 3 - 1, dz = k / 9 - 1;
-            if (!all && abs(dx) + abs(dy) + abs(dz) != 1) continue;
-            if (x + dx < 0 || y + dy < 0 || z + dz < 0 || x + dx >= nx || y + dy >= ny ||
-                z + dz >= nz)
-                continue;
-            const size_t q = (size_t)(p + dx + nx * (dy + ny * dz));
-            if (m->in[q] != from) continue;
-            m->in[q] = to;
-            queue[n++] = q;
-        }
-    }
-    return n;
-}
-
-enum { OTHER = 2, KEPT = 3, OUTSIDE = 4 };
-
 /* Keeps the largest part (the first of equals); voxels of the rest become background. */
-static void keep_largest(mask *m, size_t *queue, apsm_groom_report *r)
+static apsm_status keep_largest(mask *m, apsm_groom_report *r)
 {
-    const size_t total = m->n[0] * m->n[1] * m->n[2];
-    size_t parts = 0, best = 0, best_seed = 0, all = 0;
-    for (size_t i = 0; i < total; i++) {
-        if (m->in[i] != 1) continue;
-        const size_t n = flood(m, i, 1, OTHER, true, queue);
-        parts++;
-        all += n;
-        if (n > best) {
-            best = n;
-            best_seed = i;
-        }
+    parts p;
+    size_t best = 0, all = 0;
+    APSM_TRY(parts_find(m->n, m->in, 1, true, &p));
+    for (size_t i = 0; i < p.n; i++) {
+        all += p.size[i];
+        if (p.size[i] > p.size[best]) best = i;
     }
-    (void)flood(m, best_seed, OTHER, KEPT, true, queue);
-    for (size_t i = 0; i < total; i++) m->in[i] = m->in[i] == KEPT;
-    r->dropped_parts = parts - 1;
-    r->dropped_voxels = all - best;
-    r->voxels = best;
+    memset(m->in, 0, m->n[0] * m->n[1] * m->n[2]);
+    parts_paint(m->n, &p, best, 1, m->in);
+    r->dropped_parts = p.n - 1;
+    r->dropped_voxels = all - p.size[best];
+    r->voxels = p.size[best];
+    parts_free(&p);
+    return APSM_OK;
 }
 
 double mask_size(const apsm_volume *v, size_t voxels)
@@ -116,45 +84,25 @@ double mask_size(const apsm_volume *v, size_t voxels)
     return cbrt((double)voxels * fabs(apsm_affine_det(M)));
 }
 
-static size_t fill_with(mask *m, size_t *queue)
-{
-    const size_t total = m->n[0] * m->n[1] * m->n[2];
-    size_t filled = 0;
-    (void)flood(m, 0, 0, OUTSIDE, false, queue); /* voxel 0 is in the rim */
-    for (size_t i = 0; i < total; i++) {
-        filled += m->in[i] == 0;
-        m->in[i] = m->in[i] != OUTSIDE;
-    }
-    return filled;
-}
-
 apsm_status mask_fill_cavities(mask *m, size_t *filled)
 {
-    size_t *queue = malloc(m->n[0] * m->n[1] * m->n[2] * sizeof *queue);
-    if (!queue) return APSM_ERR_MEMORY;
-    *filled = fill_with(m, queue);
-    free(queue);
+    parts p;
+    *filled = 0;
+    APSM_TRY(parts_find(m->n, m->in, 0, false, &p));
+    for (size_t i = 1; i < p.n; i++) { /* part 0 has voxel 0, which is in the rim */
+        *filled += p.size[i];
+        parts_paint(m->n, &p, i, 1, m->in);
+    }
+    parts_free(&p);
     return APSM_OK;
 }
 
-static void fill_cavities(mask *m, size_t *queue, apsm_groom_report *r)
+static apsm_status fill_cavities(mask *m, apsm_groom_report *r)
 {
-    const size_t filled = fill_with(m, queue);
+    size_t filled;
+    APSM_TRY(mask_fill_cavities(m, &filled));
     r->filled_voxels += filled;
     r->voxels += filled;
-}
-
-/* The closing that was asked for, and the cavities that it made. */
-static apsm_status close_gaps(mask *m, const apsm_volume *v, const apsm_groom_options *opt,
-                              size_t *queue, apsm_groom_report *r)
-{
-    if (!(opt->closing > 0.0)) return APSM_OK;
-    size_t added;
-    r->closing = opt->closing * mask_size(v, r->voxels);
-    APSM_TRY(mask_close(m, v->spacing, r->closing, &added));
-    added += fill_with(m, queue);
-    r->closed_voxels = added;
-    r->voxels += added;
     return APSM_OK;
 }
 
@@ -207,6 +155,30 @@ static apsm_status judge(apsm_context *ctx, const char *name, const apsm_groom_o
     return APSM_OK;
 }
 
+/* The closing that was asked for, and the cavities that it made. */
+static apsm_status close_gaps(mask *m, const apsm_volume *v, const apsm_groom_options *opt,
+                              apsm_groom_report *r)
+{
+    size_t added, filled;
+    if (!(opt->closing > 0.0)) return APSM_OK;
+    r->closing = opt->closing * mask_size(v, r->voxels);
+    APSM_TRY(mask_close(m, v->spacing, r->closing, &added));
+    APSM_TRY(mask_fill_cavities(m, &filled));
+    r->closed_voxels = added + filled;
+    r->voxels += added + filled;
+    return APSM_OK;
+}
+
+static apsm_status clean(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                         const apsm_groom_options *opt, mask *m, apsm_groom_report *report)
+{
+    APSM_TRY(keep_largest(m, report));
+    memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
+    APSM_TRY(judge(ctx, name, opt, report));
+    if (opt->fill_cavities) APSM_TRY(fill_cavities(m, report));
+    return close_gaps(m, volume, opt, report);
+}
+
 apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *volume,
                       const apsm_groom_options *opt, const size_t rim[3], mask *m,
                       apsm_groom_report *report)
@@ -216,19 +188,13 @@ apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *vo
     if (!bounding_box(volume, lo, hi))
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: no voxel has the label", name);
     apsm_status status = crop(volume, lo, hi, rim, m);
-    size_t *queue = malloc(m->n[0] * m->n[1] * m->n[2] * sizeof *queue);
-    if (!queue) status = APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = clean(ctx, name, volume, opt, m, report);
     if (status == APSM_OK) {
-        keep_largest(m, queue, report);
-        memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
-        status = judge(ctx, name, opt, report);
-        if (opt->fill_cavities) fill_cavities(m, queue, report);
-        if (status == APSM_OK) status = close_gaps(m, volume, opt, queue, report);
         note_border(volume, m, report);
         note_normals(volume, report);
+    } else {
+        mask_free(m);
     }
-    free(queue);
-    if (status != APSM_OK) mask_free(m);
     return status;
 }
 

@@ -17,6 +17,7 @@
 #include "groom/repair.h"
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
+static const double least_smoothing = 0.53, thick_slices = 3.0;
 static const double volume_tolerance = 0.003;          /* relative */
 static const double first_step = 0.005, outward = 0.3; /* of the level */
 
@@ -28,6 +29,17 @@ static void choose_refinement(const apsm_volume *v, antialias_input *in)
         in->refine[c] = ratio < MOST_REFINED ? (int)ratio : MOST_REFINED;
         in->spacing[c] = v->spacing[c];
     }
+}
+
+/* What smoothing = 1 means for these voxels.  Between slices far apart a surface has steps as long
+ * as the slices are thick relative to the voxels' width, and the reach of the smoothing has to
+ * cover them; where voxels are cubes, half of it is nearer to the true surface and to the mask.
+ * docs/results.md, "Masks". */
+static double suitable_smoothing(const apsm_volume *v)
+{
+    const double least = fmin(v->spacing[0], fmin(v->spacing[1], v->spacing[2]));
+    const double most = fmax(v->spacing[0], fmax(v->spacing[1], v->spacing[2]));
+    return fmin(fmax(most / least / thick_slices, least_smoothing), 1.0);
 }
 
 /* The surface, in LPS, of fine-grid values <= level. */
@@ -138,7 +150,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
                                 const apsm_groom_options *opt, mask *m, apsm_mesh *surface,
                                 apsm_groom_report *r)
 {
-    antialias_input in = { .smoothing = opt->smoothing };
+    antialias_input in = { .smoothing = opt->smoothing * suitable_smoothing(volume) };
     size_t rim[3];
     choose_refinement(volume, &in);
     antialias_rim(&in, rim);

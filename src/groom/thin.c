@@ -13,6 +13,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "groom/parts.h"
+
 enum { LEAST_PIECE = 12 };
 
 /* to[i] <- whether any (all) of a[i], b[i], c[i] are set, for a row. */
@@ -55,63 +57,39 @@ static void cube(const size_t n[3], bool all, unsigned char *x, unsigned char *t
     memcpy(x, t, n[0] * n[1] * n[2]);
 }
 
-/* Collects what is joined (26 neighbours) to seed and has piece[] == from into queue; sets it to
- * `to`.  Returns the count. */
-static size_t flood(const size_t n[3], unsigned char *piece, size_t seed, unsigned char from,
-                    unsigned char to, size_t *queue)
-{
-    const ptrdiff_t nx = (ptrdiff_t)n[0], ny = (ptrdiff_t)n[1], nz = (ptrdiff_t)n[2];
-    size_t count = 0;
-    piece[seed] = to;
-    queue[count++] = seed;
-    for (size_t i = 0; i < count; i++) {
-        const ptrdiff_t p = (ptrdiff_t)queue[i], x = p % nx, y = p / nx % ny, z = p / (nx * ny);
-        for (int k = 0; k < 27; k++) {
-            const int dx = k % 3 - 1, dy = k / 3 % 3 - 1, dz = k / 9 - 1;
-            if (x + dx < 0 || y + dy < 0 || z + dz < 0 || x + dx >= nx || y + dy >= ny ||
-                z + dz >= nz)
-                continue;
-            const size_t q = (size_t)(p + dx + nx * (dy + ny * dz));
-            if (piece[q] != from) continue;
-            piece[q] = to;
-            queue[count++] = q;
-        }
-    }
-    return count;
-}
-
 enum { OTHER, THICK, THIN, RAGGED, SEEN };
 
 /* piece (n, out): THICK, THIN or RAGGED for voxels of `side`, OTHER elsewhere. */
-static void sort_pieces(const size_t n[3], const unsigned char *mask, unsigned char side,
-                        unsigned char *piece, unsigned char *t, size_t *queue)
+static apsm_status sort_pieces(const size_t n[3], const unsigned char *mask, unsigned char side,
+                               unsigned char *piece, unsigned char *t)
 {
     const size_t total = n[0] * n[1] * n[2];
+    parts p;
     for (size_t i = 0; i < total; i++) piece[i] = mask[i] == side;
     cube(n, true, piece, t);
     cube(n, false, piece, t);
     for (size_t i = 0; i < total; i++) piece[i] = mask[i] != side ? OTHER : piece[i] ? THICK : SEEN;
-    for (size_t i = 0; i < total; i++) {
-        if (piece[i] != SEEN) continue;
-        const size_t count = flood(n, piece, i, SEEN, THIN, queue);
-        if (count < LEAST_PIECE)
-            for (size_t k = 0; k < count; k++) piece[queue[k]] = RAGGED;
-    }
+    APSM_TRY(parts_find(n, piece, SEEN, true, &p));
+    for (size_t row = 0; row < n[1] * n[2]; row++)
+        for (size_t i = p.first[row]; i < p.first[row + 1]; i++) {
+            const part_run *r = &p.run[i];
+            const unsigned char to = p.size[r->part] < LEAST_PIECE ? RAGGED : THIN;
+            memset(piece + n[0] * row + r->from, to, r->to - r->from);
+        }
+    parts_free(&p);
+    return APSM_OK;
 }
 
 /* Whether the label without its ragged pieces is one part (26-connected). */
-static bool holds_together(const size_t n[3], const unsigned char *piece, unsigned char *t,
-                           size_t *queue)
+static apsm_status holds_together(const size_t n[3], const unsigned char *piece, unsigned char *t,
+                                  bool *together)
 {
-    const size_t total = n[0] * n[1] * n[2];
-    size_t parts = 0;
-    for (size_t i = 0; i < total; i++) t[i] = piece[i] == THICK || piece[i] == THIN;
-    for (size_t i = 0; i < total && parts < 2; i++)
-        if (t[i] == 1) {
-            (void)flood(n, t, i, 1, 2, queue);
-            parts++;
-        }
-    return parts == 1;
+    parts p;
+    for (size_t i = 0; i < n[0] * n[1] * n[2]; i++) t[i] = piece[i] == THICK || piece[i] == THIN;
+    APSM_TRY(parts_find(n, t, 1, true, &p));
+    *together = p.n == 1;
+    parts_free(&p);
+    return APSM_OK;
 }
 
 /* Voxels of `side` that face the other side and are not thin lose their firmness; ragged ones only
@@ -126,25 +104,28 @@ static void loosen(const size_t n[3], const unsigned char *mask, unsigned char s
                 if (mask[i] == side && (piece[i] == THICK || (piece[i] == RAGGED && ragged)) &&
                     (mask[i - 1] != side || mask[i + 1] != side || mask[i - row] != side ||
                      mask[i + row] != side || mask[i - plane] != side || mask[i + plane] != side))
-                    firm[i] = 0;
+                    firm[i] = piece[i] == RAGGED ? THIN_RAGGED : THIN_LOOSE;
+}
+
+static apsm_status mark_side(const size_t n[3], const unsigned char *mask, unsigned char side,
+                             unsigned char *piece, unsigned char *t, unsigned char *firm)
+{
+    bool loose = true;
+    APSM_TRY(sort_pieces(n, mask, side, piece, t));
+    if (side == 1) APSM_TRY(holds_together(n, piece, t, &loose));
+    loosen(n, mask, side, piece, loose, firm);
+    return APSM_OK;
 }
 
 apsm_status thin_mark(const size_t n[3], const unsigned char *mask, unsigned char *firm)
 {
     const size_t total = n[0] * n[1] * n[2];
     unsigned char *piece = malloc(total), *t = malloc(total);
-    size_t *queue = malloc(total * sizeof *queue);
-    const bool ok = piece && t && queue;
-    if (ok) {
-        memset(firm, 1, total);
-        for (unsigned char side = 0; side < 2; side++) {
-            sort_pieces(n, mask, side, piece, t, queue);
-            const bool loose = side == 0 || holds_together(n, piece, t, queue);
-            loosen(n, mask, side, piece, loose, firm);
-        }
-    }
+    apsm_status status = piece && t ? APSM_OK : APSM_ERR_MEMORY;
+    memset(firm, THIN_FIRM, total);
+    for (unsigned char side = 0; side < 2 && status == APSM_OK; side++)
+        status = mark_side(n, mask, side, piece, t, firm);
     free(piece);
     free(t);
-    free(queue);
-    return ok ? APSM_OK : APSM_ERR_MEMORY;
+    return status;
 }
