@@ -9,6 +9,7 @@
 #include "apsm/exchange.h"
 #include "apsm/fit.h"
 #include "apsm/formats.h"
+#include "apsm/contour.h"
 #include "apsm/joint.h"
 #include "apsm/mesh.h"
 #include "apsm/model.h"

@@ -1,7 +1,11 @@
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "assemble/job.h"
+
+enum { MODES_MOST = 5 };
+static const double deviations = 2;
 
 static apsm_status allocate(const joint_cohort *c, joint_figures *f)
 {
@@ -11,7 +15,7 @@ static apsm_status allocate(const joint_cohort *c, joint_figures *f)
     f->mesh = calloc(c->n, sizeof *f->mesh);
     f->surface = calloc(c->I * c->n, sizeof *f->surface);
     f->contact = calloc(c->I * f->pairs, sizeof *f->contact);
-    f->mean = calloc(f->pairs, sizeof *f->mean);
+    f->mean = calloc((1 + 2 * MODES_MOST) * f->pairs, sizeof *f->mean);
     return f->like && f->warp && f->mesh && f->surface && f->contact && f->mean ? APSM_OK
                                                                                 : APSM_ERR_MEMORY;
 }
@@ -136,13 +140,52 @@ static apsm_status measure_subject(apsm_context *ctx, size_t i, int worker, void
     return status;
 }
 
-static apsm_status measure_mean(const joint_cohort *c, joint_figures *f)
+/* The joint of particles x, as row `row` of f->mean. */
+static apsm_status measure_made(const joint_cohort *c, const double *x, size_t row,
+                                joint_figures *f)
 {
-    surfaces mean = { 0 };
-    const apsm_status status = warped_surfaces(c, f, f->model.mean, &mean);
-    if (status == APSM_OK) measure_contacts(&mean, 1, f->mean);
-    surfaces_free(&mean);
+    surfaces made = { 0 };
+    const apsm_status status = warped_surfaces(c, f, x, &made);
+    if (status == APSM_OK) measure_contacts(&made, 1, f->mean + row * f->pairs);
+    surfaces_free(&made);
     return status;
+}
+
+/* The mean and the first modes: a model should not close a joint. */
+static apsm_status measure_model(const joint_cohort *c, joint_figures *f)
+{
+    const apsm_shape_model *m = &f->model;
+    const size_t D = 3 * m->J;
+    double *x = malloc((D + 1) * sizeof *x);
+    if (!x) return APSM_ERR_MEMORY;
+    f->modes = m->modes < MODES_MOST ? m->modes : MODES_MOST;
+    apsm_status status = measure_made(c, m->mean, 0, f);
+    for (size_t k = 0; k < 2 * f->modes && status == APSM_OK; k++) {
+        const double b = (k % 2 ? deviations : -deviations) * sqrt(m->variance[k / 2]);
+        for (size_t e = 0; e < D; e++) x[e] = m->mean[e] + b * m->mode[k / 2 * D + e];
+        status = measure_made(c, x, 1 + k, f);
+    }
+    free(x);
+    return status;
+}
+
+/* Parts that lie deeper in each other than any subject's do, and than the mean's. */
+static void tell_closed(const joint_job *job, const joint_cohort *c, const joint_figures *f)
+{
+    for (size_t k = 0; k < 2 * f->modes; k++)
+        for (size_t a = 0, pair = 0; a < c->n; a++)
+            for (size_t b = a + 1; b < c->n; b++, pair++) {
+                double usual = f->mean[pair].depth;
+                const double depth = f->mean[(1 + k) * f->pairs + pair].depth;
+                for (size_t i = 0; i < c->I; i++)
+                    usual = fmax(usual, f->contact[i * f->pairs + pair].own.depth);
+                if (depth > 2 * usual && depth > 0)
+                    apsm_log(job->ctx, APSM_LOG_WARNING,
+                             "mode %zu at %+g standard deviations closes the space between %s and "
+                             "%s: %.3g deep, in no subject more than %.3g (contacts.csv)",
+                             k / 2 + 1, k % 2 ? deviations : -deviations, job->part[a].name,
+                             job->part[b].name, depth, usual);
+            }
 }
 
 apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures)
@@ -152,7 +195,9 @@ apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figu
     for (size_t d = 0; d < cohort->n; d++) APSM_TRY(make_warp(job->ctx, cohort, d, figures));
     measuring m = { cohort, figures };
     APSM_TRY(apsm_parallel_for(job->ctx, cohort->I, measure_subject, &m, "contacts"));
-    return measure_mean(cohort, figures);
+    APSM_TRY(measure_model(cohort, figures));
+    tell_closed(job, cohort, figures);
+    return APSM_OK;
 }
 
 void joint_figures_free(joint_figures *f, size_t n)

@@ -317,17 +317,21 @@ static apsm_status write_contacts(writing *w)
     APSM_TRY(open_csv(w, "contacts.csv", &csv));
     apsm_writer_printf(csv, "name,part,other,gap,depth,overlap,rebuilt_gap,rebuilt_depth,"
                             "rebuilt_overlap\n");
-    for (size_t i = 0; i <= w->c->I; i++) { /* the mean comes last */
+    for (size_t i = 0; i <= w->c->I + 2 * w->f->modes; i++) { /* the mean and modes come last */
         size_t pair = 0;
         for (size_t a = 0; a < n; a++)
             for (size_t b = a + 1; b < n; b++, pair++) {
                 const joint_contact *k = i < w->c->I ? &w->f->contact[i * pairs + pair] : NULL;
+                const size_t made = k ? 0 : i - w->c->I;
                 if (k)
                     apsm_writer_csv(csv, subject_name(w, i));
-                else
+                else if (made == 0)
                     apsm_writer_printf(csv, "mean of the cohort");
+                else
+                    apsm_writer_printf(csv, "mode %zu %c2sd", (made + 1) / 2, made % 2 ? '-' : '+');
                 apsm_writer_printf(csv, ",%s,%s", part_name(w, a), part_name(w, b));
-                contact_row(csv, k ? &k->own : NULL, k ? &k->rebuilt : &w->f->mean[pair]);
+                contact_row(csv, k ? &k->own : NULL,
+                            k ? &k->rebuilt : &w->f->mean[made * pairs + pair]);
             }
     }
     return apsm_writer_commit(csv);
