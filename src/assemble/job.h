@@ -95,7 +95,7 @@ typedef struct joint_figures {
     apsm_surface_distance *surface; /* I x n */
     joint_contact *contact;         /* I x pairs */
     size_t modes;                   /* whose joints at two standard deviations are measured */
-    apsm_contact *mean;             /* (1 + 2 modes) x pairs: of the mean joint, mode 1 at - and + */
+    apsm_contact *mean; /* (1 + 2 modes) x pairs: of the mean joint, mode 1 at - and + */
 } joint_figures;
 apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures);
 void joint_figures_free(joint_figures *figures, size_t n);
