@@ -60,6 +60,20 @@ static void find_distances(const model_folder *f, apsm_fit_model *m)
     }
 }
 
+static apsm_status tell_regions(apsm_context *ctx, const char *folder)
+{
+    char *whole = apsm_path_join(folder, "groomed/whole");
+    if (!whole) return APSM_ERR_MEMORY;
+    if (apsm_is_folder(whole))
+        apsm_log(
+            ctx, APSM_LOG_WARNING,
+            "%s: is a model of what constraints leave of the shapes: new shapes have to be cut "
+            "alike, and are given as open surfaces",
+            folder);
+    free(whole);
+    return APSM_OK;
+}
+
 static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_model *m)
 {
     apsm_mesh mesh = { 0 };
@@ -72,6 +86,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a model of %zu parts a subject; fits are of models of one part",
                          m->path, f->parts);
+    APSM_TRY(tell_regions(ctx, m->path));
     m->T = malloc(D * sizeof *m->T);
     if (!m->T) return APSM_ERR_MEMORY;
     memcpy(m->T, f->P + f->template_index * D, D * sizeof *m->T);

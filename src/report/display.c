@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "evaluate/surface_distance.h"
+#include "report/rest.h"
 #include "report/template_surface.h"
 
 /* Faces that are shown: of all shapes together about this many, which a browser draws smoothly
@@ -88,6 +89,24 @@ static apsm_status add_part(apsm_context *ctx, const making *w, size_t d, const 
     return APSM_OK;
 }
 
+/* What constraints took away comes behind, at no distance from anything. */
+static apsm_status add_rest(apsm_context *ctx, const making *w, size_t i, const apsm_bvh *own,
+                            display_shape *s)
+{
+    apsm_mesh rest;
+    const size_t first = s->mesh.nv;
+    APSM_TRY(read_rest(ctx, w->m, i, own, w->faces / 3, &rest));
+    const apsm_status status = apsm_mesh_append(&s->mesh, &rest);
+    s->rest = rest.nv;
+    apsm_mesh_free(&rest);
+    APSM_TRY(status);
+    double *distance = realloc(s->distance, (s->mesh.nv + 1) * sizeof *distance);
+    if (!distance) return APSM_ERR_MEMORY;
+    s->distance = distance;
+    for (size_t v = first; v < s->mesh.nv; v++) distance[v] = 0.0;
+    return APSM_OK;
+}
+
 static apsm_status make_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
@@ -103,6 +122,7 @@ static apsm_status make_shape(apsm_context *ctx, size_t i, int worker, void *use
         part_pair p = { 0 };
         status = make_pair(ctx, w, i, d, &p);
         if (status == APSM_OK) status = add_part(ctx, w, d, &p, s);
+        if (status == APSM_OK) status = add_rest(ctx, w, i, p.own_tree, s);
         part_pair_free(&p);
     }
     return status;

@@ -9,6 +9,7 @@
 typedef struct display_shape {
     apsm_mesh mesh;
     double *distance;        /* mesh.nv: to the reconstruction */
+    size_t rest;             /* of mesh's vertices, so many at the end do not count: rest.h */
     double *warped;          /* template nv x 3: vertices of the reconstruction */
     double *warped_distance; /* template nv: to the shape */
 } display_shape;

@@ -154,12 +154,14 @@ static json_t *json_shape(composing *c, size_t i)
     const display_shape *s = &c->d->shape[i];
     const apsm_subject *subject = &m->project.subjects[i];
     const size_t nv = c->d->template_mesh.nv;
-    return json_pack(
+    json_t *shape = json_pack(
         "{s:s, s:b, s:o, s:o, s:o, s:o, s:o, s:o, s:o}", "name", subject->name, "mirrored",
         subject->mirrored, "scores", json_scores(c, i), "particles",
         positions(c, m->J, m->P + i * m->J * 3), "vertices", positions(c, s->mesh.nv, s->mesh.V),
         "faces", faces(c, &s->mesh), "distance", distances(c, s->mesh.nv, s->distance), "warped",
         warped_positions(c, s->warped), "warped_distance", distances(c, nv, s->warped_distance));
+    if (shape && s->rest > 0) json_object_set_new(shape, "rest", json_integer((json_int_t)s->rest));
+    return shape;
 }
 
 static json_t *json_modes(composing *c)

@@ -278,10 +278,26 @@ static apsm_status enrol(adding *a)
     return evaluate_and_report(run);
 }
 
+/* New shapes come whole, and nobody says what of them counts. */
+static apsm_status refuse_regions(const apsm_run *run)
+{
+    char *whole = run_path(run, "groomed/whole");
+    if (!whole) return APSM_ERR_MEMORY;
+    const bool is = apsm_is_folder(whole);
+    free(whole);
+    if (!is) return APSM_OK;
+    return apsm_fail(
+        run->ctx, APSM_ERR_UNSUPPORTED,
+        "%s: is a model of what constraints leave of the shapes; to add some, give all "
+        "shapes with their constraints to `apsm run`",
+        run->folder);
+}
+
 apsm_status apsm_run_add(apsm_run *run)
 {
     adding a = { .run = run };
     APSM_TRY(require_model(run));
+    APSM_TRY(refuse_regions(run));
     if (run->n_inputs == 0)
         return apsm_fail(run->ctx, APSM_ERR_ARG, "no shapes to add: name files or folders");
     apsm_status status = fit_all(&a);

@@ -42,6 +42,7 @@ const surfaceShader = {
       float glint, s = shade(normalize(n) * (gl_FrontFacing ? 1.0 : -1.0), glint);
       float t = clamp((v - range.x) / (range.y - range.x), 0.002, 0.998);
       vec3 c = coloured > 0.5 ? texture2D(palette, vec2(t, 0.5)).rgb : base;
+      if (v < -1e29) c = vec3(0.62); // not counted
       gl_FragColor = vec4(min(c * s + glint, 1.0) * veil, veil);
     }`,
 };

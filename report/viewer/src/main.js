@@ -31,6 +31,7 @@ function once(key, make) {
   return made.get(key);
 }
 
+const NOTHING = -1e30; // no value: grey (gl.js)
 function surfaceOf(i, which) {
   return once(`${which} ${i}`, () => {
     const s = model.shapes[i], warped = which === "warped";
@@ -38,6 +39,7 @@ function surfaceOf(i, which) {
     const F = model.array(warped ? model.mean.faces : s.faces, "integers");
     const N = vertexNormals(V, F);
     const value = model.array(warped ? s.warped_distance : s.distance, "distances");
+    if (!warped && s.rest) value.fill(NOTHING, value.length - s.rest); // what constraints took away
     return { V, F, N, value, geometry: gl.surfaceGeometry(V, F, N, value) };
   });
 }
