@@ -122,9 +122,9 @@ static void run_stage(apsm_context *ctx, apsm_cohort *cohort, size_t J, const do
     const clock_t start = clock();
     must(ctx, apsm_fidelity_new(ctx, cohort, J, P0 + cohort->template_index * J * 3, o, &f));
     size_t modes = 0;
-    for (long k = 0; k < o->rounds; k++) {
+    for (long k = 0; k < o->fidelity_rounds; k++) {
         apsm_fidelity_record r;
-        if (adaptivity > 0 && k > 0 && k == o->rounds / 2) {
+        if (adaptivity > 0 && k > 0 && k == o->fidelity_rounds / 2) {
             must(ctx, apsm_reseat(ctx, cohort, J, P, NULL, adaptivity, J, own));
             memcpy(P, own, bytes);
             apsm_fidelity_free(f);
@@ -140,8 +140,8 @@ static void run_stage(apsm_context *ctx, apsm_cohort *cohort, size_t J, const do
     }
     const double seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
     snprintf(label, sizeof label, "F %g c %g prior %g smooth %g modes %zu%s %ldx%ld points %zu",
-             o->fidelity, adaptivity, o->prior, o->smooth, modes, o->modes < 0 ? "*" : "",
-             o->rounds, o->iterations, o->points);
+             o->fidelity, adaptivity, o->prior, o->smooth, modes, o->fidelity_modes < 0 ? "*" : "",
+             o->fidelity_rounds, o->iterations, o->fidelity_points);
     judge(ctx, cohort, J, P, label, seconds);
     apsm_fidelity_free(f);
     free(own);
@@ -168,10 +168,10 @@ int main(int argc, char **argv)
         if (strncmp(argv[k], "adaptivity=", 11) == 0) adaptivity = x;
         if (strncmp(argv[k], "smooth=", 7) == 0) o.smooth = x;
         if (strncmp(argv[k], "order=", 6) == 0) o.order = x;
-        if (strncmp(argv[k], "modes=", 6) == 0) o.modes = (long)x;
-        if (strncmp(argv[k], "rounds=", 7) == 0) o.rounds = (long)x;
+        if (strncmp(argv[k], "modes=", 6) == 0) o.fidelity_modes = (long)x;
+        if (strncmp(argv[k], "rounds=", 7) == 0) o.fidelity_rounds = (long)x;
         if (strncmp(argv[k], "iterations=", 11) == 0) o.iterations = (long)x;
-        if (strncmp(argv[k], "points=", 7) == 0) o.points = (size_t)x;
+        if (strncmp(argv[k], "points=", 7) == 0) o.fidelity_points = (long)x;
         if (strncmp(argv[k], "floor=", 6) == 0) o.floor = x;
         if (strncmp(argv[k], "ceiling=", 8) == 0) o.ceiling = x;
         if (strncmp(argv[k], "threads=", 8) == 0) apsm_context_set_threads(ctx, (int)x);

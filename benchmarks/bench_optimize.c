@@ -53,14 +53,14 @@ static void optimize(const setting *s)
     apsm_mesh *mesh = bench_alloc(s->I * sizeof *mesh);
     double *transforms = bench_doubles(16 * s->I);
     apsm_context *ctx = apsm_context_new();
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state state;
     apsm_cohort cohort;
     times t = { 0 };
     if (!ctx) abort();
     apsm_context_set_threads(ctx, s->threads);
-    o.points = s->points;
-    o.fidelity = 0;
+    o.rbf.points = s->points;
+    o.fidelity.fidelity = 0;
     for (size_t i = 0; i < s->I; i++) {
         names[i] = "shape";
         mesh[i] = synthetic_shape(SYNTHETIC_BUMP, i, s->I, s->level);
@@ -68,7 +68,7 @@ static void optimize(const setting *s)
     }
     const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[s->I / 2]), s->J);
     bench_must(apsm_cohort_build(ctx, s->I, names, mesh, transforms, s->I / 2, o.field_voxel * h,
-                                 1.1 * o.band * o.dipole * h, &cohort));
+                                 1.1 * o.rbf.band * o.rbf.dipole * h, &cohort));
     bench_must(apsm_optimizer_state_alloc(s->I, s->J, &state));
     bench_must(apsm_first_particles(ctx, &cohort, &o, s->J, state.P));
     t.last = look();

@@ -18,22 +18,22 @@ static void must(apsm_context *ctx, apsm_status status)
 }
 
 /* Moves of particles in a whole run: each iteration moves those that there are. */
-static double moves(const apsm_options *o, size_t J)
+static double moves(const apsm_optimize_options *o, size_t J)
 {
-    double sum = (double)(o->psm_optimization_iterations * (long)J);
+    double sum = (double)(o->psm.psm_optimization_iterations * (long)J);
     for (size_t now = 1; now < J;) {
         now = 2 * now < J ? 2 * now : J;
-        sum += (double)(o->psm_iterations_per_split * (long)now);
+        sum += (double)(o->psm.psm_iterations_per_split * (long)now);
     }
     return I * sum;
 }
 
 static void time_size(apsm_context *ctx, const apsm_cohort *cohort, size_t J)
 {
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state state;
-    o.psm_iterations_per_split = 100;
-    o.psm_optimization_iterations = 200;
+    o.psm.psm_iterations_per_split = 100;
+    o.psm.psm_optimization_iterations = 200;
     must(ctx, apsm_optimizer_state_alloc(I, J, &state));
     apsm_psm_first_particle(cohort, &state);
     const clock_t begin = clock();

@@ -40,14 +40,12 @@ static void measure(size_t J, double exp32)
 {
     bench b = { .s = sphere_scene_new(J), .o = apsm_sampling_defaults() };
     b.work = bench_doubles(apsm_sampling_work_size(J, b.s.R));
-    b.o.tau = b.s.h / 8.0;
-    b.o.cut = 15.0;
-    const double pairs = pairs_that_matter(&b.s, b.o.cut * b.o.tau);
+    b.o.h = b.s.h;
+    const double pairs = pairs_that_matter(&b.s, b.o.cut_single * b.o.tau * b.o.h);
     char size[128];
     snprintf(size, sizeof size, "%s, \"pairs_per_point\": %.1f", b.s.size, pairs / (double)b.s.R);
     for (int single = 1; single >= 0; single--) {
-        b.o.single = single;
-        if (!single) b.o.cut = apsm_sampling_defaults().cut;
+        b.o.precision = single ? APSM_PRECISION_SINGLE : APSM_PRECISION_DOUBLE;
         bench_report(single ? "sampling gradient" : "sampling gradient, double", size,
                      bench_median(run, &b), (double)b.s.R, "point",
                      "vector expf of the pairs within 15 tau", pairs * exp32);

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "options/options.h"
 #include "options_table.h"
 
 enum { WIDTH = 79, INDENT = 27 };

@@ -11,6 +11,7 @@
 
 #include "apsm/run.h"
 #include "config.h"
+#include "options/options.h"
 #include "options_table.h"
 
 static apsm_status out_of_memory(apsm_context *ctx)

@@ -9,11 +9,11 @@
 
 #include "apsm/certify.h"
 #include "apsm/formats.h"
-#include "apsm/options.h"
 #include "apsm/particles.h"
 #include "evaluate/metrics.h"
 #include "geometry/affine.h"
 #include "geometry/bvh.h"
+#include "options/options.h"
 #include "particle_sets.h"
 #include "verbs.h"
 
@@ -222,13 +222,10 @@ static apsm_status compute(files_work *w, const char *template_name, const apsm_
     const apsm_evaluate_input input = { .I = w->I,
                                         .J = w->J,
                                         .P = w->P,
-                                        .definition = (apsm_definition)options->definition,
-                                        .samples = (size_t)options->specificity_samples,
-                                        .specificity_modes = (size_t)options->specificity_modes,
+                                        .options = options->evaluate,
                                         .shape = w->meshes ? &shapes : NULL,
                                         .template_mesh = w->meshes ? &w->meshes[w->t] : NULL,
-                                        .template_index = w->t,
-                                        .others = (size_t)options->other_templates };
+                                        .template_index = w->t };
     return apsm_evaluate(w->ctx, &input, &w->evaluation);
 }
 

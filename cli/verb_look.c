@@ -14,6 +14,7 @@
 #include "folder/model_folder.h"
 #include "geometry/topology.h"
 #include "input/input.h"
+#include "options/options.h"
 #include "verbs.h"
 
 /* ---- check ---- */

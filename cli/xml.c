@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "options/options.h"
 #include "options_table.h"
 
 static void put_text(FILE *out, const char *text)

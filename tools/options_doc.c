@@ -54,7 +54,7 @@ int main(void)
     const apsm_option_info *table = apsm_options_table(&n);
     fputs(
         "# Options of the method\n\n"
-        "Written by `scripts/make-options-doc` from `include/apsm/options.h`; do not edit.\n\n"
+        "Written by `scripts/make-options-doc` from the lists beside the steps; do not edit.\n\n"
         "Each can be given as `--name X` (with dashes for underscores; a switch as `--name` or\n"
         "`--no-name`), as `--set name=X`, or in a file for `--config`. Options of the program\n"
         "itself (inputs, folders, threads) are in `apsm run --help`. Numbers in brackets are\n"

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "assemble/job.h"
+#include "options/options.h"
 
 enum { MODES_MOST = 5 };
 static const double deviations = 2;
@@ -32,7 +33,7 @@ static apsm_status make_model(joint_job *job, const joint_cohort *c, joint_figur
                                         .J = c->J,
                                         .P = c->Q,
                                         .model = &f->model,
-                                        .definition = (apsm_definition)options.definition };
+                                        .options.definition = options.evaluate.definition };
     APSM_TRY(apsm_shape_model_fit(job->ctx, c->I, c->J, c->Q, &f->model));
     APSM_TRY(apsm_evaluate(job->ctx, &input, &f->evaluation));
     return apsm_pose_shape_separate(job->ctx, c->I, &parts, c->Q, &f->poses);

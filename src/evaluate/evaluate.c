@@ -24,14 +24,16 @@ static double *numbers(size_t n)
 static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_t modes,
                          apsm_evaluation *e)
 {
-    const size_t I = in->I, wanted = in->specificity_modes ? in->specificity_modes
-                                                           : apsm_definition_modes(in->definition);
+    const apsm_evaluate_options *o = &in->options;
+    const apsm_definition d = (apsm_definition)o->definition;
+    const size_t I = in->I, asked = (size_t)o->specificity_modes;
+    const size_t wanted = asked ? asked : apsm_definition_modes(d);
+    const size_t samples = (size_t)o->specificity_samples;
     *e = (apsm_evaluation){ .shapes = I,
                             .particles = in->J,
                             .modes = modes,
-                            .samples =
-                                in->samples ? in->samples : apsm_definition_samples(in->definition),
-                            .definition = in->definition,
+                            .samples = samples ? samples : apsm_definition_samples(d),
+                            .definition = d,
                             .left_out = apsm_generalization_shapes(I),
                             .n_compactness = I - 1,
                             .n_generalization = I > 2 ? I - 2 : 0,
@@ -74,7 +76,9 @@ static apsm_status measure_surfaces(apsm_context *ctx, const apsm_evaluate_input
     apsm_warp_free(&own);
     APSM_TRY(status);
     apsm_surface_summarize(in->I, e->surface, in->template_index, &e->surface_summary);
-    e->others = in->others < in->I - 1 ? in->others : in->I - 1;
+    e->others = (size_t)in->options.other_templates < in->I - 1
+                    ? (size_t)in->options.other_templates
+                    : in->I - 1;
     return apsm_other_templates(ctx, in->I, in->J, in->P, in->shape, in->template_index, e->others,
                                 &e->other_templates);
 }
@@ -86,7 +90,7 @@ apsm_status apsm_evaluate(apsm_context *ctx, const apsm_evaluate_input *input,
     *evaluation = (apsm_evaluation){ 0 };
     if (!input->model) APSM_TRY(apsm_shape_model_fit(ctx, input->I, input->J, input->P, &own));
     const apsm_shape_model *model = input->model ? input->model : &own;
-    const char *warning = apsm_definition_warning(input->definition);
+    const char *warning = apsm_definition_warning((apsm_definition)input->options.definition);
     if (warning) apsm_log(ctx, APSM_LOG_WARNING, "%s", warning);
     apsm_status status = alloc(ctx, input, model->modes, evaluation);
     if (status == APSM_OK) status = measure_model(ctx, model, evaluation);

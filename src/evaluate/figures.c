@@ -90,7 +90,9 @@ apsm_status apsm_evaluate_particles(apsm_context *ctx, size_t I, size_t J, const
                                   .template_mesh = meshes ? &meshes[template_index] : NULL,
                                   .template_index = template_index };
     apsm_evaluation evaluation = { 0 };
-    APSM_TRY(find_definition(ctx, definition, &input.definition));
+    apsm_definition d = APSM_DEFINITION_STANDARD;
+    APSM_TRY(find_definition(ctx, definition, &d));
+    input.options.definition = (int)d;
     APSM_TRY(apsm_evaluate(ctx, &input, &evaluation));
     *figures = malloc(sizeof **figures);
     if (!*figures) apsm_evaluation_free(&evaluation);

@@ -8,6 +8,7 @@
 #ifndef APSM_EVALUATE_METRICS_H
 #define APSM_EVALUATE_METRICS_H
 
+#include "core/option.h"
 #include "evaluate/surface_distance.h"
 #include "model/shape_model.h"
 
@@ -60,19 +61,31 @@ apsm_status apsm_specificity_of(apsm_context *ctx, const apsm_shape_model *model
                                 const double *scores, double *specificity,
                                 double *error) APSM_NODISCARD;
 
+#define APSM_EVALUATE_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                     \
+    ENUM(S, definition, "standard|paper|shapeworks-compat", "definition of specificity")           \
+    INT(S, specificity_samples, 0, 0, 10000000, "samples; 0: the definition's own number")         \
+    INT(S, specificity_modes, 0, 0, 1000000,                                                       \
+        "most modes that specificity is measured for; 0: the definition's own number (paper: 20, " \
+        "else all)")                                                                               \
+    BOOL(S, surface_distance, true, "measure two-way surface distances (needs meshes)")            \
+    INT(S, other_templates, 3, 0, 1000,                                                            \
+        "shapes that take the template's place in turn for further surface distances, which no "   \
+        "fit knew of; 0: none")
+/* surface_distance: an evaluation without meshes measures none. */
+typedef struct apsm_evaluate_options {
+    APSM_OPTION_FIELDS(APSM_EVALUATE_OPTIONS)
+} apsm_evaluate_options;
+
 /* What to evaluate: particles, and what the surface distances need. */
 typedef struct apsm_evaluate_input {
     size_t I, J;
     const double *P;               /* I x J x 3, world frame */
     const apsm_shape_model *model; /* of P, borrowed; NULL: made here */
-    apsm_definition definition;
-    size_t samples;                 /* 0: the definition's number */
-    size_t specificity_modes;       /* 0: the definition's number */
+    apsm_evaluate_options options;
     const apsm_mesh_source *shape;  /* the meshes of the shapes in the world frame; NULL: no
                                        surface distances */
     const apsm_mesh *template_mesh; /* warped to every shape; world frame */
     size_t template_index;
-    size_t others;         /* shapes that take the template's place in turn; 0: none */
     const apsm_warp *warp; /* of template_mesh by the template's particles; NULL: made here */
 } apsm_evaluate_input;
 

@@ -165,7 +165,7 @@ static apsm_status make_prior(apsm_fit_model *m)
 
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
-    apsm_fidelity_options o = apsm_fidelity_of(&m->options);
+    apsm_fidelity_options o = m->options.optimize.fidelity;
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));
     m->h = apsm_fidelity_spacing(m->fidelity);

@@ -4,13 +4,13 @@
 #define APSM_FIT_FIT_MODEL_H
 
 #include "apsm/fit.h"
-#include "apsm/options.h"
 #include "fit/posterior.h"
 #include "groom/align.h"
 #include "groom/registration.h"
 #include "initialize/cohort.h"
 #include "model/shape_model.h"
 #include "optimize/fidelity.h"
+#include "options/options.h"
 
 enum {
     FIT_BANDS = 4

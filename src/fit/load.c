@@ -15,7 +15,7 @@
 static bool are_poses_known(const model_folder *f, const apsm_options *o)
 {
     double first[16], M[16];
-    if (o->align == APSM_ALIGN_NONE) return true;
+    if (o->align.align == APSM_ALIGN_NONE) return true;
     model_folder_to_world(f, 0, first);
     for (size_t i = 1; i < f->I; i++) {
         model_folder_to_world(f, i, M);
@@ -90,7 +90,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
     m->T = malloc(D * sizeof *m->T);
     if (!m->T) return APSM_ERR_MEMORY;
     memcpy(m->T, f->P + f->template_index * D, D * sizeof *m->T);
-    APSM_TRY(model_folder_options(ctx, f, &m->options));
+    APSM_TRY(apsm_options_of_project(ctx, &f->project, &m->options));
     APSM_TRY(model_folder_mesh(ctx, f, f->template_index, &mesh));
     APSM_TRY(fit_model_take_mesh(ctx, &mesh, m));
     find_orientation(f, m);

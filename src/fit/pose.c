@@ -25,7 +25,7 @@ typedef struct search {
 static apsm_icp_options icp_options(const apsm_fit_model *m)
 {
     apsm_icp_options icp = apsm_icp_defaults();
-    icp.scale = m->options.align == APSM_ALIGN_SIMILARITY;
+    icp.scale = m->options.align.align == APSM_ALIGN_SIMILARITY;
     icp.points = ROUGH_POINTS;
     icp.tolerance = rough;
     return icp;
@@ -139,7 +139,7 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
     apsm_status status = open_search(m, mesh, bvh, &s);
     if (status == APSM_OK) {
         pose->size = s.cloud.radius / m->cloud.radius;
-        if (!options->aligned && m->options.align != APSM_ALIGN_NONE) {
+        if (!options->aligned && m->options.align.align != APSM_ALIGN_NONE) {
             search_hands(&s, options, pose);
             register_to_rest(&s, pose);
         }

@@ -307,7 +307,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);
-    s->groom = apsm_groom_options_of(options);
+    s->groom = options->groom;
     s->rows = calloc(s->list.n, sizeof *s->rows);
     return s->rows ? APSM_OK : APSM_ERR_MEMORY;
 }

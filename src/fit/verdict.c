@@ -40,7 +40,7 @@ void fit_judge_pose(fit_job *job)
     const fit_calibration *c = &job->m->calibration;
     const fit_pose *p = &job->pose;
     apsm_fit *out = job->out;
-    const bool any_size = job->m->options.align == APSM_ALIGN_SIMILARITY;
+    const bool any_size = job->m->options.align.align == APSM_ALIGN_SIMILARITY;
     if (!any_size && (p->size * other_size < c->size_least || p->size > other_size * c->size_most))
         fit_object(out, APSM_FIT_REFUSED,
                    "is %.2f times as large as the mean; the model's shapes are %.2f to %.2f times",

@@ -39,7 +39,7 @@ static apsm_status run_rounds(const fit_job *job, long first, long last, bool wi
     pair p;
     fidelity_work w;
     open_pair(job, &p);
-    p.stage.o.rounds = with_end ? last : last + 1;
+    p.stage.o.fidelity_rounds = with_end ? last : last + 1;
     apsm_status status = fidelity_work_alloc(&p.stage, job->m->prior.modes, &w);
     for (long r = first; status == APSM_OK && r < last; r++)
         status = fidelity_round_of(&p.stage, &job->m->prior, 1, r, P0, P, &w);

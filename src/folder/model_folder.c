@@ -298,18 +298,6 @@ apsm_status model_folder_local_particles(apsm_context *ctx, const model_folder *
     return read_sets(ctx, m, i, false, p);
 }
 
-apsm_status model_folder_options(apsm_context *ctx, const model_folder *m, apsm_options *options)
-{
-    size_t n;
-    const apsm_option_info *table = apsm_options_table(&n);
-    *options = apsm_options_defaults();
-    for (size_t k = 0; k < n; k++) {
-        const char *value = apsm_project_get(&m->project, "apsm", table[k].name);
-        if (value) APSM_TRY(apsm_options_set(ctx, options, table[k].name, value));
-    }
-    return APSM_OK;
-}
-
 static bool says_certified(const json_t *object)
 {
     const char *verdict = json_string_value(json_object_get(object, "verdict"));

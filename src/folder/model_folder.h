@@ -4,7 +4,6 @@
 #define APSM_FOLDER_MODEL_FOLDER_H
 
 #include "apsm/mesh.h"
-#include "apsm/options.h"
 #include "files/project.h"
 #include "model/shape_model.h"
 
@@ -65,10 +64,6 @@ apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i
 /* p (J x 3, out) <- the particles of shape i in its own frame. */
 apsm_status model_folder_local_particles(apsm_context *ctx, const model_folder *m, size_t i,
                                          double *p) APSM_NODISCARD;
-
-/* The options that the model was made with; what the project does not name is as by default. */
-apsm_status model_folder_options(apsm_context *ctx, const model_folder *m,
-                                 apsm_options *options) APSM_NODISCARD;
 
 /* Whether all shapes come from images, whose lengths are mm and whose axes are the patient's. */
 bool manifest_is_of_images(const struct json_t *manifest);

@@ -64,10 +64,8 @@ typedef struct aligner {
 
 apsm_align_options apsm_align_defaults(void)
 {
-    return (apsm_align_options){ .mode = APSM_ALIGN_RIGID,
-                                 .mirror = APSM_MIRROR_WARN,
-                                 .template_index = APSM_TEMPLATE_AUTO,
-                                 .points = 400 };
+    return (apsm_align_options){ .template_index = APSM_TEMPLATE_AUTO,
+                                 APSM_OPTION_DEFAULTS(APSM_ALIGN_OPTIONS) };
 }
 
 static apsm_status fail(apsm_context *ctx, const aligner *a, size_t i, apsm_status status,
@@ -131,9 +129,9 @@ static double *scratch(const aligner *a, int worker)
 static apsm_icp_options icp_options(const aligner *a)
 {
     apsm_icp_options icp = apsm_icp_defaults();
-    icp.scale = a->opt->mode == APSM_ALIGN_SIMILARITY;
+    icp.scale = a->opt->align == APSM_ALIGN_SIMILARITY;
     icp.trim = a->opt->trim;
-    if (a->opt->mode == APSM_ALIGN_NONE) icp.max_iterations = 0;
+    if (a->opt->align == APSM_ALIGN_NONE) icp.max_iterations = 0;
     return icp;
 }
 
@@ -186,7 +184,7 @@ static void search(const aligner *a, const apsm_surface *moving, double *work, p
     for (size_t k = 0; k < POSE_OPTIONS; k++) ballot->residual[1][k] = INFINITY;
     apsm_pose_search(moving, &fixed, false, &icp, &pose, work);
     enter(&pose, 0, ballot);
-    if (a->opt->mirror == APSM_MIRROR_OFF) return;
+    if (a->opt->mirror_check == APSM_MIRROR_OFF) return;
     apsm_pose_search(moving, &fixed, true, &icp, &pose, work);
     enter(&pose, 1, ballot);
 }
@@ -352,18 +350,19 @@ static void take(aligner *a, size_t i)
     memcpy(a->mirror + 16 * i, b->M[1][c->option[1]], 16 * sizeof *a->mirror);
     a->out->residual[i] = b->residual[0][c->option[0]]; /* for the time being */
     a->out->runner_up_ratio[i] = runner_up_ratio(b, hand, c->option[hand]);
-    if (a->opt->mirror != APSM_MIRROR_OFF)
+    if (a->opt->mirror_check != APSM_MIRROR_OFF)
         a->out->mirror_ratio[i] = ratio(b->residual[1][c->option[1]], a->out->residual[i]);
-    if (a->opt->mode == APSM_ALIGN_SIMILARITY) return;
+    if (a->opt->align == APSM_ALIGN_SIMILARITY) return;
     remove_scale(a->cloud[i].centre, a->P + 16 * i);
-    if (a->opt->mirror != APSM_MIRROR_OFF) remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
+    if (a->opt->mirror_check != APSM_MIRROR_OFF)
+        remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
 }
 
 static apsm_status choose_poses(apsm_context *ctx, aligner *a)
 {
     APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
     APSM_TRY(pose_choose(ctx, a->n, a->base, a->cloud, a->heights, a->ballot,
-                         a->opt->mirror == APSM_MIRROR_FIX, a->choice));
+                         a->opt->mirror_check == APSM_MIRROR_FIX, a->choice));
     for (size_t i = 0; i < a->n; i++)
         if (i != a->base) take(a, i);
     return APSM_OK;
@@ -391,9 +390,9 @@ static void judge_mirrored(aligner *a)
     for (size_t i = 0; i < a->n; i++) {
         const int hand = i == a->base ? -1 : pose_hand(&a->choice[i], &a->ballot[i]);
         a->out->mirrored[i] = hand > 0;
-        a->out->unclear_hand[i] = a->opt->mirror == APSM_MIRROR_FIX && hand == 0;
+        a->out->unclear_hand[i] = a->opt->mirror_check == APSM_MIRROR_FIX && hand == 0;
         mirrored += a->out->mirrored[i];
-        if (a->out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
+        if (a->out->mirrored[i] && a->opt->mirror_check == APSM_MIRROR_FIX)
             memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);
     }
     if (a->opt->template_index != APSM_TEMPLATE_AUTO || 2 * mirrored <= a->n) return;
@@ -428,7 +427,7 @@ static apsm_status find_strangers(aligner *a)
         if (i != a->base) sum += x[i] / (double)(a->n - 1);
     }
     x[a->base] = sum;
-    if (a->opt->mode != APSM_ALIGN_NONE) mark_strangers(a, x, log(2.5), scratch);
+    if (a->opt->align != APSM_ALIGN_NONE) mark_strangers(a, x, log(2.5), scratch);
     free(x);
     return APSM_OK;
 }
@@ -438,8 +437,8 @@ static bool is_ambiguous(const aligner *a, size_t i)
     enum { FEW = 4 };
     const pose_choice *c = &a->choice[i];
     const apsm_alignment *out = a->out;
-    if (i == a->base || a->opt->mode == APSM_ALIGN_NONE) return false;
-    if (out->mirrored[i] && a->opt->mirror != APSM_MIRROR_FIX) return false;
+    if (i == a->base || a->opt->align == APSM_ALIGN_NONE) return false;
+    if (out->mirrored[i] && a->opt->mirror_check != APSM_MIRROR_FIX) return false;
     if (a->oriented && hardly_turns(a, i, a->P + 16 * i)) return false;
     if (a->n < FEW) return out->runner_up_ratio[i] < APSM_AMBIGUOUS_RATIO;
     return c->evidence[c->mirrored] - c->second[c->mirrored] < POSE_CLEARLY;
@@ -535,7 +534,7 @@ static apsm_status find_medoid(apsm_context *ctx, aligner *a, size_t *medoid)
 static void to_world(const aligner *a, double M[16])
 {
     double c[3];
-    if (a->opt->mode == APSM_ALIGN_NONE) return;
+    if (a->opt->align == APSM_ALIGN_NONE) return;
     apsm_mesh_centroid(a->mesh[a->out->template_index], c);
     for (size_t r = 0; r < 3; r++) M[4 * r + 3] -= c[r];
 }
@@ -579,7 +578,7 @@ static apsm_status register_from(apsm_context *ctx, const aligner *a, size_t i, 
     between(a, i, a->out->template_index, r->M);
     apsm_status status = register_shape(a, &moving, i, false, r->M, &r->residual, work);
     memcpy(r->sized, r->M, sizeof r->M);
-    if (status == APSM_OK && a->any_cut && a->opt->mode == APSM_ALIGN_RIGID)
+    if (status == APSM_OK && a->any_cut && a->opt->align == APSM_ALIGN_RIGID)
         status = register_shape(a, &moving, i, true, r->sized, &unused, work);
     apsm_bvh_free(own);
     return status == APSM_OK ? status : fail(ctx, a, i, status, apsm_status_text(status));
@@ -629,7 +628,7 @@ static void report_cuts(apsm_context *ctx, const aligner *a)
     size_t cut = 0, first = 0;
     for (size_t i = 0; i < a->n; i++)
         if (a->cloud[i].cuts > 0 && cut++ == 0) first = i;
-    if (cut > 0 && a->opt->mode != APSM_ALIGN_NONE && a->names)
+    if (cut > 0 && a->opt->align != APSM_ALIGN_NONE && a->names)
         apsm_log(ctx, APSM_LOG_INFO,
                  "%zu of %zu shapes end in a plane, as if cut off by the edge of an image (%s%s); "
                  "they are aligned by what they share",
@@ -644,7 +643,7 @@ static void report(apsm_context *ctx, const aligner *a)
         char name[32];
         snprintf(name, sizeof name, "shape %zu", i);
         const char *who = a->names ? a->names[i] : name;
-        if (out->mirrored[i] && a->opt->mirror == APSM_MIRROR_FIX)
+        if (out->mirrored[i] && a->opt->mirror_check == APSM_MIRROR_FIX)
             apsm_log(ctx, APSM_LOG_INFO, "%s: looks mirrored; its mirror image is used", who);
         else if (out->mirrored[i])
             apsm_log(ctx, APSM_LOG_WARNING,
@@ -766,11 +765,11 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     a->out->template_index = a->base;
     for (size_t i = 0; i < a->n && a->n <= HELD_TREES; i++) APSM_TRY(hold_trees(ctx, a, 1, &i));
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
-    if (a->opt->mode != APSM_ALIGN_NONE)
+    if (a->opt->align != APSM_ALIGN_NONE)
         APSM_TRY(apsm_dealt_for(ctx, a->n, search_task, a, "align"));
-    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
-    if (a->opt->mode != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
-    if (a->opt->mode != APSM_ALIGN_NONE) judge_mirrored(a);
+    if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
+    if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
+    if (a->opt->align != APSM_ALIGN_NONE) judge_mirrored(a);
     APSM_TRY(find_strangers(a));
     find_unfit(a);
     for (size_t i = 0; i < a->n; i++) a->any_cut |= a->cloud[i].cuts > 0;

@@ -16,7 +16,7 @@
 
 #include "apsm/context.h"
 #include "apsm/mesh.h"
-#include "apsm/options.h" /* APSM_ALIGN_RIGID, ..., APSM_MIRROR_WARN, ... */
+#include "core/option.h"
 #include "geometry/bvh.h"
 
 #ifdef __cplusplus
@@ -115,12 +115,16 @@ typedef struct apsm_borders {
     double normal[6][3]; /* outward, in the shape's frame */
 } apsm_borders;
 
+enum { APSM_ALIGN_RIGID, APSM_ALIGN_SIMILARITY, APSM_ALIGN_NONE };
+enum { APSM_MIRROR_WARN, APSM_MIRROR_FIX, APSM_MIRROR_OFF };
+#define APSM_ALIGN_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
+    ENUM(S, align, "rigid|similarity|none", "pose (and size) removed before the model is made")    \
+    ENUM(S, mirror_check, "warn|fix|off", "what to do with inputs that look mirrored")             \
+    FIXED(S, size_t, points, 400, "that stand for a shape, at least 64")
 typedef struct apsm_align_options {
-    int mode;              /* APSM_ALIGN_RIGID, _SIMILARITY, or _NONE: shapes stay where they are */
-    int mirror;            /* APSM_MIRROR_WARN, _FIX or _OFF */
-    size_t template_index; /* or APSM_TEMPLATE_AUTO */
-    size_t points;         /* a shape, >= 64 */
-    double trim;           /* see apsm_icp_options */
+    APSM_OPTION_FIELDS(APSM_ALIGN_OPTIONS)
+    size_t template_index;       /* or APSM_TEMPLATE_AUTO */
+    double trim;                 /* see apsm_icp_options */
     const apsm_borders *borders; /* one a shape, borrowed; NULL: nothing is known of any */
 } apsm_align_options;
 apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0, NULL */

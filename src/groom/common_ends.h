@@ -10,6 +10,16 @@
 extern "C" {
 #endif
 
+enum { APSM_CUTS_AUTO, APSM_CUTS_CROP, APSM_CUTS_KEEP };
+#define APSM_CUTS_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                         \
+    ENUM(S, cuts, "auto|crop|keep",                                                                \
+         "where shapes were cut off at different places, by the edge of an image: crop all to "    \
+         "what all of them hold, keep them as they are, or (auto) crop if at least a fifth of "    \
+         "them, and two, were cut")
+typedef struct apsm_cuts_options {
+    APSM_OPTION_FIELDS(APSM_CUTS_OPTIONS)
+} apsm_cuts_options;
+
 /* Ends at more places than this have nothing to do with the edges of images. */
 #define APSM_MOST_ENDS 4
 

@@ -46,8 +46,7 @@ apsm_status apsm_crop_mesh(apsm_context *ctx, const char *name, const apsm_mesh 
     apsm_groom_options opt = options ? *options : apsm_groom_defaults();
     apsm_mesh open = { 0 };
     *cropped = (apsm_mesh){ 0 };
-    opt.fill_holes = opt.keep_largest = true;
-    opt.max_cap_share = 1.0;
+    opt.fill_holes = opt.fill = opt.largest_component = true;
     apsm_status status = clip_by_all(mesh, n, plane, &open);
     if (status == APSM_OK) status = apsm_repair(ctx, name, &open, &opt, cropped, NULL);
     apsm_mesh_free(&open);

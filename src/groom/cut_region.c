@@ -25,7 +25,7 @@ static apsm_status refuse_nothing(apsm_context *ctx, const char *name)
 static apsm_groom_options as_cut(const apsm_groom_options *opt)
 {
     apsm_groom_options o = *opt;
-    o.open = o.keep_sides = o.keep_largest = true;
+    o.open = o.keep_sides = o.largest_component = true;
     o.open_share = 0.0;
     o.measure = false;
     return o;

@@ -11,36 +11,9 @@
 
 apsm_groom_options apsm_groom_defaults(void)
 {
-    return (apsm_groom_options){ .fill_cavities = true,
-                                 .closing = -1.0,
-                                 .smoothing = 1.0,
-                                 .fairing = 5.0,
-                                 .keep_largest = true,
-                                 .max_drop_share = 0.2,
-                                 .merge = 1e-7,
-                                 .fill_holes = true,
-                                 .max_cap_share = 0.1,
-                                 .open_share = 0.01,
-                                 .remesh = true,
-                                 .measure = true,
-                                 .remesh_options = apsm_remesh_defaults() };
-}
-
-apsm_groom_options apsm_groom_options_of(const apsm_options *o)
-{
-    apsm_groom_options g = apsm_groom_defaults();
-    g.fill_cavities = g.fill_holes = o->fill_holes;
-    g.open = o->open;
-    if (o->fill) g.max_cap_share = INFINITY;
-    if (o->open && !o->fill_holes) g.open_share = 0.0;
-    g.keep_largest = o->largest_component;
-    g.remesh = o->remesh;
-    g.measure = false;
-    g.closing = o->closing;
-    g.smoothing *= o->smooth;
-    g.fairing *= o->smooth;
-    g.remesh_options.target_faces = (size_t)o->faces;
-    return g;
+    return (apsm_groom_options){ APSM_OPTION_DEFAULTS(APSM_GROOM_OPTIONS).remesh_options =
+                                     apsm_remesh_defaults(),
+                                 .measure = true };
 }
 
 /* A line that grows; what does not fit is cut. */
@@ -89,7 +62,7 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_opt
             r->largest_cap_at[2], 100.0 * r->largest_cap);
     /* A cap of one per cent is no longer a mend but a guess at the anatomy: worth a look. */
     const bool guessed = r->largest_cap > 0.01, grave = guessed || r->dropped_area > 0.05;
-    if (guessed && !(opt->max_cap_share >= 1.0))
+    if (guessed && !opt->fill)
         add(&l, "say --fill if that is right, --open to leave openings as they are");
     if (r->openings)
         add(&l, "%zu opening%s left as %s", r->openings, r->openings == 1 ? "" : "s",

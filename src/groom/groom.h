@@ -6,7 +6,6 @@
 #include <stdbool.h>
 
 #include "apsm/mesh.h"
-#include "apsm/options.h"
 #include "apsm/volume.h"
 #include "groom/remesh.h"
 
@@ -14,36 +13,42 @@
 extern "C" {
 #endif
 
+/* Of masks: fill_holes, closing, smooth, fairing; of meshes: remesh, fill_holes, merge. */
+#define APSM_GROOM_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
+    BOOL(S, remesh, true, "make groomed meshes near-isotropic with about `faces` faces")           \
+    BOOL(S, fill_holes, true, "fill cavities of segmentations and holes of meshes")                \
+    BOOL(S, open, false,                                                                           \
+         "meshes may be open surfaces: openings stay that take a lid of more than 1 % of the "     \
+         "area (with no-fill-holes: all)")                                                         \
+    BOOL(S, fill, false,                                                                           \
+         "close openings of any size; else one that takes a lid of more than 10 % of the area is " \
+         "a question")                                                                             \
+    REAL(S, closing, -1, -1, 1,                                                                    \
+         "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
+         "and gaps narrower than twice that are filled; 0: none; -1: where the surface has "       \
+         "handles, the least up to 0.12 that leaves fewest")                                       \
+    REAL(S, smooth, 1, 0, 4, "smoothing of masks; less keeps nearer to the voxels, 0: none")       \
+    BOOL(S, largest_component, true, "keep only the largest component of every shape")             \
+    FIXED(S, double, fairing, 5.0,                                                                 \
+          "ripples of a mask shorter than so many voxels (cube root of the volume of one), times " \
+          "smooth, are taken off its surface, by at most one voxel")                               \
+    FIXED(S, double, max_drop_share, 0.2,                                                          \
+          "dropped components may have together this share of the area (mesh) or of the voxels "   \
+          "(mask) at most; 1: drop any")                                                           \
+    FIXED(S, double, merge, 1e-7, "vertices closer than this share of the diagonal are one")       \
+    FIXED(S, double, max_cap_share, 0.1,                                                           \
+          "unless asked to fill, an opening is closed only if its lid is at most this share of "   \
+          "the area")                                                                              \
+    FIXED(S, double, open_share, 0.01,                                                             \
+          "with open, openings stay that take a lid of more than this share of the area, unless "  \
+          "holes are not to be filled: then all")
 typedef struct apsm_groom_options {
-    /* segmentations */
-    bool fill_cavities; /* fill background enclosed by the label (default true) */
-    double closing;     /* radius by which the label is closed, as a share of the cube root of its
-                           volume: gaps and tunnels narrower than twice that are filled; 0: none; -1
-                           (default): if the surface has handles, the least up to 0.12 that leaves
-                           fewest */
-    double smoothing;   /* strength of anti-aliasing; 1 (default) suits masks of sharp voxels of
-                           their shape, 0: none, 2: twice its reach.  Sheets and tips stay */
-    double fairing; /* then ripples shorter than so many voxels (cube root of the voxel's volume)
-                       are taken off the surface, by at most one voxel; default 5, 0: none */
-    /* both */
-    bool keep_largest;     /* default true; false: more than one part is an error */
-    double max_drop_share; /* dropped parts may have together this share of the area (mesh) or
-                              of the voxels (mask) at most; default 0.2; 1: drop any */
-    /* meshes */
-    double merge;         /* vertices closer than this share of the diagonal are one; 1e-7 */
-    bool fill_holes;      /* default true; false: an opening is an error */
-    double max_cap_share; /* an opening is closed only if its cap is at most this share of the
-                             mesh's area; default 0.1; 1: close everything */
-    bool open;            /* larger openings than open_share stay open; default false */
-    double open_share;    /* default 0.01; 0: all stay */
-    bool keep_sides;      /* what is outside is known: the file's order of corners says it */
-    bool remesh;          /* default true; false: repair only */
-    bool measure; /* what remeshing did, for the report (default true; takes a third longer) */
+    APSM_OPTION_FIELDS(APSM_GROOM_OPTIONS)
+    bool keep_sides; /* what is outside is known: the file's order of corners says it */
     apsm_remesh_options remesh_options;
+    bool measure; /* what remeshing did, for the report; takes a third longer */
 } apsm_groom_options;
-apsm_groom_options apsm_groom_defaults(void);
-/* Those of a run's options, as the cohort's and new shapes are groomed; without `measure`. */
-apsm_groom_options apsm_groom_options_of(const apsm_options *options);
+apsm_groom_options apsm_groom_defaults(void); /* measure: true */
 
 /* What was done to one shape.  Zero where a step had nothing to do. */
 typedef struct apsm_groom_report {

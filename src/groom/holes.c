@@ -245,8 +245,9 @@ static apsm_status close_loop(repair *r, const apsm_topology *t, double area, ui
     if (!r->opt->fill_holes && !r->opt->open) return refuse_hole(r, at, n, 0.0);
     APSM_TRY(fill_loop(&r->mesh, t, loop, n, all));
     const double share = (all->area - before.area) / area;
-    if (r->opt->open && share > r->opt->open_share) return take_back(r, &before, nv, all), APSM_OK;
-    if (!(share <= r->opt->max_cap_share)) return refuse_hole(r, at, n, share);
+    const double stays = r->opt->fill_holes ? r->opt->open_share : 0.0;
+    if (r->opt->open && share > stays) return take_back(r, &before, nv, all), APSM_OK;
+    if (!r->opt->fill && !(share <= r->opt->max_cap_share)) return refuse_hole(r, at, n, share);
     r->report->holes++;
     if (share > r->report->largest_cap) {
         r->report->largest_cap = share;

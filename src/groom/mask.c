@@ -147,7 +147,7 @@ static apsm_status judge(apsm_context *ctx, const char *name, const apsm_groom_o
                          const apsm_groom_report *r)
 {
     const double share = (double)r->dropped_voxels / (double)(r->dropped_voxels + r->voxels);
-    if (r->dropped_parts && (!opt->keep_largest || share > opt->max_drop_share))
+    if (r->dropped_parts && (!opt->largest_component || share > opt->max_drop_share))
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                          "%s: the label has %zu separate parts; those beside the largest have %.1f "
                          "%% of its voxels; remove them, or give each part a label of its own",
@@ -175,7 +175,7 @@ static apsm_status clean(apsm_context *ctx, const char *name, const apsm_volume 
     APSM_TRY(keep_largest(m, report));
     memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
     APSM_TRY(judge(ctx, name, opt, report));
-    if (opt->fill_cavities) APSM_TRY(fill_cavities(m, report));
+    if (opt->fill_holes) APSM_TRY(fill_cavities(m, report));
     return close_gaps(m, volume, opt, report);
 }
 

@@ -167,7 +167,7 @@ static apsm_status judge_parts(repair *r, const part *list, size_t n, size_t bes
     }
     r->report->dropped_components += n - 1;
     r->report->dropped_area = dropped / total;
-    if (n > 1 && (!r->opt->keep_largest || lost > r->opt->max_drop_share * total)) {
+    if (n > 1 && (!r->opt->largest_component || lost > r->opt->max_drop_share * total)) {
         const double *at = r->mesh.V + 3 * r->mesh.F[3 * list[second].root];
         return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
                          "%s: %zu separate parts; those beside the largest have %.1f %% of the "

@@ -40,12 +40,7 @@ enum { MOST_BY_TARGET = 8, MOST_BY_INPUT = 2 };
 
 apsm_remesh_options apsm_remesh_defaults(void)
 {
-    return (apsm_remesh_options){ .target_faces = 10000,
-                                  .refine = true,
-                                  .iterations = 6,
-                                  .turn = 0.6,
-                                  .shortest = 0.3,
-                                  .fidelity = 0.1 };
+    return (apsm_remesh_options){ APSM_OPTION_DEFAULTS(APSM_REMESH_OPTIONS) };
 }
 
 /* What the steps share. */
@@ -540,12 +535,13 @@ apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     job j = { .original = original, .opt = options ? *options : apsm_remesh_defaults() };
     const apsm_remesh_options *o = &j.opt;
     *out = (apsm_mesh){ 0 };
-    if (o->target_faces < 4 || o->iterations < 1 || !(o->turn >= 0.0) || !(o->shortest > 0.0) ||
+    if (o->faces < 4 || o->iterations < 1 || !(o->turn >= 0.0) || !(o->shortest > 0.0) ||
         !(o->shortest <= 1.0) || !(o->fidelity > 0.0))
         return apsm_fail(ctx, APSM_ERR_ARG, "remesh: an option is out of range");
     APSM_TRY(check_mesh(ctx, mesh));
     const apsm_mesh *from = apsm_bvh_mesh(original);
-    const size_t faces = !o->refine && mesh->nf < o->target_faces ? mesh->nf : o->target_faces;
+    const size_t wanted = (size_t)o->faces;
+    const size_t faces = !o->refine && mesh->nf < wanted ? mesh->nf : wanted;
     j.most_faces = MOST_BY_TARGET * faces + MOST_BY_INPUT * mesh->nf;
     double common, *size = malloc(from->nv * sizeof *size);
     if (!size) return APSM_ERR_MEMORY;

@@ -4,25 +4,29 @@
 
 #include <stdbool.h>
 
+#include "core/option.h"
 #include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+/* The result has within 10 % of `faces` faces unless the shape itself needs more. */
+#define APSM_REMESH_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                       \
+    INT(S, faces, 10000, 100, 10000000, "faces of a groomed mesh, about; more where needed")       \
+    FIXED(S, bool, refine, true,                                                                   \
+          "split long edges of a mesh that has fewer faces than wanted: paths and warps need the " \
+          "resolution; false: its own number is wanted")                                           \
+    FIXED(S, int, iterations, 6, "of split, collapse, flip, relax, project")                       \
+    FIXED(S, double, turn, 0.6,                                                                    \
+          "angle (radians) that the normal may turn along an edge before edges get shorter "       \
+          "there: rims of sheets, tips, thin tubes; 0: edges of one length everywhere")            \
+    FIXED(S, double, shortest, 0.3, "edges are never shorter than this share of the common one")   \
+    FIXED(S, double, fidelity, 0.1,                                                                \
+          "a collapse, flip or move that puts the surface farther than this share of the local "   \
+          "edge from where it was is refused")
 typedef struct apsm_remesh_options {
-    size_t target_faces; /* about; default 10,000.  The result has within 10 % of it unless the
-                            shape itself needs more */
-    bool refine;         /* split long edges of a mesh that has fewer faces than the target
-                            (default true: paths and warps need the resolution); false: the
-                            target is lowered to the number of faces given */
-    int iterations;      /* of split, collapse, flip, relax, project; default 6 */
-    double turn;         /* the normal may turn by about this angle (radians) along an edge before
-                            edges get shorter there: rims of sheets, tips, thin tubes; default 0.6.
-                            0: edges of one length everywhere */
-    double shortest;     /* but never shorter than this share of the common edge; default 0.3 */
-    double fidelity;     /* a collapse, flip or move that puts the surface farther than this share
-                            of the local edge from where it was is refused; default 0.1 */
+    APSM_OPTION_FIELDS(APSM_REMESH_OPTIONS)
 } apsm_remesh_options;
 apsm_remesh_options apsm_remesh_defaults(void);
 
@@ -39,7 +43,7 @@ typedef struct apsm_remesh_report {
     size_t below_30;      /* faces with an angle below 30 degrees */
 } apsm_remesh_report;
 
-/* out (owned by the caller, overwritten) is `mesh` with about opt->target_faces well-shaped
+/* out (owned by the caller, overwritten) is `mesh` with about opt->faces well-shaped
  * faces: closed, or open with the same border loops, oriented, of the same genus.  `original` is
  * the tree of the surface to stay on, usually of `mesh` itself.  Coordinates of out are float32
  * numbers, so that PLY and STL files hold it without loss.  opt NULL: defaults; report NULL: not

@@ -150,7 +150,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
                                 const apsm_groom_options *opt, mask *m, apsm_mesh *surface,
                                 apsm_groom_report *r)
 {
-    antialias_input in = { .smoothing = opt->smoothing * suitable_smoothing(volume) };
+    antialias_input in = { .smoothing = opt->smooth * suitable_smoothing(volume) };
     size_t rim[3];
     choose_refinement(volume, &in);
     antialias_rim(&in, rim);
@@ -161,7 +161,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     if (r->voxels < LEAST_VOXELS)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
                          name, r->voxels);
-    return extract(ctx, volume, m, &in, opt->fairing, surface, r);
+    return extract(ctx, volume, m, &in, opt->fairing * opt->smooth, surface, r);
 }
 
 static double least_spacing(const apsm_volume *v)

@@ -3,6 +3,7 @@
 #define APSM_COHORT_H
 
 #include "apsm/mesh.h"
+#include "core/option.h"
 #include "files/store.h"
 #include "geometry/bvh.h"
 #include "geometry/distance_field.h"
@@ -51,6 +52,12 @@ typedef struct apsm_cohort {
     apsm_anchors anchors;
     apsm_features features;
 } apsm_cohort;
+
+#define APSM_FIELD_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
+    REAL(S, field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")
+typedef struct apsm_field_options {
+    APSM_OPTION_FIELDS(APSM_FIELD_OPTIONS)
+} apsm_field_options;
 
 /* Spacing that J particles have on a surface of this area if every one has six neighbours at the
  * same distance: sqrt(2 area / (sqrt(3) J)).  Close to h, known before there are particles. */

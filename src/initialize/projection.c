@@ -11,9 +11,13 @@
 
 apsm_projection_options apsm_projection_defaults(double h)
 {
-    return (apsm_projection_options){
-        .min_cos = 0.5, .detour = h, .min_separation = 0.5 * h, .rounds = 20
-    };
+    return (apsm_projection_options){ .h = h, APSM_OPTION_DEFAULTS(APSM_PROJECTION_OPTIONS) };
+}
+
+/* A length. */
+static double separation(const apsm_projection_options *o)
+{
+    return o->min_separation * o->h;
 }
 
 static apsm_closest project(const apsm_bvh *bvh, const double x[3], const double n[3],
@@ -21,7 +25,7 @@ static apsm_closest project(const apsm_bvh *bvh, const double x[3], const double
 {
     apsm_closest any, facing;
     apsm_bvh_closest(bvh, x, INFINITY, &any);
-    const double reach = sqrt(any.distance2) + o->detour;
+    const double reach = sqrt(any.distance2) + o->detour * o->h;
     apsm_bvh_closest_facing(bvh, x, n, o->min_cos, reach * reach, &facing);
     return facing.distance2 < INFINITY ? facing : any;
 }
@@ -67,7 +71,7 @@ static void part(const apsm_bvh *bvh, const double *X, const double *N,
     const double *n = N + 3 * j;
     double r[3], x[3] = { P[3 * j], P[3 * j + 1], P[3 * j + 2] };
     parting(X, P, n, j, k, r);
-    vec3_add_scaled(x, 1.1 * o->min_separation - d, r);
+    vec3_add_scaled(x, 1.1 * separation(o) - d, r);
     const apsm_closest c = project(bvh, x, n, o);
     S[j] = c.on;
     for (int e = 0; e < 3; e++) P[3 * j + (size_t)e] = c.x[e];
@@ -82,7 +86,7 @@ static size_t separate(const apsm_bvh *bvh, size_t J, const double *X, const dou
     for (size_t j = 0; j < J; j++) {
         double d2;
         const size_t k = nearest_other(J, P, N, j, &d2);
-        if (k == j || d2 >= o->min_separation * o->min_separation) continue;
+        if (k == j || d2 >= separation(o) * separation(o)) continue;
         close++;
         if (move) part(bvh, X, N, o, j > k ? j : k, j > k ? k : j, sqrt(d2), S, P);
     }

@@ -3,7 +3,29 @@
 #ifndef APSM_LANDMARKS_LANDMARK_TABLE_H
 #define APSM_LANDMARKS_LANDMARK_TABLE_H
 
+#include "core/option.h"
 #include "landmarks/landmark_file.h"
+
+enum { APSM_ALIGN_BY_SURFACES, APSM_ALIGN_BY_LANDMARKS, APSM_ALIGN_BY_BOTH };
+enum {
+    APSM_LANDMARKS_AUTO,
+    APSM_LANDMARKS_JUDGE,
+    APSM_LANDMARKS_ALIGN,
+    APSM_LANDMARKS_ANCHOR,
+    APSM_LANDMARKS_HOLD
+};
+#define APSM_LANDMARK_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                     \
+    ENUM(S, align_by, "surfaces|landmarks|both",                                                   \
+         "what shapes are aligned by: surfaces, landmarks (generalised Procrustes analysis), or "  \
+         "both, either with half of the weight")                                                   \
+    ENUM(S, landmarks_use, "auto|judge|align|anchor|hold",                                         \
+         "what landmarks are for: judge (they measure the correspondence and have no part in "     \
+         "it), align (by them alone), anchor (the correspondence is drawn to them), hold (a "      \
+         "particle sits on each); auto: judge, or anchor if a project has use_landmarks")          \
+    REAL(S, landmark_weight, 1, 0, 1e6, "of landmarks that are anchors")
+typedef struct apsm_landmark_options {
+    APSM_OPTION_FIELDS(APSM_LANDMARK_OPTIONS)
+} apsm_landmark_options;
 
 /* Owns its arrays; zero-initialise with {0}. */
 typedef struct landmark_table {

@@ -170,11 +170,7 @@ void apsm_correspondence_rotation(const apsm_correspondence_target *target, cons
 
 apsm_correspondence_options apsm_correspondence_defaults(void)
 {
-    return (apsm_correspondence_options){ .rotation = APSM_ROTATION_TRANSPORT,
-                                          .distance = APSM_DISTANCE_NORM,
-                                          .delta = 0.1,
-                                          .times_spacing = true,
-                                          .mean_of_six = true };
+    return (apsm_correspondence_options){ APSM_OPTION_DEFAULTS(APSM_CORRESPONDENCE_OPTIONS) };
 }
 
 /* rho(|d|); d becomes rho'(|d|) d / |d|.  A residual of rounding size counts as none: the norm's
@@ -183,10 +179,10 @@ static double residual(const apsm_correspondence_options *opt, double d[3])
 {
     const double d2 = vec3_dot(d, d), size = sqrt(d2);
     double rho, slope; /* slope = rho' / |d| */
-    if (opt->distance == APSM_DISTANCE_SQUARED) {
+    if (opt->neighbour_norm == APSM_DISTANCE_SQUARED) {
         rho = 0.5 * d2;
         slope = 1.0;
-    } else if (opt->distance == APSM_DISTANCE_PSEUDO_HUBER) {
+    } else if (opt->neighbour_norm == APSM_DISTANCE_PSEUDO_HUBER) {
         const double root = sqrt(d2 + opt->delta * opt->delta);
         rho = d2 / (root + opt->delta); /* = root - delta without cancellation */
         slope = 1.0 / root;
@@ -235,7 +231,7 @@ static double do_particle(const apsm_correspondence_target *target, const double
         sum += residual(opt, u[n]);
     }
     const double kappa =
-        (opt->times_spacing ? target->h_j[j] : 1.0) / (opt->mean_of_six ? (double)Q : 1.0);
+        opt->neighbour_scale == APSM_SCALE_TEMPLATE ? target->h_j[j] / (double)Q : 1.0;
     if (grad) hand_down(&shape, R, kappa, u, target->N6 + Q * j, j, grad);
     if (target_grad) hand_down(&at_target, S, -kappa, u, target->N6 + Q * j, j, target_grad);
     return kappa * sum;

@@ -7,7 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "apsm/status.h"
+#include "core/option.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -35,15 +35,20 @@ typedef enum apsm_distance {
     APSM_DISTANCE_SQUARED       /* d^2 / 2 */
 } apsm_distance;
 
+enum { APSM_SCALE_TEMPLATE, APSM_SCALE_NONE };
+enum { APSM_CORRES_NEIGHBOURHOOD, APSM_CORRES_FROBENIUS, APSM_CORRES_FROBENIUS_SQUARED };
+#define APSM_CORRESPONDENCE_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                               \
+    ENUM(S, correspondence, "neighbourhood|frobenius|frobenius-squared",                           \
+         "the correspondence loss: (8), or the earlier papers' distance to the mean")              \
+    ENUM(S, rotation, "transport|axis|none|procrustes", "R_ij in (8); axis is the paper's")        \
+    ENUM(S, neighbour_norm, "norm|huber|squared", "the distance in (8)")                           \
+    ENUM(S, neighbour_scale, "template|none", "factor of (8): h_tj / 6, or 1 (paper)")             \
+    BOOL(S, template_gradient, false,                                                              \
+         "let the template follow the gradient of its own targets (paper)")                        \
+    FIXED(S, double, delta, 0.1, "of the Huber distance, in neighbour distances")
 typedef struct apsm_correspondence_options {
-    apsm_rotation rotation;
-    apsm_distance distance;
-    double delta;       /* of the pseudo-Huber distance, in neighbour distances */
-    bool times_spacing; /* multiply a particle's terms by h_tj */
-    bool mean_of_six;   /* divide by 6 */
+    APSM_OPTION_FIELDS(APSM_CORRESPONDENCE_OPTIONS)
 } apsm_correspondence_options;
-
-/* transport, norm, delta 0.1, times_spacing, mean_of_six */
 apsm_correspondence_options apsm_correspondence_defaults(void);
 
 /* The template as a target; arrays are borrowed. */

@@ -10,7 +10,7 @@
 
 apsm_eigenshape_options apsm_eigenshape_defaults(void)
 {
-    return (apsm_eigenshape_options){ .reg = 0.02, .relative = true, .times_size = true };
+    return (apsm_eigenshape_options){ .least = 0.0, APSM_OPTION_DEFAULTS(APSM_EIGENSHAPE_OPTIONS) };
 }
 
 void apsm_cohort_mean(size_t K, size_t J, const double *P, double *mean)
@@ -38,14 +38,18 @@ apsm_status apsm_eigenshape_loss(size_t K, size_t J, const double *Y,
                                  const apsm_eigenshape_options *opt, double *loss, double *L,
                                  double *reg_used)
 {
-    if (K < 1 || J < 1 || !(opt->reg > 0.0)) return APSM_ERR_ARG;
+    if (K < 1 || J < 1 || !(opt->eigen_reg_absolute > 0.0 || opt->eigen_reg > 0.0))
+        return APSM_ERR_ARG;
     double trace = 0.0;
     apsm_gram(K, 3 * J, 1.0 / size_of(K, J), Y, L);
     for (size_t k = 0; k < K; k++) trace += L[k * K + k];
-    const double reg = fmax(opt->relative ? opt->reg * trace / (double)K : opt->reg, opt->least);
+    const double wanted = opt->eigen_reg_absolute > 0.0 ? opt->eigen_reg_absolute
+                                                        : opt->eigen_reg * trace / (double)K;
+    const double reg = fmax(wanted, opt->least);
     for (size_t k = 0; k < K; k++) L[k * K + k] += reg;
     APSM_TRY(apsm_cholesky(K, L));
-    *loss = 0.5 * apsm_cholesky_logdet(K, L) * (opt->times_size ? size_of(K, J) : 1.0);
+    *loss = 0.5 * apsm_cholesky_logdet(K, L) *
+            (opt->eigen_scale == APSM_EIGEN_FULL ? size_of(K, J) : 1.0);
     if (reg_used) *reg_used = reg;
     return isfinite(*loss) ? APSM_OK : APSM_ERR_SINGULAR;
 }
@@ -70,7 +74,7 @@ void apsm_eigenshape_gradient(size_t K, size_t J, const double *Y, const double 
                               double *work)
 {
     const size_t n = 3 * J;
-    const double scale = opt->times_size ? 1.0 : 1.0 / size_of(K, J);
+    const double scale = opt->eigen_scale == APSM_EIGEN_FULL ? 1.0 : 1.0 / size_of(K, J);
     memset(work, 0, K * sizeof *work);
     work[k] = scale;
     apsm_cholesky_solve(K, L, 1, work); /* row k of the symmetric inverse */

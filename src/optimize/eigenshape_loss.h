@@ -10,22 +10,29 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "apsm/status.h"
+#include "core/option.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+enum { APSM_EIGEN_FULL, APSM_EIGEN_NONE };
+#define APSM_EIGENSHAPE_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                   \
+    REAL(S, eigen_reg, 0.02, 0, 1e6, "reg in (9), relative to trace(G)/K")                         \
+    REAL(S, eigen_reg_absolute, 0, 0, 1e300,                                                       \
+         "reg in (9) in squared input units; 0: use eigen_reg")                                    \
+    REAL(S, eigen_share, 0.2, 0, 1e6,                                                              \
+         "largest share of a deviation that the eigenshape loss removes in an epoch (bounds reg "  \
+         "from below); 0: no bound")                                                               \
+    ENUM(S, eigen_scale, "full|none", "factor of (10): 3JK, or 1 (paper)")
 typedef struct apsm_eigenshape_options {
-    double reg;      /* > 0 */
-    bool relative;   /* reg is multiplied by trace(G) / K, else it is a squared length */
-    double least;    /* reg is at least this squared length; 0: no bound.  A step of size b along
-                        the gradient takes at most b / least of a deviation away: without a bound the
-                        directions of least variance are overshot when the shapes are many */
-    bool times_size; /* multiply loss and gradient by 3JK: independent of J and K */
+    APSM_OPTION_FIELDS(APSM_EIGENSHAPE_OPTIONS)
+    double least; /* reg is at least this squared length; 0: no bound.  A step of size b along the
+                     gradient takes at most b / least of a deviation away: without a bound the
+                     directions of least variance are overshot when the shapes are many */
 } apsm_eigenshape_options;
 
-apsm_eigenshape_options apsm_eigenshape_defaults(void); /* 0.02, relative, times_size */
+apsm_eigenshape_options apsm_eigenshape_defaults(void); /* no bound */
 
 /* mean (3J, out) of the K rows of P (K x 3J). */
 void apsm_cohort_mean(size_t K, size_t J, const double *P, double *mean);

@@ -18,7 +18,7 @@ static const double rim_width = 1e-3;
 void look_up_normals(const optimizer *op, size_t i, const double *P, uint32_t *guess, double *N)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
-    if (op->o->snap == APSM_SNAP_FIELD) {
+    if (op->o->step.snap == APSM_SNAP_FIELD) {
         apsm_field_sample(shape->field, op->J, P, NULL, N);
         return;
     }
@@ -62,10 +62,10 @@ apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_index, vo
 static void snap_to_surface(const optimizer *op, size_t i, double *P, worker *w)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
-    if (op->o->snap == APSM_SNAP_CLOSEST)
+    if (op->o->step.snap == APSM_SNAP_CLOSEST)
         apsm_snap_closest(shape->bvh, op->J, P, NULL, op->guess + i * op->J);
-    if (op->o->snap != APSM_SNAP_FIELD) return;
-    for (long n = 0; n < op->o->snaps; n++) { /* ge holds D, gc the normals */
+    if (op->o->step.snap != APSM_SNAP_FIELD) return;
+    for (long n = 0; n < op->o->step.snaps; n++) { /* ge holds D, gc the normals */
         apsm_field_sample(shape->field, op->J, P, w->ge, w->gc);
         apsm_snap(op->J, w->ge, w->gc, P);
     }
@@ -106,7 +106,7 @@ static void keep_rim(const optimizer *op, size_t i, double *P)
 static bool is_thin(const optimizer *op, size_t i)
 {
     const double thickness = 2 * op->cohort->shape[i].half_thickness;
-    return op->o->snap == APSM_SNAP_CLOSEST && thickness < op->state->h;
+    return op->o->step.snap == APSM_SNAP_CLOSEST && thickness < op->state->h;
 }
 
 apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user)
@@ -115,7 +115,7 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user
     const size_t i = op->batch[k];
     double *P = particles(op, i), *step = op->step + k * op->J * 3;
     const double minus_one = -1, *const grad = step;
-    const double clip = op->o->step_clip > 0 ? op->o->step_clip * op->state->h : INFINITY;
+    const double clip = op->o->step.step_clip > 0 ? op->o->step.step_clip * op->state->h : INFINITY;
     op->record[i].step = apsm_step(op->J, 1, &minus_one, &grad, clip, step) / op->state->h;
     for (size_t x = 0; x < op->J * 3; x++) {
         P[x] += step[x];

@@ -26,28 +26,7 @@ static const double growth = 1.1; /* of the distance in a round, at most, for th
 
 apsm_fidelity_options apsm_fidelity_defaults(void)
 {
-    return (apsm_fidelity_options){ .fidelity = 0.5,
-                                    .prior = 85,
-                                    .stay = 0.02,
-                                    .smooth = 1,
-                                    .order = 16,
-                                    .modes = -1,
-                                    .rounds = 12,
-                                    .iterations = 1,
-                                    .points = 1000,
-                                    .floor = 0.05,
-                                    .ceiling = 0.1,
-                                    .clip = 0.25 };
-}
-
-apsm_fidelity_options apsm_fidelity_of(const apsm_options *options)
-{
-    apsm_fidelity_options o = apsm_fidelity_defaults();
-    o.fidelity = options->fidelity;
-    o.rounds = options->fidelity_rounds;
-    o.modes = options->fidelity_modes;
-    o.points = (size_t)options->fidelity_points;
-    return o;
+    return (apsm_fidelity_options){ .left_out = NULL, APSM_OPTION_DEFAULTS(APSM_FIDELITY_OPTIONS) };
 }
 
 /* ---- what stays the same ---- */
@@ -397,7 +376,7 @@ static apsm_status certify_end(const round_task *t, size_t i, fidelity_work *w, 
 /* The first half of the rounds is without the prior. */
 static long first_with_prior(const apsm_fidelity *f)
 {
-    return f->o.fidelity < 1 ? f->o.rounds / 2 : f->o.rounds;
+    return f->o.fidelity < 1 ? f->o.fidelity_rounds / 2 : f->o.fidelity_rounds;
 }
 
 static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, shape_result *r)
@@ -415,7 +394,7 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     r->moved = descend(t, i, guided ? limit + f->o.floor : limit, w);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
-    if (t->round + 1 == f->o.rounds) APSM_TRY(certify_end(t, i, w, r));
+    if (t->round + 1 == f->o.fidelity_rounds) APSM_TRY(certify_end(t, i, w, r));
     for (size_t j = 0; j < f->J; j++)
         r->step += sqrt(vec3_distance2(P + 3 * j, w->entry + 3 * j)) / (f->h * (double)f->J);
     return APSM_OK;
@@ -508,8 +487,8 @@ static apsm_status run_tasks(apsm_context *ctx, round_task *t, apsm_task_fn task
 static apsm_status fit_prior(apsm_context *ctx, const apsm_fidelity *f, const double *P,
                              apsm_fidelity_prior *prior)
 {
-    return apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.modes, f->o.left_out,
-                                   prior);
+    return apsm_fidelity_prior_fit(ctx, f->cohort->I, f->J, P, f->h, f->o.fidelity_modes,
+                                   f->o.left_out, prior);
 }
 
 static apsm_status measure_doubt(apsm_context *ctx, const double *P0, double *P, apsm_fidelity *f)

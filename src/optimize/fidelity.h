@@ -3,31 +3,36 @@
 #ifndef APSM_FIDELITY_H
 #define APSM_FIDELITY_H
 
-#include "apsm/options.h"
+#include "core/option.h"
 #include "initialize/cohort.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
+/* fidelity_points: all if a surface has fewer. */
+#define APSM_FIDELITY_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                     \
+    REAL(S, fidelity, 0.5, 0, 1,                                                                   \
+         "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
+         "the other shapes weighs (1 - F)/F times what is measured to suit; 0: no such stage")     \
+    INT(S, fidelity_rounds, 12, 1, 1000, "rounds of the fidelity stage")                           \
+    INT(S, fidelity_modes, -1, -1, 100000,                                                         \
+        "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
+    INT(S, fidelity_points, 1000, 100, 10000000,                                                   \
+        "vertices of either surface, about, that (12) sums over")                                  \
+    FIXED(S, double, prior, 85.0, "weight of the prior at F = 1/2, times the doubt")               \
+    FIXED(S, double, stay, 0.02, "lambda in (12): pull to where the stage began")                  \
+    FIXED(S, double, smooth, 1.0, "mu in (12): displacements from the mean are smooth")            \
+    FIXED(S, double, order, 16.0, "nu in (12): neighbours of the template stay neighbours")        \
+    FIXED(S, long, iterations, 1, "most Gauss-Newton steps of a shape in a round")                 \
+    FIXED(S, double, floor, 0.05, "distances below this count as squares, in h")                   \
+    FIXED(S, double, ceiling, 0.1, "and so do those above this, in h")                             \
+    FIXED(S, double, clip, 0.25, "longest move of a particle in a step, in h")
 typedef struct apsm_fidelity_options {
-    double fidelity;      /* F in (0, 1]: the prior weighs prior doubt (1 - F) / F; 1: no prior */
-    double prior;         /* weight of the prior at F = 1/2, times the doubt: 85 */
-    double stay;          /* lambda: pull to where the stage began: 0.02 */
-    double smooth;        /* mu: displacements from the mean are smooth: 1 */
-    double order;         /* nu: neighbours of the template stay neighbours: 16 */
-    long modes;           /* of the prior; -1: as many as predict left-out shapes best */
-    long rounds;          /* prior and shapes in turn: 12 */
-    long iterations;      /* most Gauss-Newton steps of a shape in a round: 1 */
-    size_t points;        /* of either surface, about; all if it has fewer: 1000 */
-    double floor;         /* distances below this count as squares; in h: 0.05 */
-    double ceiling;       /* and so do those above this; in h: 0.1 */
-    double clip;          /* longest move of a particle in a step; in h: 0.25 */
+    APSM_OPTION_FIELDS(APSM_FIDELITY_OPTIONS)
     const bool *left_out; /* cohort's I, borrowed: shapes that no prior is made from; NULL: none */
 } apsm_fidelity_options;
 apsm_fidelity_options apsm_fidelity_defaults(void);
-/* The defaults, and what the options of the method say of them. */
-apsm_fidelity_options apsm_fidelity_of(const apsm_options *options);
 
 /* What the other shapes suggest for one shape, lengths in h: mean and modes of probabilistic PCA
  * (Tipping and Bishop 1999).  Precision up to a factor: S = 1 - sum over modes of weight u u^T,

@@ -32,7 +32,7 @@
 
 static size_t stride_of(const apsm_fidelity *f, size_t nv)
 {
-    const size_t wanted = f->o.points > 0 ? f->o.points : 1;
+    const size_t wanted = f->o.fidelity_points > 0 ? (size_t)f->o.fidelity_points : 1;
     return nv / wanted + (nv % wanted != 0);
 }
 

@@ -63,7 +63,7 @@ static apsm_status sample_shape(apsm_context *ctx, const apsm_shape *shape, size
 /* What the tasks share: the template's particles and normals. */
 typedef struct carry {
     const apsm_cohort *cohort;
-    const apsm_options *options;
+    const apsm_optimize_options *options;
     size_t J;
     double h;
     const double *T, *TN;            /* J x 3 */
@@ -80,7 +80,8 @@ static void positions(const apsm_shape *shape, size_t J, const apsm_surface_poin
 static void project(const carry *c, const apsm_shape *shape, const double *X, const double *N,
                     apsm_surface_point *S, double *P)
 {
-    const apsm_projection_options po = apsm_projection_defaults(c->h);
+    apsm_projection_options po = c->options->first;
+    po.h = c->h;
     apsm_project_particles(shape->bvh, c->J, X, N, &po, S, P, NULL);
 }
 
@@ -114,7 +115,7 @@ static apsm_status carry_to(apsm_context *ctx, const carry *c, const apsm_shape 
     apsm_surface_point *S = malloc(c->J * sizeof *S);
     if (!S) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
-    if (c->options->initialize == APSM_INIT_PROJECTION)
+    if (c->options->first.initialize == APSM_INIT_PROJECTION)
         project(c, shape, c->T, c->TN, S, P);
     else
         status = match(ctx, c, shape, S, P);
@@ -166,8 +167,8 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
 
 /* Particles T, normals TN (J x 3 each) and spacing h of the template. */
 static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
-                                 const apsm_options *options, size_t J, double *T, double *TN,
-                                 double *h)
+                                 const apsm_optimize_options *options, size_t J, double *T,
+                                 double *TN, double *h)
 {
     const apsm_shape *shape = &cohort->shape[cohort->template_index];
     apsm_surface_point *S = malloc(J * sizeof *S);
@@ -205,7 +206,7 @@ static apsm_status prepare_registration(carry *c)
 }
 
 apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
-                                 const apsm_options *options, size_t J, double *P)
+                                 const apsm_optimize_options *options, size_t J, double *P)
 {
     double *T = malloc(6 * J * sizeof *T);
     if (!T) return APSM_ERR_MEMORY;
@@ -215,7 +216,7 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     if (status == APSM_OK && !c.on_rim) status = APSM_ERR_MEMORY;
     if (status == APSM_OK)
         apsm_shape_find_on_rim(&cohort->shape[cohort->template_index], J, T, c.on_rim);
-    if (status == APSM_OK && options->initialize == APSM_INIT_REGISTRATION)
+    if (status == APSM_OK && options->first.initialize == APSM_INIT_REGISTRATION)
         status = prepare_registration(&c);
     if (status == APSM_OK)
         status = apsm_dealt_for(ctx, cohort->I, carry_to_shape, &c, "initialize");

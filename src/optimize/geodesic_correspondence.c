@@ -30,9 +30,7 @@ struct apsm_walk_work {
 
 apsm_walk_options apsm_walk_defaults(double h)
 {
-    return (apsm_walk_options){
-        .factor = 2.0, .walk = 1.0, .guard = true, .min_separation = 0.5 * h, .strict = true
-    };
+    return (apsm_walk_options){ .h = h, .strict = true, APSM_OPTION_DEFAULTS(APSM_WALK_OPTIONS) };
 }
 
 apsm_status apsm_walk_work_new(size_t J, apsm_walk_work **out)
@@ -118,7 +116,7 @@ static bool surely_matched(pass *a, uint32_t j)
         d2 = d;
         nearest = k;
     }
-    const double limit = fmin(a->o->factor, report_factor[1]) * sqrt(d2);
+    const double limit = fmin(a->o->geodesic_factor, report_factor[1]) * sqrt(d2);
     row->n = 0;
     row->closest = INFINITY;
     row->nearest = APSM_NONE;
@@ -159,12 +157,13 @@ static void copy_row(apsm_walk_work *s, uint32_t j)
 static apsm_status missing_now(pass *a, uint32_t j, size_t *n)
 {
     const apsm_neighbourhoods *reference = a->reference;
-    if (a->s->touched[j] || a->o->farthest) /* keep_farthest goes on from this search */
+    if (a->s->touched[j] ||
+        a->o->geodesic_target == APSM_TARGET_FARTHEST) /* keep_farthest goes on from this search */
         APSM_TRY(search(a, j));
     else
         copy_row(a->s, j);
     const neighbourhood_row *row = &a->s->row;
-    const double most = a->o->factor * row->closest;
+    const double most = a->o->geodesic_factor * row->closest;
     *n = 0;
     size_t r = 0;
     for (size_t i = reference->start[j]; i < reference->start[j + 1]; i++) {
@@ -209,7 +208,8 @@ static apsm_status target(pass *a, uint32_t j, uint32_t k, apsm_surface_point *t
     const double d = apsm_geodesic_reach(a->g, a->w, a->points + j);
     *reached = d < INFINITY;
     if (!*reached) return APSM_OK;
-    return apsm_geodesic_walk(a->g, a->w, a->points + j, d - a->o->walk * fmax(d - keep, 0.0), to);
+    return apsm_geodesic_walk(a->g, a->w, a->points + j,
+                              d - a->o->geodesic_walk * fmax(d - keep, 0.0), to);
 }
 
 /* The mean of targets, x, goes to the surface's closest point on the side where they are (n: the
@@ -275,7 +275,7 @@ static double nearest_other2(const pass *a, uint32_t j, const apsm_surface_point
  * j was in a worse crowd before. */
 static bool acceptable(const pass *a, uint32_t j, const apsm_surface_point *to, const double x[3])
 {
-    const double *old = a->P + 3 * (size_t)j, limit = a->o->min_separation;
+    const double *old = a->P + 3 * (size_t)j, limit = a->o->min_separation * a->o->h;
     if (largest_reference_distance2(a, j, x) > largest_reference_distance2(a, j, old)) return false;
     return nearest_other2(a, j, to, x) >=
            fmin(limit * limit, nearest_other2(a, j, a->points + j, old));
@@ -336,10 +336,10 @@ static apsm_status treat(pass *a, uint32_t j, apsm_walk_report *report)
     double x[3];
     size_t n, asked;
     APSM_TRY(missing_now(a, j, &n));
-    if (n > 0 && a->o->farthest) n = keep_farthest(a, n);
+    if (n > 0 && a->o->geodesic_target == APSM_TARGET_FARTHEST) n = keep_farthest(a, n);
     APSM_TRY(destination(a, j, n, &to, x, &asked));
     if (asked == 0) return APSM_OK;
-    if (a->o->guard && !acceptable(a, j, &to, x)) {
+    if (a->o->geodesic_guard && !acceptable(a, j, &to, x)) {
         report->refused++;
         return APSM_OK;
     }
@@ -379,13 +379,17 @@ apsm_status apsm_geodesic_correspondence(const apsm_geodesic *g, apsm_geodesic_w
                                          apsm_surface_point *points, double *P, apsm_walk_work *s,
                                          apsm_walk_report *report)
 {
-    if (s->J < J || reference->J != J || (!bvh && !options->farthest)) return APSM_ERR_ARG;
-    pass a = { g,      w, bvh, J, reference, options, fmax(options->factor, report_factor[1]),
-               points, P, s };
+    if (s->J < J || reference->J != J ||
+        (!bvh && !(options->geodesic_target == APSM_TARGET_FARTHEST)))
+        return APSM_ERR_ARG;
+    pass a = {
+        g,      w, bvh, J, reference, options, fmax(options->geodesic_factor, report_factor[1]),
+        points, P, s
+    };
     *report = (apsm_walk_report){ 0 };
     APSM_TRY(make_rows(&a, &s->now));
     count_both(&a, report->before);
-    apsm_mismatches(reference, &s->now, options->factor, s->count);
+    apsm_mismatches(reference, &s->now, options->geodesic_factor, s->count);
     const size_t n = apsm_mismatch_order(J, s->count, s->order);
     memset(s->touched, 0, J * sizeof *s->touched);
     for (size_t i = 0; i < n; i++) APSM_TRY(treat(&a, s->order[i], report));

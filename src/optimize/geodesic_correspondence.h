@@ -8,6 +8,7 @@
 #ifndef APSM_GEODESIC_CORRESPONDENCE_H
 #define APSM_GEODESIC_CORRESPONDENCE_H
 
+#include "core/option.h"
 #include "geometry/bvh.h"
 #include "geometry/geodesic.h"
 
@@ -58,17 +59,27 @@ size_t apsm_missing_neighbours(const apsm_neighbourhoods *reference,
                                const apsm_neighbourhoods *shape, double factor, uint32_t j,
                                uint32_t *missing);
 
+enum { APSM_TARGET_MEAN, APSM_TARGET_FARTHEST };
+#define APSM_WALK_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                         \
+    BOOL(S, geodesic_correspondence, true, "run Algorithm 1 in stage 1")                           \
+    INT(S, geodesic_interval, 25, 1, 1000000,                                                      \
+        "epochs between its passes (at most half of the stage)")                                   \
+    REAL(S, geodesic_factor, 2, 1, 10,                                                             \
+         "F: a neighbour farther than F times the closest is mismatched (paper: 1.5)")             \
+    ENUM(S, geodesic_target, "mean|farthest",                                                      \
+         "where a particle walks: mean of the targets, or the farthest missing neighbour (paper)") \
+    REAL(S, geodesic_walk, 1, 0.01, 1, "share of the walk that is made")                           \
+    BOOL(S, geodesic_guard, true, "keep a move only if it does not make matters worse")            \
+    REAL(S, stop_mismatched, 0.02, 0, 1,                                                           \
+         "stage 1 ends early when no shape has a larger share of mismatched particles")            \
+    FIXED(S, double, min_separation, 0.5,                                                          \
+          "particles nearer than this come too near for the guard, in h")
 typedef struct apsm_walk_options {
-    double factor;         /* F: 2.0 (paper: 1.5) */
-    bool farthest;         /* walk to the farthest missing neighbour (paper), not to the mean */
-    double walk;           /* share of the way: 1 */
-    bool guard;            /* keep a move only if the largest Euclidean distance to the reference
-                              neighbours does not grow and no particle comes too near: true */
-    double min_separation; /* what too near is: 0.5 h */
-    bool strict;           /* the report counts at 1.5 too, which takes a search from every
-                              particle: true */
+    APSM_OPTION_FIELDS(APSM_WALK_OPTIONS)
+    double h;    /* mean neighbour distance */
+    bool strict; /* the report counts at 1.5 too, which takes a search from every particle */
 } apsm_walk_options;
-apsm_walk_options apsm_walk_defaults(double h);
+apsm_walk_options apsm_walk_defaults(double h); /* strict */
 
 /* Mismatched particles at 1.5/1.5 (0 unless strict) and 1.5/2.0, and what the pass did. */
 typedef struct apsm_walk_report {

@@ -14,13 +14,10 @@ typedef struct pass {
     apsm_walk_report *report; /* I */
 } pass;
 
-static apsm_walk_options walk_options(const apsm_options *o, double h)
+static apsm_walk_options walk_options(const apsm_optimize_options *o, double h)
 {
-    apsm_walk_options w = apsm_walk_defaults(h);
-    w.factor = o->geodesic_factor;
-    w.farthest = o->geodesic_target == APSM_TARGET_FARTHEST;
-    w.walk = o->geodesic_walk;
-    w.guard = o->geodesic_guard;
+    apsm_walk_options w = o->walk;
+    w.h = h;
     w.strict = false;
     return w;
 }
@@ -87,8 +84,9 @@ static geodesic_pass_result sum_up(const pass *p)
     return r;
 }
 
-apsm_status geodesic_pass(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
-                          size_t J, double h, double *P, geodesic_pass_result *result)
+apsm_status geodesic_pass(apsm_context *ctx, const apsm_cohort *cohort,
+                          const apsm_optimize_options *options, size_t J, double h, double *P,
+                          geodesic_pass_result *result)
 {
     pass p = { .cohort = cohort, .walk = walk_options(options, h), .J = J, .P = P };
     p.report = calloc(cohort->I, sizeof *p.report);

@@ -114,7 +114,7 @@ static void judge_pass(optimizer *op, const apsm_epoch_record *r)
     if (s->epoch >= op->schedule.decay1) return;
     count_gain(s, r);
     if (s->epoch == 0) return; /* the loss has not had its say yet */
-    if (r->worst_mismatched <= op->o->stop_mismatched)
+    if (r->worst_mismatched <= op->o->walk.stop_mismatched)
         s->stage1_stop = APSM_STOP_MATCHED;
     else if (s->passes_without_gain >= 2)
         s->stage1_stop = APSM_STOP_STALLED;
@@ -126,7 +126,7 @@ static void judge_pass(optimizer *op, const apsm_epoch_record *r)
 static void judge_first_pass(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
-    if (op->schedule.settle == 0 || !(r->mismatched > op->o->settle_mismatched)) return;
+    if (op->schedule.settle == 0 || !(r->mismatched > op->o->schedule.settle_mismatched)) return;
     s->epoch = -op->schedule.settle;
     if (op->quiet) return;
     apsm_log(op->ctx, APSM_LOG_INFO,
@@ -139,7 +139,7 @@ static void judge_settling(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
     count_gain(s, r);
-    if (r->worst_mismatched > op->o->stop_mismatched && s->passes_without_gain < 2) return;
+    if (r->worst_mismatched > op->o->walk.stop_mismatched && s->passes_without_gain < 2) return;
     s->passes_without_gain = 0;
     s->epoch = 0;
 }
@@ -264,7 +264,7 @@ static apsm_status begin_fidelity(optimizer *op)
         s->own = own;
         s->own_size = n;
     }
-    const apsm_fidelity_options fo = apsm_fidelity_of(op->o);
+    const apsm_fidelity_options fo = op->o->fidelity;
     APSM_TRY(apsm_fidelity_new(op->ctx, op->cohort, op->J,
                                particles(op, op->cohort->template_index), &fo, &op->fidelity));
     s->h = apsm_fidelity_spacing(op->fidelity);
@@ -346,7 +346,7 @@ static apsm_status optimize(optimizer *op, apsm_epoch_fn on_epoch, void *user)
 }
 
 apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
-                           const apsm_options *options, size_t n, const term *const *terms,
+                           const apsm_optimize_options *options, size_t n, const term *const *terms,
                            apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
 {
     optimizer op;
@@ -358,8 +358,9 @@ apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
     return optimize(&op, on_epoch, user);
 }
 
-apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
-                          apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
+apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
+                          const apsm_optimize_options *options, apsm_optimizer_state *state,
+                          apsm_epoch_fn on_epoch, void *user)
 {
     return optimize_terms(ctx, cohort, options, APSM_TERMS, standard_terms, state, on_epoch, user);
 }
@@ -369,20 +370,20 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const ap
 enum { SPREAD_ALPHA = 10 }; /* steps up to h/4: a farthest-point sample is far from even */
 
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
-                        const apsm_options *options, size_t J, long epochs, double *P)
+                        const apsm_optimize_options *options, size_t J, long epochs, double *P)
 {
     apsm_cohort one = { .I = 1, .shape = &cohort->shape[i], .anchors = cohort->anchors };
     one.anchors.has += one.anchors.L * i;
     one.anchors.x += 3 * one.anchors.L * i;
-    apsm_options o = *options;
+    apsm_optimize_options o = *options;
     apsm_optimizer_state state = {
         .I = 1, .J = J, .stage = APSM_STAGE_1, .best_mismatched = 2, .P = P
     };
-    o.stage1_epochs = epochs;
-    o.stage2_epochs = 0;
-    o.fidelity = 0;
-    if (o.step == APSM_STEP_SCALED) o.alpha = SPREAD_ALPHA;
-    o.beta = o.gamma = 0;
+    o.schedule.stage1_epochs = epochs;
+    o.schedule.stage2_epochs = 0;
+    o.fidelity.fidelity = 0;
+    if (o.step.step == APSM_STEP_SCALED) o.schedule.alpha = SPREAD_ALPHA;
+    o.schedule.beta = o.schedule.gamma = 0;
     o.batch = 0;
     state.mean = optimizer_doubles(3 * J);
     if (!state.mean) return APSM_ERR_MEMORY;

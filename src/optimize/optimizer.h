@@ -9,8 +9,8 @@
 #ifndef APSM_OPTIMIZER_H
 #define APSM_OPTIMIZER_H
 
-#include "apsm/options.h"
 #include "initialize/cohort.h"
+#include "optimize/options.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -93,26 +93,27 @@ typedef apsm_status (*apsm_epoch_fn)(void *user, const apsm_optimizer_state *sta
  * O(epochs * I * (R J + J^2 if c > 0) + I J^3 + I^2 J) time, O(I J^2 + threads * J^2) memory, or
  * O(I J + threads * J^2) and J^3 in every epoch where the factors of I shapes are more than 1 GB.
  */
-apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *options,
-                          apsm_optimizer_state *state, apsm_epoch_fn on_epoch,
-                          void *user) APSM_NODISCARD;
+apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
+                          const apsm_optimize_options *options, apsm_optimizer_state *state,
+                          apsm_epoch_fn on_epoch, void *user) APSM_NODISCARD;
 
 /* Bytes of the factor that an adaptive stage keeps for each of I shapes with J particles; 0: new
  * ones are made in every epoch, as where all of them are more than anyone's memory.  No other limit
  * decides, for it decides the result. */
-double apsm_kept_factor_bytes(const apsm_options *options, size_t I, size_t J);
+double apsm_kept_factor_bytes(const apsm_optimize_options *options, size_t I, size_t J);
 
 /* Spreads the particles P (J x 3, in/out, on the surface) of shape i evenly, by the sampling
  * loss alone with falling steps. */
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
-                        const apsm_options *options, size_t J, long epochs,
+                        const apsm_optimize_options *options, size_t J, long epochs,
                         double *P) APSM_NODISCARD;
 
 /* First particles P (I x J x 3, out, world frame): a farthest-point sample of the template, spread,
  * then carried to every shape as options->initialize says.  docs/method.md, "Initialisation".
  * APSM_ERR_GEOMETRY names a shape with fewer vertices than particles. */
 apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
-                                 const apsm_options *options, size_t J, double *P) APSM_NODISCARD;
+                                 const apsm_optimize_options *options, size_t J,
+                                 double *P) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

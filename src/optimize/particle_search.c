@@ -2,6 +2,7 @@
  * Every trial is a whole fidelity stage, judged on the shapes left out. */
 #include "optimize/particle_search.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,7 +22,7 @@ typedef struct trial {
 
 typedef struct search {
     const apsm_cohort *cohort;
-    const apsm_options *o;
+    const apsm_optimize_options *o;
     bool *left_out; /* I */
     size_t *judged; /* the shapes left out */
     size_t n_judged, most, trials;
@@ -68,7 +69,7 @@ static apsm_status judge_shape(apsm_context *ctx, size_t k, int worker, void *us
 /* Of the stage that has just been run, by all vertices. */
 static apsm_status judge(apsm_context *ctx, const search *s, apsm_fidelity *f, trial *t)
 {
-    f->o.points = SIZE_MAX;
+    f->o.fidelity_points = LONG_MAX;
     const size_t threads = (size_t)apsm_context_threads(ctx);
     judge_task j = { .s = s, .f = f, .t = t };
     j.work = calloc(threads, sizeof *j.work);
@@ -91,13 +92,13 @@ static apsm_status judge(apsm_context *ctx, const search *s, apsm_fidelity *f, t
 static apsm_status run_and_judge(apsm_context *ctx, const search *s, trial *t)
 {
     apsm_fidelity *f = NULL;
-    apsm_fidelity_options o = apsm_fidelity_of(s->o);
+    apsm_fidelity_options o = s->o->fidelity;
     o.left_out = s->left_out;
     const double *T = t->begin + s->cohort->template_index * t->J * 3;
     memcpy(t->end, t->begin, s->cohort->I * t->J * 3 * sizeof *t->end);
     APSM_TRY(apsm_fidelity_new(ctx, s->cohort, t->J, T, &o, &f));
     apsm_status status = APSM_OK;
-    for (long k = 0; status == APSM_OK && k < o.rounds; k++) {
+    for (long k = 0; status == APSM_OK && k < o.fidelity_rounds; k++) {
         apsm_fidelity_record r;
         status = apsm_fidelity_round(ctx, f, k, t->begin, t->end, &r);
         if (status == APSM_OK && apsm_interrupted(ctx)) status = APSM_ERR_INTERRUPTED;
@@ -120,8 +121,8 @@ static apsm_status try_out(apsm_context *ctx, search *s, trial *t)
 static apsm_status grow(apsm_context *ctx, search *s, const trial *from, size_t J, trial *to)
 {
     APSM_TRY(trial_alloc(s, J, to));
-    APSM_TRY(apsm_reseat(ctx, s->cohort, from->J, from->end, s->left_out, s->o->adaptivity, J,
-                         to->begin));
+    APSM_TRY(apsm_reseat(ctx, s->cohort, from->J, from->end, s->left_out, s->o->schedule.adaptivity,
+                         J, to->begin));
     return try_out(ctx, s, to);
 }
 
@@ -130,7 +131,7 @@ static apsm_status grow(apsm_context *ctx, search *s, const trial *from, size_t 
 /* The error falls about as 1 / J. */
 static size_t next_number(const search *s, const trial *t)
 {
-    const double factor = fmin(fmax(1.05 * t->error / s->o->error, 1.1), 2);
+    const double factor = fmin(fmax(1.05 * t->error / s->o->search.error, 1.1), 2);
     const size_t J = (size_t)ceil(factor * (double)t->J);
     return J < s->most ? J : s->most;
 }
@@ -142,7 +143,8 @@ static apsm_status bracket(apsm_context *ctx, search *s, trial *low, trial *high
         APSM_TRY(grow(ctx, s, low, next_number(s, low), high));
         const double gain = 1 - high->error / low->error;
         const double more = (double)high->J / (double)low->J - 1;
-        if (high->error <= s->o->error || high->J >= s->most || gain < 0.1 * more) return APSM_OK;
+        if (high->error <= s->o->search.error || high->J >= s->most || gain < 0.1 * more)
+            return APSM_OK;
         trial_free(low);
         *low = *high;
         *high = (trial){ 0 };
@@ -158,7 +160,7 @@ static apsm_status narrow(apsm_context *ctx, search *s, trial *low, trial *high)
             trial_free(&middle);
             return status;
         }
-        trial *replaced = middle.error <= s->o->error ? high : low;
+        trial *replaced = middle.error <= s->o->search.error ? high : low;
         trial_free(replaced);
         *replaced = middle;
     }
@@ -172,7 +174,7 @@ static apsm_status choose_left_out(apsm_context *ctx, search *s)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "error = %g: %zu shapes are too few to leave some out; %d are needed, or "
                          "give the number of particles",
-                         s->o->error, I, LEAST_SHAPES);
+                         s->o->search.error, I, LEAST_SHAPES);
     s->left_out = calloc(I, sizeof *s->left_out);
     s->judged = malloc(I * sizeof *s->judged);
     if (!s->left_out || !s->judged) return APSM_ERR_MEMORY;
@@ -191,17 +193,17 @@ static apsm_status run(apsm_context *ctx, search *s, size_t J, const double *P, 
     APSM_TRY(trial_alloc(s, J, low));
     memcpy(low->begin, P, s->cohort->I * J * 3 * sizeof *P);
     APSM_TRY(try_out(ctx, s, low));
-    if (low->error <= s->o->error || J >= s->most) {
+    if (low->error <= s->o->search.error || J >= s->most) {
         *high = *low;
         *low = (trial){ 0 };
         return APSM_OK;
     }
     APSM_TRY(bracket(ctx, s, low, high));
-    return high->error <= s->o->error ? narrow(ctx, s, low, high) : APSM_OK;
+    return high->error <= s->o->search.error ? narrow(ctx, s, low, high) : APSM_OK;
 }
 
 apsm_status apsm_search_particles(apsm_context *ctx, const apsm_cohort *cohort,
-                                  const apsm_options *options, size_t J, const double *P,
+                                  const apsm_optimize_options *options, size_t J, const double *P,
                                   apsm_particle_search *result)
 {
     search s = { .cohort = cohort,
@@ -214,7 +216,7 @@ apsm_status apsm_search_particles(apsm_context *ctx, const apsm_cohort *cohort,
         *result = (apsm_particle_search){ .J = high.J,
                                           .P = high.begin,
                                           .error = high.error,
-                                          .met = high.error <= options->error,
+                                          .met = high.error <= options->search.error,
                                           .left_out = s.n_judged,
                                           .trials = s.trials };
         high.begin = NULL; /* taken */

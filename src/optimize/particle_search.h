@@ -3,8 +3,8 @@
 #ifndef APSM_PARTICLE_SEARCH_H
 #define APSM_PARTICLE_SEARCH_H
 
-#include "apsm/options.h"
 #include "initialize/cohort.h"
+#include "optimize/options.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -27,7 +27,7 @@ typedef struct apsm_particle_search {
  * particles bring less than a tenth, or at a quarter of the template's vertices.
  * APSM_ERR_ARG: fewer than 6 shapes. */
 apsm_status apsm_search_particles(apsm_context *ctx, const apsm_cohort *cohort,
-                                  const apsm_options *options, size_t J, const double *P,
+                                  const apsm_optimize_options *options, size_t J, const double *P,
                                   apsm_particle_search *result) APSM_NODISCARD;
 
 #ifdef __cplusplus

@@ -40,7 +40,7 @@ enum { BLOCK = 10 }; /* iterations from one call of on_epoch to the next, at mos
 typedef struct psm {
     apsm_context *ctx;
     const apsm_cohort *cohort;
-    const apsm_options *o;
+    const apsm_optimize_options *o;
     apsm_optimizer_state *state;
     size_t I, J;
     double unit;
@@ -121,9 +121,9 @@ static long iterations_of_stage(const psm *p)
 {
     switch (p->state->stage) {
     case APSM_STAGE_1:
-        return splits(p->J) * p->o->psm_iterations_per_split;
+        return splits(p->J) * p->o->psm.psm_iterations_per_split;
     case APSM_STAGE_2:
-        return p->o->psm_optimization_iterations;
+        return p->o->psm.psm_optimization_iterations;
     default:
         return 0; /* the fidelity stage is not part of this method */
     }
@@ -139,7 +139,7 @@ static size_t after_splits(size_t J, long n)
 /* Particles that there are when the state's next iteration begins, its split not yet done. */
 static size_t particles_before(const psm *p)
 {
-    const long per_split = p->o->psm_iterations_per_split;
+    const long per_split = p->o->psm.psm_iterations_per_split;
     if (p->state->stage != APSM_STAGE_1) return p->state->epoch > 0 || per_split ? p->J : 1;
     const long e = p->state->epoch;
     return per_split ? after_splits(p->J, (e + per_split - 1) / per_split) : 1;
@@ -258,8 +258,8 @@ static apsm_status register_shapes(psm *p)
 {
     apsm_procrustes_options po = apsm_procrustes_defaults();
     const size_t n = p->now * 3;
-    po.pose = p->o->psm_procrustes_rotation_translation;
-    po.scale = p->o->psm_procrustes_scaling;
+    po.pose = p->o->psm.psm_procrustes_rotation_translation;
+    po.scale = p->o->psm.psm_procrustes_scaling;
     for (size_t i = 0; i < p->I; i++)
         memcpy(p->Q + i * n, p->state->P + i * p->J * 3, n * sizeof *p->Q);
     double *M = malloc(p->I * 16 * sizeof *M);
@@ -292,7 +292,8 @@ static psm_pull pull_of(const psm *p, size_t i)
 static double least_step(const psm *p)
 {
     const bool first = p->state->stage == APSM_STAGE_1;
-    const long n = first ? p->o->psm_iterations_per_split : p->o->psm_optimization_iterations;
+    const long n =
+        first ? p->o->psm.psm_iterations_per_split : p->o->psm.psm_optimization_iterations;
     const long e = first ? p->state->epoch % n : p->state->epoch, half = n / 2;
     return e > half ? exp(-5 * (double)(e - half) / (double)(n - half)) : 1;
 }
@@ -300,24 +301,24 @@ static double least_step(const psm *p)
 /* rel and reg of the next iteration. */
 static apsm_status set_weights(psm *p)
 {
-    const apsm_options *o = p->o;
+    const apsm_optimize_options *o = p->o;
     const long e = p->state->epoch;
-    const double decay = o->psm_ending_regularization / o->psm_starting_regularization;
+    const double decay = o->psm.psm_ending_regularization / o->psm.psm_starting_regularization;
     const bool first = p->state->stage == APSM_STAGE_1;
-    p->rel = first ? o->psm_initial_relative_weighting : o->psm_relative_weighting;
-    const long n = first ? o->psm_iterations_per_split : o->psm_optimization_iterations;
+    p->rel = first ? o->psm.psm_initial_relative_weighting : o->psm.psm_relative_weighting;
+    const long n = first ? o->psm.psm_iterations_per_split : o->psm.psm_optimization_iterations;
     const double done = (double)(first ? e % n : e) / (double)n;
-    if (first && !o->psm_shape_statistics_in_init) return p->reg = INFINITY, APSM_OK;
+    if (first && !o->psm.psm_shape_statistics_in_init) return p->reg = INFINITY, APSM_OK;
     if (e == 0 || (first && e % n == 0)) {
-        *own_reg(p) = o->psm_starting_regularization;
-        if (o->psm_starting_share > 0) {
+        *own_reg(p) = o->psm.psm_starting_regularization;
+        if (o->psm.psm_starting_share > 0) {
             double largest;
             collect(p);
             APSM_TRY(psm_largest_variance(p->I, 3 * p->now, p->Q, &largest, p->work));
-            *own_reg(p) = fmax(o->psm_starting_share * largest, 1e-300);
+            *own_reg(p) = fmax(o->psm.psm_starting_share * largest, 1e-300);
         }
     }
-    p->reg = *own_reg(p) * pow(o->psm_starting_share > 0 ? 0.1 : decay, done);
+    p->reg = *own_reg(p) * pow(o->psm.psm_starting_share > 0 ? 0.1 : decay, done);
     return APSM_OK;
 }
 
@@ -342,7 +343,7 @@ static apsm_status sweep_shape(apsm_context *ctx, size_t i, int worker, void *us
 static apsm_status prepare(psm *p)
 {
     const apsm_optimizer_state *s = p->state;
-    const long per_split = p->o->psm_iterations_per_split;
+    const long per_split = p->o->psm.psm_iterations_per_split;
     p->now = particles_before(p);
     if (s->stage == APSM_STAGE_1) {
         if (s->epoch % per_split) return APSM_OK;
@@ -352,7 +353,7 @@ static apsm_status prepare(psm *p)
     }
     for (long n = 0; p->now < p->J; n++) APSM_TRY(split(p, n));
     if (s->epoch == 0) reset_steps(p);
-    if (p->o->psm_procrustes && s->epoch % p->o->psm_procrustes_interval == 0)
+    if (p->o->psm.psm_procrustes && s->epoch % p->o->psm.psm_procrustes_interval == 0)
         return register_shapes(p);
     return APSM_OK;
 }
@@ -401,7 +402,7 @@ static void tell_progress(const psm *p, const apsm_epoch_record *r)
 static apsm_status run_block(psm *p)
 {
     apsm_optimizer_state *s = p->state;
-    const long per_split = p->o->psm_iterations_per_split, total = iterations_of_stage(p);
+    const long per_split = p->o->psm.psm_iterations_per_split, total = iterations_of_stage(p);
     for (int b = 0; b < BLOCK; b++) {
         APSM_TRY(iterate(p));
         if (s->epoch >= total) break;
@@ -464,7 +465,7 @@ static void measure_shapes(psm *p)
         double lo[3], hi[3];
         apsm_mesh_bounds(mesh, lo, hi);
         for (int a = 0; a < 3; a++) p->longest = fmax(p->longest, hi[a] - lo[a]);
-        p->sampling[i] = p->o->psm_sampling_scale ? apsm_mesh_area(mesh) / usual_area : 1;
+        p->sampling[i] = p->o->psm.psm_sampling_scale ? apsm_mesh_area(mesh) / usual_area : 1;
     }
 }
 
@@ -485,7 +486,7 @@ static apsm_status psm_alloc(psm *p)
 }
 
 apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
-                              const apsm_options *options, apsm_optimizer_state *state,
+                              const apsm_optimize_options *options, apsm_optimizer_state *state,
                               apsm_epoch_fn on_epoch, void *user)
 {
     if (state->I != cohort->I || state->J < 2)
@@ -498,7 +499,7 @@ apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
               .state = state,
               .I = state->I,
               .J = state->J,
-              .unit = options->psm_unit };
+              .unit = options->psm.psm_unit };
     const apsm_shape *t = &cohort->shape[cohort->template_index];
     state->h = apsm_expected_spacing(apsm_mesh_area(&t->mesh), state->J);
     apsm_status status = psm_alloc(&p);

@@ -32,7 +32,7 @@ size_t apsm_psm_own_size(size_t I, size_t J);
  * O(iterations * I * J * (J + neighbours)) time, the J pair distances being cheap; O(I J) memory.
  */
 apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
-                              const apsm_options *options, apsm_optimizer_state *state,
+                              const apsm_optimize_options *options, apsm_optimizer_state *state,
                               apsm_epoch_fn on_epoch, void *user) APSM_NODISCARD;
 
 #ifdef __cplusplus

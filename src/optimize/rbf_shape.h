@@ -5,11 +5,23 @@
 #ifndef APSM_RBF_SHAPE_H
 #define APSM_RBF_SHAPE_H
 
+#include "core/option.h"
 #include "linalg/polyharmonic.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+#define APSM_RBF_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                          \
+    ENUM(S, kernel, "biharmonic|triharmonic", "phi of the RBF-shape (1)")                          \
+    REAL(S, dipole, 0.25, 0.001, 10,                                                               \
+         "s: distance of the dipoles, in h; at most half the local half-thickness")                \
+    REAL(S, band, 1, 0.001, 1, "half width of the band of near-surface points, in s")              \
+    REAL(S, points, 16, 1, 1000, "R/J: near-surface points per particle")                          \
+    BOOL(S, resample, true, "draw the near-surface points anew every epoch")
+typedef struct apsm_rbf_options {
+    APSM_OPTION_FIELDS(APSM_RBF_OPTIONS)
+} apsm_rbf_options;
 
 /* A fitted RBF-shape with n = 3J centres.  Arrays are the caller's (apsm_rbf_bind). */
 typedef struct apsm_rbf_shape {

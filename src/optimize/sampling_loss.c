@@ -32,10 +32,15 @@ enum {
 
 apsm_sampling_options apsm_sampling_defaults(void)
 {
-    return (apsm_sampling_options){ .norm = APSM_SAMPLING_VORONOI, .cut = 25.0 };
+    return (apsm_sampling_options){ .h = 0.0, APSM_OPTION_DEFAULTS(APSM_SAMPLING_OPTIONS) };
 }
 
-double apsm_sampling_factor(apsm_sampling_norm norm, size_t J)
+static double tau_of(const apsm_sampling_options *o)
+{
+    return o->tau_absolute > 0.0 ? o->tau_absolute : o->tau * o->h;
+}
+
+double apsm_sampling_factor(int norm, size_t J)
 {
     const double j = (double)J;
     return norm == APSM_SAMPLING_MEAN ? 1.0 : norm == APSM_SAMPLING_SUM ? j : j * j;
@@ -56,7 +61,7 @@ double apsm_sampling_weights(size_t R, const double *f, const double *D, double 
 }
 
 void apsm_sampling_dL_df(size_t J, size_t R, const double *f, const double *D, const double *kbar,
-                         double e_factor, apsm_sampling_norm norm, double *dL_df)
+                         double e_factor, int norm, double *dL_df)
 {
     const double scale = apsm_sampling_factor(norm, J) / ((double)R * (double)J) * 2.0 * e_factor;
     for (size_t r = 0; r < R; r++) dL_df[r] = scale * (f[r] - D[r]) * kbar[r];
@@ -466,7 +471,7 @@ APSM_KERNEL static void do_group(const cells *c, size_t found, size_t count,
 static double do_points(cells *c, const double *B, const double *g, const apsm_sampling_options *o,
                         double *kbar)
 {
-    const double reach = o->cut * o->tau;
+    const double tau = tau_of(o), reach = o->cut_double * tau;
     double total = 0.0, X[3 * GROUP], weight[GROUP], k[GROUP], m[3];
     for (size_t first = 0; first < c->R; first += GROUP) {
         const size_t count = c->R - first < GROUP ? c->R - first : GROUP;
@@ -478,7 +483,7 @@ static double do_points(cells *c, const double *B, const double *g, const apsm_s
         const double rho = bounding_sphere(count, GROUP, X, m);
         /* Every point's nearest is within near_distance + rho of it; a trifle more for rounding. */
         const double within = (near_distance(c, m) + 2.0 * rho + reach) * (1.0 + 1e-12);
-        do_group(c, find_blocks(c, m, within, c->d2), count, X, weight, o->tau, reach, k);
+        do_group(c, find_blocks(c, m, within, c->d2), count, X, weight, tau, reach, k);
         for (size_t i = 0; i < count; i++) {
             total += weight[i] * k[i];
             if (kbar) kbar[r[i]] = k[i];
@@ -532,10 +537,10 @@ static void meet(cells *c, const double m[3], double rho, double unit)
 static double do_patches(cells *c, const double *B, const double *g, const apsm_sampling_options *o,
                          double *kbar)
 {
-    const double ln2 = 0x1.62e42fefa39efp-1, unit = o->tau * ln2;
+    const double ln2 = 0x1.62e42fefa39efp-1, unit = tau_of(o) * ln2;
     sampling_patch *s = &c->patch;
     double total = 0.0, X[3 * PATCH], m[3];
-    s->reach = s->bound = (float)(o->cut / ln2);
+    s->reach = s->bound = (float)(o->cut_single / ln2);
     for (size_t first = 0; first < c->R; first += PATCH) {
         const uint32_t *r = c->b_order + first;
         s->count = c->R - first < PATCH ? c->R - first : PATCH;
@@ -577,20 +582,22 @@ apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double
                                double *grad, double *kbar, double *mass, double *work)
 {
     if (J < 1 || R < 1 || J > UINT32_MAX / 2 || R > UINT32_MAX / 2) return APSM_ERR_ARG;
-    if (!(opt->tau > 0.0) || !isfinite(opt->tau)) return APSM_ERR_ARG;
-    if (!(opt->cut > 0.0 && opt->cut <= (opt->single ? 87.0 : 700.0))) return APSM_ERR_ARG;
+    const double tau = tau_of(opt);
+    const bool single = opt->precision == APSM_PRECISION_SINGLE;
+    const double cut = single ? opt->cut_single : opt->cut_double;
+    if (!(tau > 0.0) || !isfinite(tau)) return APSM_ERR_ARG;
+    if (!(cut > 0.0 && cut <= (single ? 87.0 : 700.0))) return APSM_ERR_ARG;
     if (!all_finite(3 * J, P) || !all_finite(3 * R, B)) return APSM_ERR_NONFINITE;
     if (g && !all_finite(R, g)) return APSM_ERR_NONFINITE;
-    const double reach = opt->cut * opt->tau;
-    const double scale = apsm_sampling_factor(opt->norm, J) / ((double)R * (double)J);
+    const double reach = cut * tau;
+    const double scale = apsm_sampling_factor(opt->sampling_scale, J) / ((double)R * (double)J);
     cells c;
     lay_out(J, R, &c, work);
     bound(&c, P, B);
     make_blocks(&c, P, reach);
     sort_along_curve(&c, R, B, c.b_order);
     memset(c.grad, 0, 4 * c.Jp * sizeof *c.grad);
-    const double total =
-        opt->single ? do_patches(&c, B, g, opt, kbar) : do_points(&c, B, g, opt, kbar);
+    const double total = single ? do_patches(&c, B, g, opt, kbar) : do_points(&c, B, g, opt, kbar);
     hand_out(&c, scale, grad, mass);
     if (loss) *loss = scale * total;
     return isfinite(total) ? APSM_OK : APSM_ERR_NONFINITE;

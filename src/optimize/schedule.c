@@ -2,26 +2,28 @@
 
 #include "optimize/optimizer.h"
 
-schedule schedule_of_stage(const apsm_options *o, int stage)
+schedule schedule_of_stage(const apsm_optimize_options *o, int stage)
 {
-    schedule s = { .epochs = stage == APSM_STAGE_1 ? o->stage1_epochs : o->stage2_epochs };
-    if (stage == APSM_STAGE_FIDELITY) s.epochs = o->fidelity > 0 ? o->fidelity_rounds : 0;
-    s.decay1 = (long)(o->decay1_at * (double)s.epochs);
-    s.decay2 = (long)(o->decay2_at * (double)s.epochs);
-    if (stage == APSM_STAGE_1 && o->geodesic_correspondence && o->gamma > 0) {
+    schedule s = { .epochs = stage == APSM_STAGE_1 ? o->schedule.stage1_epochs
+                                                   : o->schedule.stage2_epochs };
+    if (stage == APSM_STAGE_FIDELITY)
+        s.epochs = o->fidelity.fidelity > 0 ? o->fidelity.fidelity_rounds : 0;
+    s.decay1 = (long)(o->schedule.decay1_at * (double)s.epochs);
+    s.decay2 = (long)(o->schedule.decay2_at * (double)s.epochs);
+    if (stage == APSM_STAGE_1 && o->walk.geodesic_correspondence && o->schedule.gamma > 0) {
         const long half = s.epochs / 2 > 0 ? s.epochs / 2 : 1;
-        s.pass_interval = o->geodesic_interval < half ? o->geodesic_interval : half;
-        s.settle = o->settle_epochs;
+        s.pass_interval = o->walk.geodesic_interval < half ? o->walk.geodesic_interval : half;
+        s.settle = o->schedule.settle_epochs;
     }
     return s;
 }
 
 /* Beta falls with alpha: the balance of the two decides where particles end, and a beta that stayed
  * would draw them away from the tips of the shapes at the end. */
-static void decay(weights *w, const apsm_options *o, double gamma_decay)
+static void decay(weights *w, const apsm_optimize_options *o, double gamma_decay)
 {
-    w->alpha *= o->alpha_decay;
-    w->beta *= o->beta_decay;
+    w->alpha *= o->schedule.alpha_decay;
+    w->beta *= o->schedule.beta_decay;
     w->gamma *= gamma_decay;
 }
 
@@ -33,18 +35,20 @@ static void settle(weights *w)
     w->gamma *= 2.0;
 }
 
-weights weights_of_epoch(const apsm_options *o, const schedule *s, int stage, long epoch,
+weights weights_of_epoch(const apsm_optimize_options *o, const schedule *s, int stage, long epoch,
                          long epochs_run)
 {
-    weights w = { .alpha = o->alpha, .beta = o->beta, .gamma = o->gamma };
+    weights w = { .alpha = o->schedule.alpha,
+                  .beta = o->schedule.beta,
+                  .gamma = o->schedule.gamma };
     if (stage == APSM_STAGE_2) {
-        w.alpha *= o->stage2_alpha_factor;
-        w.c = o->adaptivity;
+        w.alpha *= o->schedule.stage2_alpha_factor;
+        w.c = o->schedule.adaptivity;
     }
     if (epoch < 0) settle(&w);
-    if (epoch >= s->decay1) decay(&w, o, o->gamma_decay1);
-    if (epoch >= s->decay2) decay(&w, o, o->gamma_decay2);
-    if (epochs_run < o->burn_in) w.beta = w.gamma = 0;
+    if (epoch >= s->decay1) decay(&w, o, o->schedule.gamma_decay1);
+    if (epoch >= s->decay2) decay(&w, o, o->schedule.gamma_decay2);
+    if (epochs_run < o->schedule.burn_in) w.beta = w.gamma = 0;
     return w;
 }
 

@@ -2,11 +2,26 @@
 #ifndef APSM_SNAP_H
 #define APSM_SNAP_H
 
+#include "core/option.h"
 #include "geometry/bvh.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+enum { APSM_STEP_SCALED, APSM_STEP_LITERAL };
+enum { APSM_SNAP_CLOSEST, APSM_SNAP_FIELD, APSM_SNAP_NONE };
+#define APSM_STEP_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                         \
+    ENUM(S, step, "scaled|literal",                                                                \
+         "(11) in units of h, or plain descent with learning_rate (paper)")                        \
+    REAL(S, learning_rate, 1, 0, 1e6, "of the literal step")                                       \
+    REAL(S, step_clip, 0.25, 0, 1e6, "longest step of an epoch, in h; 0: no limit")                \
+    ENUM(S, snap, "closest|field|none",                                                            \
+         "return to the surface after a step: closest point, p - D n (paper), not at all")         \
+    INT(S, snaps, 1, 1, 10, "how often p - D n is applied when snap is field")
+typedef struct apsm_step_options {
+    APSM_OPTION_FIELDS(APSM_STEP_OPTIONS)
+} apsm_step_options;
 
 /* step (J x 3, out) = -sum_m weight_m grad_m over `terms` gradients (J x 3 each; an entry may be
  * NULL: left out), every row shortened to `clip` where it is longer (INFINITY: never).  Returns the

@@ -7,19 +7,6 @@
 #include "optimize/frobenius_loss.h"
 #include "optimize/terms.h"
 
-static apsm_correspondence_options correspondence_options(const apsm_options *o)
-{
-    static const apsm_rotation rotation[] = { APSM_ROTATION_TRANSPORT, APSM_ROTATION_AXIS,
-                                              APSM_ROTATION_NONE, APSM_ROTATION_PROCRUSTES };
-    static const apsm_distance distance[] = { APSM_DISTANCE_NORM, APSM_DISTANCE_PSEUDO_HUBER,
-                                              APSM_DISTANCE_SQUARED };
-    apsm_correspondence_options c = apsm_correspondence_defaults();
-    c.rotation = rotation[o->rotation];
-    c.distance = distance[o->neighbour_norm];
-    c.times_spacing = c.mean_of_six = o->neighbour_scale == 0;
-    return c;
-}
-
 static bool is_on(const optimizer *op)
 {
     return op->w.gamma > 0;
@@ -28,14 +15,15 @@ static bool is_on(const optimizer *op)
 /* The squared Frobenius norm's gradient is a length already. */
 static double weight(const optimizer *op)
 {
-    const bool is_length = op->o->correspondence == APSM_CORRES_FROBENIUS_SQUARED;
-    if (op->o->step != APSM_STEP_SCALED) return op->o->learning_rate * op->w.gamma;
+    const bool is_length = op->o->correspondence.correspondence == APSM_CORRES_FROBENIUS_SQUARED;
+    if (op->o->step.step != APSM_STEP_SCALED) return op->o->step.learning_rate * op->w.gamma;
     return is_length ? op->w.gamma : op->w.gamma * op->state->h / 8;
 }
 
 static apsm_status prepare(optimizer *op)
 {
-    if (op->w.gamma > 0 && op->o->correspondence != APSM_CORRES_NEIGHBOURHOOD) gather_batch(op);
+    if (op->w.gamma > 0 && op->o->correspondence.correspondence != APSM_CORRES_NEIGHBOURHOOD)
+        gather_batch(op);
     return APSM_OK;
 }
 
@@ -44,12 +32,12 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
     const size_t i = op->batch[k];
     const double *P = particles(op, i), *N = optimizer_normals(op, i);
     (void)w;
-    if (op->o->correspondence != APSM_CORRES_NEIGHBOURHOOD) {
-        *loss = apsm_frobenius_loss(op->J, P, op->mean,
-                                    op->o->correspondence == APSM_CORRES_FROBENIUS_SQUARED, g);
+    if (op->o->correspondence.correspondence != APSM_CORRES_NEIGHBOURHOOD) {
+        *loss = apsm_frobenius_loss(
+            op->J, P, op->mean,
+            op->o->correspondence.correspondence == APSM_CORRES_FROBENIUS_SQUARED, g);
         return APSM_OK;
     }
-    const apsm_correspondence_options co = correspondence_options(op->o);
     const apsm_correspondence_target target = { op->J, op->tP, op->tN, op->N6, op->h_j };
     double *pull = op->template_pull ? op->template_pull + k * op->J * 3 : NULL;
     if (i == op->cohort->template_index) {
@@ -58,7 +46,7 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
         if (pull) memset(pull, 0, op->J * 3 * sizeof *pull);
         return APSM_OK;
     }
-    return apsm_correspondence_loss(&target, P, N, &co, loss, g, pull);
+    return apsm_correspondence_loss(&target, P, N, &op->o->correspondence, loss, g, pull);
 }
 
 /* With template_gradient the template also feels what the others' terms ask of it. */

@@ -8,14 +8,11 @@
 /* The step of (11) is beta (h/8)^2 (G + reg I)^-1 Y: reg keeps it below a share of Y. */
 static apsm_eigenshape_options options_of(const optimizer *op)
 {
-    const apsm_options *o = op->o;
+    const apsm_optimize_options *o = op->o;
     const double h8 = op->state->h / 8;
-    apsm_eigenshape_options e = apsm_eigenshape_defaults();
-    if (o->eigen_share > 0 && o->step == APSM_STEP_SCALED)
-        e.least = op->w.beta * h8 * h8 / o->eigen_share;
-    e.relative = o->eigen_reg_absolute == 0;
-    e.reg = e.relative ? o->eigen_reg : o->eigen_reg_absolute;
-    e.times_size = o->eigen_scale == 0;
+    apsm_eigenshape_options e = o->eigenshape;
+    if (e.eigen_share > 0 && o->step.step == APSM_STEP_SCALED)
+        e.least = op->w.beta * h8 * h8 / e.eigen_share;
     return e;
 }
 
@@ -27,8 +24,8 @@ static bool is_on(const optimizer *op)
 static double weight(const optimizer *op)
 {
     const double h8 = op->state->h / 8;
-    return op->o->step == APSM_STEP_SCALED ? op->w.beta * h8 * h8
-                                           : op->o->learning_rate * op->w.beta;
+    return op->o->step.step == APSM_STEP_SCALED ? op->w.beta * h8 * h8
+                                                : op->o->step.learning_rate * op->w.beta;
 }
 
 /* Y, its factor and the loss (9). */
@@ -58,7 +55,8 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
 /* Of (9) itself, whatever its factor: a cohort's size does not change the figure. */
 static double figure(const optimizer *op)
 {
-    const double size = op->o->eigen_scale == 0 ? 3.0 * (double)(op->J * op->batch_size) : 1.0;
+    const double size =
+        op->o->eigenshape.eigen_scale == 0 ? 3.0 * (double)(op->J * op->batch_size) : 1.0;
     return op->eigenshape / size * ((double)op->batch_size / (double)op->I);
 }
 

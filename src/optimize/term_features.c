@@ -16,7 +16,7 @@ static bool is_on(const optimizer *op)
 
 static double weight(const optimizer *op)
 {
-    return op->o->step == APSM_STEP_SCALED ? 1 : op->o->learning_rate;
+    return op->o->step.step == APSM_STEP_SCALED ? 1 : op->o->step.learning_rate;
 }
 
 /* g = slope' r / (|slope|^2 + 1 / h^2), loss |r|^2 / 2. */

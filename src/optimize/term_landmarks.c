@@ -17,7 +17,7 @@ static bool is_on(const optimizer *op)
 
 static double weight(const optimizer *op)
 {
-    const double step = op->o->step == APSM_STEP_SCALED ? 1 : op->o->learning_rate;
+    const double step = op->o->step.step == APSM_STEP_SCALED ? 1 : op->o->step.learning_rate;
     return step * fmin(op->cohort->anchors.weight, 1);
 }
 

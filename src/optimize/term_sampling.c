@@ -8,28 +8,24 @@
 
 static apsm_sampling_options sampling_options(const optimizer *op)
 {
-    static const apsm_sampling_norm norm[] = { APSM_SAMPLING_VORONOI, APSM_SAMPLING_MEAN,
-                                               APSM_SAMPLING_SUM };
-    apsm_sampling_options s = apsm_sampling_defaults();
-    s.norm = norm[op->o->sampling_scale];
-    s.single = op->o->precision == 0;
-    if (s.single) s.cut = 15;
-    s.tau = op->o->tau_absolute > 0 ? op->o->tau_absolute : op->o->tau * op->state->h;
+    apsm_sampling_options s = op->o->sampling;
+    s.h = op->state->h;
     return s;
 }
 
-static apsm_phi kernel_of(const apsm_options *o)
+static apsm_phi kernel_of(const apsm_optimize_options *o)
 {
-    return o->kernel == 0 ? APSM_PHI_R : APSM_PHI_R3;
+    return o->rbf.kernel == 0 ? APSM_PHI_R : APSM_PHI_R3;
 }
 
 /* E is a weight: an error of f of 1e-2 s does not show in it.  Its gradient needs more. */
-static bool is_single(const apsm_options *o)
+static bool is_single(const apsm_optimize_options *o)
 {
-    return o->precision == 0 && o->kernel == 0 && o->error_gradient == APSM_ERROR_CONSTANT;
+    return o->sampling.precision == 0 && o->rbf.kernel == 0 &&
+           o->sampling.error_gradient == APSM_ERROR_CONSTANT;
 }
 
-double apsm_kept_factor_bytes(const apsm_options *options, size_t I, size_t J)
+double apsm_kept_factor_bytes(const apsm_optimize_options *options, size_t I, size_t J)
 {
     const double most = 0x1p30, each = 8.0 * (double)apsm_polyharmonic_store_size(3 * J, true);
     return is_single(options) && (double)I * each <= most ? each : 0;
@@ -43,15 +39,16 @@ bool keeps_factors(const optimizer *op)
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
 static double dipole_length(const optimizer *op, const apsm_shape *shape)
 {
-    return apsm_dipole_length(shape, op->o->dipole * op->state->h);
+    return apsm_dipole_length(shape, op->o->rbf.dipole * op->state->h);
 }
 
 static void draw_points(const optimizer *op, size_t i, worker *w)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
-    const uint64_t epoch = op->o->resample ? (uint64_t)op->epoch_seed : 0;
+    const uint64_t epoch = op->o->rbf.resample ? (uint64_t)op->epoch_seed : 0;
     apsm_random rng = apsm_random_stream(apsm_context_seed(op->ctx), APSM_STREAM_BAND, i, epoch);
-    apsm_field_draw(shape->field, &rng, op->o->band * dipole_length(op, shape), op->R, w->B, w->D);
+    apsm_field_draw(shape->field, &rng, op->o->rbf.band * dipole_length(op, shape), op->R, w->B,
+                    w->D);
 }
 
 /* The fit (2) by a factor of its own. */
@@ -117,8 +114,8 @@ static apsm_status surface_error(const optimizer *op, size_t i, const double *P,
         apsm_rbf_eval_f32(rbf, op->R, w->B, w->f, w->rbf_work);
     else
         apsm_rbf_eval(rbf, op->R, w->B, w->f, NULL);
-    *e_factor = apsm_sampling_weights(op->R, w->f, w->D, op->w.c,
-                                      op->o->error_scale == APSM_ERROR_RELATIVE, w->E, w->g);
+    *e_factor = apsm_sampling_weights(
+        op->R, w->f, w->D, op->w.c, op->o->sampling.error_scale == APSM_ERROR_RELATIVE, w->E, w->g);
     double sum = 0;
     for (size_t r = 0; r < op->R; r++) sum += w->E[r];
     op->record[i].error2 = sum / (double)op->R;
@@ -138,8 +135,9 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
     if (adaptive) APSM_TRY(surface_error(op, i, P, N, w, &rbf, &factor, &e_factor));
     APSM_TRY(apsm_sampling_loss(op->J, P, op->R, w->B, adaptive ? w->g : NULL, &so, loss, g,
                                 w->kbar, NULL, w->sampling_work));
-    if (adaptive && op->o->error_gradient == APSM_ERROR_THROUGH_W) {
-        apsm_sampling_dL_df(op->J, op->R, w->f, w->D, w->kbar, e_factor, so.norm, w->dL_df);
+    if (adaptive && op->o->sampling.error_gradient == APSM_ERROR_THROUGH_W) {
+        apsm_sampling_dL_df(op->J, op->R, w->f, w->D, w->kbar, e_factor, so.sampling_scale,
+                            w->dL_df);
         apsm_rbf_adjoint(&rbf, &factor, op->R, w->B, w->dL_df, g, w->rbf_work);
     }
     return APSM_OK;
@@ -153,8 +151,8 @@ static bool is_on(const optimizer *op)
 
 static double weight(const optimizer *op)
 {
-    return op->o->step == APSM_STEP_SCALED ? op->w.alpha * op->state->h / 40
-                                           : op->o->learning_rate * op->w.alpha;
+    return op->o->step.step == APSM_STEP_SCALED ? op->w.alpha * op->state->h / 40
+                                                : op->o->step.learning_rate * op->w.alpha;
 }
 
 const term term_sampling = {

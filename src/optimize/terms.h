@@ -33,7 +33,7 @@ void gather_batch(optimizer *op);
 
 /* apsm_optimize with other terms, n <= APSM_TERMS_MOST. */
 apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
-                           const apsm_options *options, size_t n, const term *const *terms,
+                           const apsm_optimize_options *options, size_t n, const term *const *terms,
                            apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user);
 
 #endif

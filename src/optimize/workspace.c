@@ -76,16 +76,16 @@ void optimizer_free(optimizer *op)
     apsm_fidelity_free(op->fidelity);
 }
 
-static size_t batch_limit(const apsm_options *o, size_t I)
+static size_t batch_limit(const apsm_optimize_options *o, size_t I)
 {
     enum { FULL_BATCH = 256, MINIBATCH = 64 };
     const size_t wanted = o->batch > 0 ? (size_t)o->batch : I <= FULL_BATCH ? I : MINIBATCH;
     return wanted < I ? wanted : I;
 }
 
-apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *o,
-                            size_t n_terms, const term *const *terms, apsm_optimizer_state *state,
-                            optimizer *op)
+apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
+                            const apsm_optimize_options *o, size_t n_terms,
+                            const term *const *terms, apsm_optimizer_state *state, optimizer *op)
 {
     const size_t I = cohort->I, J = state->J, K = batch_limit(o, I);
     *op = (optimizer){ .ctx = ctx,
@@ -96,7 +96,7 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
                        .terms = terms,
                        .I = I,
                        .J = J,
-                       .R = (size_t)ceil(o->points * (double)J),
+                       .R = (size_t)ceil(o->rbf.points * (double)J),
                        .K = K };
     op->workers = apsm_context_threads(ctx);
     op->worker = calloc((size_t)op->workers, sizeof *op->worker);
@@ -110,10 +110,10 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const 
     op->fresh = calloc(I, sizeof *op->fresh);
     op->record = calloc(I, sizeof *op->record);
     op->guess = calloc(I * J, sizeof *op->guess);
-    if (o->template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
+    if (o->correspondence.template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
     bool ok = op->worker && op->tP && op->N6 && op->on_rim && op->order && op->mean && op->Y &&
               op->N && op->fresh && op->record && op->guess &&
-              (!o->template_gradient || op->template_pull);
+              (!o->correspondence.template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;
         op->h_j = op->tN + 3 * J;

@@ -34,7 +34,7 @@ typedef struct kept_factor {
 typedef struct optimizer {
     apsm_context *ctx;
     const apsm_cohort *cohort;
-    const apsm_options *o;
+    const apsm_optimize_options *o;
     apsm_optimizer_state *state;
     size_t I, J, R, K; /* K: most shapes in a batch */
     bool quiet;        /* no progress: a step of something larger */
@@ -69,9 +69,9 @@ typedef struct optimizer {
 } optimizer;
 
 /* Takes the memory for the cohort, state and terms; on failure nothing is left to be freed. */
-apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort, const apsm_options *o,
-                            size_t n_terms, const term *const *terms, apsm_optimizer_state *state,
-                            optimizer *op);
+apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
+                            const apsm_optimize_options *o, size_t n_terms,
+                            const term *const *terms, apsm_optimizer_state *state, optimizer *op);
 void optimizer_free(optimizer *op);
 void optimizer_free_factors(optimizer *op);
 

@@ -12,7 +12,7 @@ apsm_status reduce_mesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
                         apsm_mesh *shown)
 {
     apsm_remesh_options options = apsm_remesh_defaults();
-    options.target_faces = faces;
+    options.faces = (long)faces;
     options.iterations = 3;
     options.turn = 0;
     apsm_status status = APSM_ERR_GEOMETRY;

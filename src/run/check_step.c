@@ -118,7 +118,7 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
  * benchmarks/rates measures; they only serve a forecast. */
 static double groom_seconds(const apsm_options *o)
 {
-    return 0.22 * (double)o->faces / 10000;
+    return 0.22 * (double)o->groom.remesh_options.faces / 10000;
 }
 
 /* The pairs that the template is chosen from (docs/method.md, Initialisation). */
@@ -137,8 +137,11 @@ static double initialize_seconds(double J)
 /* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
 static double kept_bytes(const apsm_options *o, double I)
 {
-    const bool adaptive = o->method != APSM_METHOD_PSM && o->adaptivity > 0 && o->stage2_epochs > 0;
-    return adaptive ? apsm_kept_factor_bytes(o, (size_t)I, (size_t)o->particles) : 0;
+    const bool adaptive = o->optimize.method != APSM_METHOD_PSM &&
+                          o->optimize.schedule.adaptivity > 0 &&
+                          o->optimize.schedule.stage2_epochs > 0;
+    return adaptive ? apsm_kept_factor_bytes(&o->optimize, (size_t)I, (size_t)o->optimize.particles)
+                    : 0;
 }
 
 /* factors: made in an epoch, for a shape. */
@@ -156,8 +159,8 @@ static double pass_seconds(double J)
 /* Normal equations in 2J unknowns, and the surfaces that are looked up. */
 static double round_seconds(const apsm_options *o)
 {
-    const double unknowns = 2 * (double)o->particles;
-    return 0.007 + (double)o->fidelity_points * unknowns * unknowns * 4e-11;
+    const double unknowns = 2 * (double)o->optimize.particles;
+    return 0.007 + (double)o->optimize.fidelity.fidelity_points * unknowns * unknowns * 4e-11;
 }
 
 static double evaluate_seconds(double J)
@@ -184,48 +187,51 @@ static double model_seconds(double I, double J)
 /* Of one shape: iterations are counted by the particles that there are after each split. */
 static double psm_seconds(const apsm_options *o)
 {
-    const double J = (double)o->particles;
-    double visits = J * (double)o->psm_optimization_iterations;
+    const double J = (double)o->optimize.particles;
+    double visits = J * (double)o->optimize.psm.psm_optimization_iterations;
     for (double n = 1; n < J; n *= 2)
-        visits += fmin(2 * n, J) * (double)o->psm_iterations_per_split;
+        visits += fmin(2 * n, J) * (double)o->optimize.psm.psm_iterations_per_split;
     return 3e-6 * visits;
 }
 
 static double optimize_seconds(const apsm_options *o, double I)
 {
     enum { RENEWAL = 25 };
-    const double J = (double)o->particles, epochs = (double)o->stage1_epochs;
-    if (o->method == APSM_METHOD_PSM) return psm_seconds(o);
-    const double adaptive = (double)o->stage2_epochs;
+    const double J = (double)o->optimize.particles,
+                 epochs = (double)o->optimize.schedule.stage1_epochs;
+    if (o->optimize.method == APSM_METHOD_PSM) return psm_seconds(o);
+    const double adaptive = (double)o->optimize.schedule.stage2_epochs;
     const double factors = kept_bytes(o, I) > 0 ? ceil(adaptive / RENEWAL) / adaptive : 1;
     double seconds = epochs * epoch_seconds(J, false, 0) +
-                     adaptive * epoch_seconds(J, o->adaptivity > 0, factors);
-    const schedule stage1 = schedule_of_stage(o, APSM_STAGE_1);
+                     adaptive * epoch_seconds(J, o->optimize.schedule.adaptivity > 0, factors);
+    const schedule stage1 = schedule_of_stage(&o->optimize, APSM_STAGE_1);
     seconds += (double)passes_of_stage(&stage1) * pass_seconds(J);
-    if (o->fidelity > 0) seconds += (double)o->fidelity_rounds * round_seconds(o);
+    if (o->optimize.fidelity.fidelity > 0)
+        seconds += (double)o->optimize.fidelity.fidelity_rounds * round_seconds(o);
     return seconds;
 }
 
 /* Of a finished shape: mesh, trees, tables, and its distance field unless the method has none. */
 static double shape_bytes(const apsm_options *o)
 {
-    const double field = o->method == APSM_METHOD_PSM ? 0 : 4.7e3 * (double)o->particles;
-    return 270 * (double)o->faces + field;
+    const double field =
+        o->optimize.method == APSM_METHOD_PSM ? 0 : 4.7e3 * (double)o->optimize.particles;
+    return 270 * (double)o->groom.remesh_options.faces + field;
 }
 
 static double other_bytes(const apsm_options *o, double I, double threads)
 {
-    const double J = (double)o->particles;
+    const double J = (double)o->optimize.particles;
     const double side = model_side(I, J);
-    return 40e6 + threads * (110 * J * J + 5e6) + 8 * J * (double)o->faces + 200 * I * J +
-           16 * side * side;
+    return 40e6 + threads * (110 * J * J + 5e6) + 8 * J * (double)o->groom.remesh_options.faces +
+           200 * I * J + 16 * side * side;
 }
 
 static void forecast(const apsm_run *run, size_t shapes)
 {
     const apsm_options *o = &run->options;
     const double threads = apsm_context_threads(run->ctx), I = (double)shapes,
-                 J = (double)o->particles;
+                 J = (double)o->optimize.particles;
     const double seconds = I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o, I) +
                                 evaluate_seconds(J)) +
                            template_seconds(I) + model_seconds(I, J);
@@ -243,18 +249,20 @@ static void forecast(const apsm_run *run, size_t shapes)
 static void describe_plan(const apsm_run *run, size_t shapes)
 {
     const apsm_options *o = &run->options;
-    if (o->method == APSM_METHOD_PSM)
+    if (o->optimize.method == APSM_METHOD_PSM)
         apsm_log(run->ctx, APSM_LOG_INFO,
                  "%zu shapes, %ld particles each, method psm; %ld iterations a split, %ld after; "
                  "into %s",
-                 shapes, o->particles, o->psm_iterations_per_split, o->psm_optimization_iterations,
-                 run->folder);
+                 shapes, o->optimize.particles, o->optimize.psm.psm_iterations_per_split,
+                 o->optimize.psm.psm_optimization_iterations, run->folder);
     else
         apsm_log(run->ctx, APSM_LOG_INFO,
                  "%zu shapes, %ld particles each, adaptivity %g; %ld + %ld epochs, %ld fidelity "
                  "rounds; into %s",
-                 shapes, o->particles, o->adaptivity, o->stage1_epochs, o->stage2_epochs,
-                 o->fidelity > 0 ? o->fidelity_rounds : 0, run->folder);
+                 shapes, o->optimize.particles, o->optimize.schedule.adaptivity,
+                 o->optimize.schedule.stage1_epochs, o->optimize.schedule.stage2_epochs,
+                 o->optimize.fidelity.fidelity > 0 ? o->optimize.fidelity.fidelity_rounds : 0,
+                 run->folder);
 }
 
 /* Fails where the run would before its long part, and where it would in reading. */

@@ -158,7 +158,7 @@ apsm_status groom_crop_ends(apsm_run *run, groom_inputs *in, const apsm_alignmen
     const size_t n = in->list.n;
     *cropped = false;
     APSM_TRY(manifest_set_cropped(run, NULL));
-    if (run->options.cuts == APSM_CUTS_KEEP || alignment->cuts == 0) return APSM_OK;
+    if (run->options.cuts.cuts == APSM_CUTS_KEEP || alignment->cuts == 0) return APSM_OK;
     for (size_t i = 0; i < n; i++)
         if (in->report[i].openings > 0) return APSM_OK; /* open ends are ends, not lids */
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
@@ -166,7 +166,7 @@ apsm_status groom_crop_ends(apsm_run *run, groom_inputs *in, const apsm_alignmen
     for (size_t i = 0; i < n; i++) meshes[i] = &in->mesh[i];
     const size_t fifth = (n + 4) / 5, enough = fifth > 2 ? fifth : 2;
     apsm_find_common_ends(n, meshes, alignment, 1, &ends);
-    if (ends.n > 0 && run->options.cuts == APSM_CUTS_AUTO) {
+    if (ends.n > 0 && run->options.cuts.cuts == APSM_CUTS_AUTO) {
         const apsm_common_ends any = ends;
         apsm_find_common_ends(n, meshes, alignment, enough, &ends);
         if (ends.n < any.n) say_few(run, in, &any, enough);

@@ -114,13 +114,10 @@ static apsm_status compute(evaluation_work *w)
         .J = w->J,
         .P = w->P,
         .model = &w->model,
-        .definition = (apsm_definition)run->options.definition,
-        .samples = (size_t)run->options.specificity_samples,
-        .specificity_modes = (size_t)run->options.specificity_modes,
-        .shape = run->options.surface_distance ? &shapes : NULL,
+        .options = run->options.evaluate,
+        .shape = run->options.evaluate.surface_distance ? &shapes : NULL,
         .template_mesh = mesh,
         .template_index = t,
-        .others = (size_t)run->options.other_templates,
         .warp = &w->warp,
     };
     APSM_TRY(apsm_shape_model_fit(run->ctx, w->I, w->J, w->P, &w->model));

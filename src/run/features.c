@@ -85,7 +85,7 @@ static apsm_status settle(apsm_run *run, const apsm_project *p, feature_words *w
 static apsm_status refuse_psm(apsm_run *run, const feature_words *w)
 {
     for (size_t k = 0; k < w->n; k++)
-        if (w->weight[k] > 0 && run->options.method == APSM_METHOD_PSM)
+        if (w->weight[k] > 0 && run->options.optimize.method == APSM_METHOD_PSM)
             return apsm_fail(
                 run->ctx, APSM_ERR_UNSUPPORTED,
                 "method psm has no features; drop '%s' (--ignore normals, if a project "

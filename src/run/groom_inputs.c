@@ -223,7 +223,7 @@ static apsm_status compare_picked(apsm_run *run, const groom_inputs *in)
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
 {
     const size_t n = in->list.n;
-    in->options = apsm_groom_options_of(&run->options);
+    in->options = run->options.groom;
     in->mesh = calloc(n, sizeof *in->mesh);
     in->reflection = calloc(n, sizeof *in->reflection);
     in->reflected = calloc(n, sizeof *in->reflected);

@@ -130,9 +130,9 @@ static apsm_status align_parts(groom_work *w, const apsm_mesh *const *meshes,
     apsm_align_options ao = *opt;
     kept_pieces_of_parts(w->run, n, meshes);
     APSM_TRY(apsm_align_cropped(ctx, n, meshes, names, opt, &w->alignment));
-    if (opt->mode == APSM_ALIGN_NONE || n < 2) return APSM_OK;
+    if (opt->align == APSM_ALIGN_NONE || n < 2) return APSM_OK;
     ao.template_index = w->alignment.template_index;
-    ao.mirror = APSM_MIRROR_OFF;
+    ao.mirror_check = APSM_MIRROR_OFF;
     ao.borders = NULL;
     APSM_TRY(apsm_align_cohort(ctx, n, meshes, names, &ao, &alone));
     if (mean_residual(&alone) < better_alone * mean_residual(&w->alignment)) {
@@ -155,9 +155,7 @@ static apsm_status align(groom_work *w)
     const char **names = calloc(n, sizeof *names);
     apsm_borders *borders = calloc(n, sizeof *borders);
     bool cropped = false, cut = false;
-    apsm_align_options ao = apsm_align_defaults();
-    ao.mode = run->options.align;
-    ao.mirror = run->options.mirror_check;
+    apsm_align_options ao = run->options.align;
     apsm_status status = meshes && names && borders
                              ? groom_inputs_template(run, &w->in, &ao.template_index)
                              : APSM_ERR_MEMORY;
@@ -166,7 +164,7 @@ static apsm_status align(groom_work *w)
             meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
         groomed_borders(&w->in, borders);
         /* Asked to crop, all that looks cut off is, wherever the image ended. */
-        if (run->options.cuts != APSM_CUTS_CROP) ao.borders = borders;
+        if (run->options.cuts.cuts != APSM_CUTS_CROP) ao.borders = borders;
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
     json_t *notes = status == APSM_OK ? notes_of_alignment(&w->alignment, names, &ao) : NULL;

@@ -147,7 +147,7 @@ static apsm_status fit_one(apsm_context *ctx, size_t i, int worker, void *user)
     const char *name = a->in.list.cases[i].name;
     if (a->in.status[i] != APSM_OK)
         return apsm_fail(ctx, a->in.status[i], "%s", a->in.problem[i] ? a->in.problem[i] : name);
-    if (a->run->options.mirror_check != APSM_MIRROR_FIX) o.hand = APSM_HAND_SAME;
+    if (a->run->options.align.mirror_check != APSM_MIRROR_FIX) o.hand = APSM_HAND_SAME;
     o.extent = APSM_EXTENT_WHOLE;
     APSM_TRY(apsm_fit_surface(ctx, a->model, name, &a->in.mesh[i], &o, &a->fit[i]));
     if (a->fit[i].verdict == APSM_FIT_REFUSED)
@@ -254,7 +254,7 @@ static apsm_status record_files(const adding *a, size_t i)
     APSM_TRY(outputs_add(run, "groom", s->groomed));
     APSM_TRY(outputs_add(run, "optimize", s->local_particles));
     APSM_TRY(outputs_add(run, "optimize", s->world_particles));
-    if (!run->options.original_frame) return APSM_OK;
+    if (!run->options.writing.original_frame) return APSM_OK;
     char path[1024];
     snprintf(path, sizeof path, "particles/%s_original.particles", s->name);
     return outputs_add(run, "optimize", path);

@@ -27,14 +27,15 @@ static apsm_status carry_particles(apsm_run *run, size_t J, double *P)
     APSM_TRY(kept_begin(run));
     APSM_TRY(kept_pieces_of_shapes(run));
     kept_deal(run);
-    return kept_end_share(run, apsm_first_particles(run->ctx, &run->cohort, &run->options, J, P));
+    return kept_end_share(
+        run, apsm_first_particles(run->ctx, &run->cohort, &run->options.optimize, J, P));
 }
 
 static apsm_status seed_and_save(apsm_run *run, apsm_optimizer_state *state)
 {
-    const size_t J = (size_t)run->options.particles;
+    const size_t J = (size_t)run->options.optimize.particles;
     APSM_TRY(apsm_optimizer_state_alloc(run->cohort.I, J, state));
-    const bool psm = run->options.method == APSM_METHOD_PSM;
+    const bool psm = run->options.optimize.method == APSM_METHOD_PSM;
     if (psm)
         apsm_psm_first_particle(&run->cohort, state);
     else
@@ -52,7 +53,7 @@ apsm_status apsm_run_initialize(apsm_run *run)
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     APSM_TRY(guard_files(run, "initialize", NULL));
-    APSM_TRY(run_load_cohort(run, run->options.method != APSM_METHOD_PSM));
+    APSM_TRY(run_load_cohort(run, run->options.optimize.method != APSM_METHOD_PSM));
     APSM_TRY(manifest_set_options(run));
     if (!run->helps) APSM_TRY(stage_start(run, "initialize"));
     apsm_optimizer_state state = { 0 };

@@ -46,8 +46,10 @@ static apsm_status read_column(apsm_run *run, const apsm_project *p, const char 
 static bool is_needed(const apsm_run *run, const apsm_project *p)
 {
     const apsm_options *o = &run->options;
-    return o->landmarks_use > APSM_LANDMARKS_JUDGE || o->align_by != APSM_ALIGN_BY_SURFACES ||
-           (o->landmarks_use == APSM_LANDMARKS_AUTO && p->root && source_wants_landmarks(p));
+    return o->landmarks.landmarks_use > APSM_LANDMARKS_JUDGE ||
+           o->landmarks.align_by != APSM_ALIGN_BY_SURFACES ||
+           (o->landmarks.landmarks_use == APSM_LANDMARKS_AUTO && p->root &&
+            source_wants_landmarks(p));
 }
 
 /* Files that are not there: an error where they are needed, else said. */
@@ -115,10 +117,10 @@ apsm_status landmarks_read(apsm_run *run, const groom_inputs *in)
     if (p->root && !ignored) APSM_TRY(read_columns(run, in, p));
     APSM_TRY(gather(run, in, apsm_run_text(run, "landmarks")));
     run->use_landmarks = run->landmarks.L > 0 &&
-                         run->options.landmarks_use == APSM_LANDMARKS_AUTO && p->root &&
+                         run->options.landmarks.landmarks_use == APSM_LANDMARKS_AUTO && p->root &&
                          source_wants_landmarks(p) && !ignored;
     if (run->landmarks.L > 0 && landmarks_use(run) >= APSM_LANDMARKS_ANCHOR &&
-        run->options.method == APSM_METHOD_PSM)
+        run->options.optimize.method == APSM_METHOD_PSM)
         return apsm_fail(
             run->ctx, APSM_ERR_UNSUPPORTED,
             "method psm draws particles to no landmarks; --landmarks-use judge or align");
@@ -140,13 +142,14 @@ void landmarks_mirror(apsm_run *run, const groom_inputs *in)
 apsm_status landmarks_align(apsm_run *run, const groom_inputs *in, size_t template_index, double *M)
 {
     const apsm_options *o = &run->options;
-    const bool alone = o->landmarks_use == APSM_LANDMARKS_ALIGN;
-    const int by =
-        o->align_by == APSM_ALIGN_BY_SURFACES && alone ? APSM_ALIGN_BY_LANDMARKS : o->align_by;
-    if (by == APSM_ALIGN_BY_SURFACES || o->align == APSM_ALIGN_NONE) return APSM_OK;
+    const bool alone = o->landmarks.landmarks_use == APSM_LANDMARKS_ALIGN;
+    const int by = o->landmarks.align_by == APSM_ALIGN_BY_SURFACES && alone
+                       ? APSM_ALIGN_BY_LANDMARKS
+                       : o->landmarks.align_by;
+    if (by == APSM_ALIGN_BY_SURFACES || o->align.align == APSM_ALIGN_NONE) return APSM_OK;
     const size_t n = in->list.n;
     size_t kept = 0;
-    const landmark_pose_options po = { .scale = o->align == APSM_ALIGN_SIMILARITY,
+    const landmark_pose_options po = { .scale = o->align.align == APSM_ALIGN_SIMILARITY,
                                        .surfaces = by == APSM_ALIGN_BY_BOTH,
                                        .template_index = template_index };
     const apsm_mesh **meshes = calloc(n + 1, sizeof *meshes);
@@ -192,14 +195,14 @@ apsm_status landmarks_load(apsm_run *run)
             landmark_table_read(run->ctx, path, run->project.n, run->names, &run->landmarks, NULL);
     free(path);
     run->use_landmarks = run->landmarks.L > 0 &&
-                         run->options.landmarks_use == APSM_LANDMARKS_AUTO &&
+                         run->options.landmarks.landmarks_use == APSM_LANDMARKS_AUTO &&
                          source_wants_landmarks(&run->project);
     return status;
 }
 
 int landmarks_use(const apsm_run *run)
 {
-    const int use = run->options.landmarks_use;
+    const int use = run->options.landmarks.landmarks_use;
     if (use != APSM_LANDMARKS_AUTO) return use;
     return run->use_landmarks ? APSM_LANDMARKS_ANCHOR : APSM_LANDMARKS_JUDGE;
 }
@@ -228,8 +231,8 @@ apsm_status landmarks_anchor(apsm_run *run)
     if (run->landmarks.L == 0 || (use != APSM_LANDMARKS_ANCHOR && !hold)) return APSM_OK;
     landmark_table world;
     APSM_TRY(landmarks_in_world(run, &world));
-    const apsm_status status =
-        apsm_cohort_anchor(run->ctx, &run->cohort, &world, hold, run->options.landmark_weight);
+    const apsm_status status = apsm_cohort_anchor(run->ctx, &run->cohort, &world, hold,
+                                                  run->options.landmarks.landmark_weight);
     landmark_table_free(&world);
     return status;
 }
@@ -253,7 +256,7 @@ static const char *use_word(const apsm_run *run)
     static const char *const words[] = { "judge", "judge", "align", "anchor", "hold" };
     const int use = landmarks_use(run);
     const bool only = use == APSM_LANDMARKS_JUDGE;
-    return only && run->options.align_by != APSM_ALIGN_BY_SURFACES ? "align" : words[use];
+    return only && run->options.landmarks.align_by != APSM_ALIGN_BY_SURFACES ? "align" : words[use];
 }
 
 static json_t *number_or_null(double x)

@@ -14,7 +14,7 @@ static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const cha
                      const apsm_align_options *options)
 {
     int failed = 0;
-    if (a->mirrored[i] && options->mirror != APSM_MIRROR_FIX)
+    if (a->mirrored[i] && options->mirror_check != APSM_MIRROR_FIX)
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits better as its mirror image");
     if (a->unclear_hand[i]) {
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits about as well as its mirror image");

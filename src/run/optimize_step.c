@@ -45,7 +45,7 @@ static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
 {
     recorder *r = user;
     APSM_TRY(append_record(r, record));
-    const double wanted = r->run->options.checkpoint_seconds, now = stage_wall(&r->clock);
+    const double wanted = r->run->options.writing.checkpoint_seconds, now = stage_wall(&r->clock);
     if (wanted > 0 && now - r->saved_at < fmax(wanted, r->save_took / checkpoint_share))
         return APSM_OK;
     APSM_TRY(save_now(r, state));
@@ -65,8 +65,8 @@ static void write_cell(apsm_writer *w, double x)
 static void write_record(apsm_writer *w, const apsm_epoch_record *r)
 {
     apsm_writer_printf(w, "%ld,%ld", r->stage, r->epoch);
-    const double weights[] = { r->alpha, r->beta, r->gamma, r->c };
-    for (size_t k = 0; k < sizeof weights / sizeof weights[0]; k++) write_cell(w, weights[k]);
+    const double weight[] = { r->alpha, r->beta, r->gamma, r->c };
+    for (size_t k = 0; k < sizeof weight / sizeof weight[0]; k++) write_cell(w, weight[k]);
     for (size_t t = 0; t < APSM_TERMS; t++) write_cell(w, r->loss[t]);
     const double figures[] = { r->surface_error, r->step, r->mismatched, r->worst_mismatched };
     for (size_t k = 0; k < sizeof figures / sizeof figures[0]; k++) write_cell(w, figures[k]);
@@ -138,7 +138,7 @@ static void tell_search(apsm_run *run, const apsm_particle_search *found)
              found->met ? "%zu particles meet the error: %.4g on %zu shapes left out (wanted: %.4g)"
                         : "no number of particles meets the error: %zu leave %.4g on %zu shapes "
                           "left out (wanted: %.4g); a larger fidelity or more faces may do",
-             found->J, found->error, found->left_out, run->options.error);
+             found->J, found->error, found->left_out, run->options.optimize.search.error);
 }
 
 /* Between stage 2 and the fidelity stage: the number of particles that meets the error, and state
@@ -146,8 +146,8 @@ static void tell_search(apsm_run *run, const apsm_particle_search *found)
 static apsm_status search_particles(apsm_run *run, apsm_optimizer_state *state)
 {
     apsm_particle_search found;
-    APSM_TRY(
-        apsm_search_particles(run->ctx, &run->cohort, &run->options, state->J, state->P, &found));
+    APSM_TRY(apsm_search_particles(run->ctx, &run->cohort, &run->options.optimize, state->J,
+                                   state->P, &found));
     tell_search(run, &found);
     apsm_optimizer_state grown;
     const apsm_status status = apsm_optimizer_state_alloc(state->I, found.J, &grown);
@@ -167,11 +167,11 @@ static apsm_status search_particles(apsm_run *run, apsm_optimizer_state *state)
  * with another number, comes from after the search. */
 static apsm_status optimize_and_search(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    apsm_options first = run->options;
+    apsm_optimize_options first = run->options.optimize;
     const bool searched = state->J != (size_t)first.particles || state->stage == APSM_STAGE_DONE ||
                           (state->stage == APSM_STAGE_FIDELITY && state->epoch > 0);
     if (searched) return APSM_OK;
-    first.fidelity = 0;
+    first.fidelity.fidelity = 0;
     APSM_TRY(apsm_optimize(run->ctx, &run->cohort, &first, state, on_epoch, r));
     state->stage = APSM_STAGE_FIDELITY;
     state->epoch = 0;
@@ -182,10 +182,11 @@ static apsm_status optimize_and_search(apsm_run *run, apsm_optimizer_state *stat
 
 static apsm_status optimize(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    if (run->options.method == APSM_METHOD_PSM)
-        return apsm_psm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
-    if (run->options.particles_auto) APSM_TRY(optimize_and_search(run, state, r));
-    return apsm_optimize(run->ctx, &run->cohort, &run->options, state, on_epoch, r);
+    if (run->options.optimize.method == APSM_METHOD_PSM)
+        return apsm_psm_optimize(run->ctx, &run->cohort, &run->options.optimize, state, on_epoch,
+                                 r);
+    if (run->options.optimize.search.particles_auto) APSM_TRY(optimize_and_search(run, state, r));
+    return apsm_optimize(run->ctx, &run->cohort, &run->options.optimize, state, on_epoch, r);
 }
 
 static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state, recorder *r)
@@ -206,7 +207,8 @@ apsm_status apsm_run_optimize(apsm_run *run)
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };
     apsm_status status = guard_files(run, "optimize", NULL);
-    if (status == APSM_OK) status = run_load_cohort(run, run->options.method != APSM_METHOD_PSM);
+    if (status == APSM_OK)
+        status = run_load_cohort(run, run->options.optimize.method != APSM_METHOD_PSM);
     if (status == APSM_OK) status = load_start(run, &state, &r);
     if (status == APSM_OK) status = stage_start(run, "optimize");
     if (status == APSM_OK) status = optimize_and_save(run, &state, &r);

@@ -70,7 +70,7 @@ static apsm_status write_frames(apsm_context *ctx, const apsm_run *run, apsm_sub
     }
     if (status == APSM_OK)
         status = write_frame(ctx, run, s->name, "world", J, world, &s->world_particles);
-    if (status == APSM_OK && run->options.original_frame)
+    if (status == APSM_OK && run->options.writing.original_frame)
         status = write_original(ctx, run, s, J, local);
     free(local);
     return status;

@@ -15,6 +15,7 @@
 #include "initialize/cohort.h"
 #include "landmarks/landmark_table.h"
 #include "optimize/optimizer.h"
+#include "options/options.h"
 #include "run/certify.h"
 
 struct json_t;

@@ -15,12 +15,6 @@ static const char *const texts[] = { "labels",    "reflect_match", "exclude",   
                                      "landmarks", "unit",          "constraints", "features" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
-/* Options that can change without making the particles different. */
-static const char *const harmless[] = { "definition",        "specificity_samples",
-                                        "specificity_modes", "surface_distance",
-                                        "other_templates",   "original_frame",
-                                        "checkpoint_seconds" };
-
 static bool is_one_of(const char *const *words, size_t n, const char *word)
 {
     for (size_t k = 0; k < n; k++)
@@ -31,10 +25,6 @@ static bool is_one_of(const char *const *words, size_t n, const char *word)
 static bool is_text(const char *key)
 {
     return is_one_of(texts, TEXTS, key);
-}
-static bool is_harmless(const char *key)
-{
-    return is_one_of(harmless, sizeof harmless / sizeof harmless[0], key);
 }
 
 const char *apsm_run_text(const apsm_run *run, const char *name)
@@ -117,7 +107,7 @@ static apsm_status refuse_changes(apsm_run *run, const apsm_options *before)
         APSM_TRY(apsm_options_get(before, table[k].name, a));
         APSM_TRY(apsm_options_get(&run->options, table[k].name, b));
         if (strcmp(a, b) == 0) continue;
-        if (!is_harmless(table[k].name)) return refuse_change(run, table[k].name, a, b);
+        if (!apsm_option_is_harmless(table[k].name)) return refuse_change(run, table[k].name, a, b);
         if (strcmp(table[k].name, "original_frame") == 0)
             APSM_TRY(stage_undo(run, "optimize")); /* particles/ */
         else if (strcmp(table[k].name, "checkpoint_seconds") != 0)
@@ -209,7 +199,7 @@ void settings_hash(const apsm_run *run, apsm_sha256 *sha)
     const apsm_option_info *table = apsm_options_table(&n);
     for (size_t k = 0; k < n; k++) {
         char text[64];
-        if (is_harmless(table[k].name)) continue;
+        if (apsm_option_is_harmless(table[k].name)) continue;
         if (apsm_options_get(&run->options, table[k].name, text) != APSM_OK) continue;
         apsm_sha256_add(sha, table[k].name, strlen(table[k].name) + 1);
         apsm_sha256_add(sha, text, strlen(text) + 1);

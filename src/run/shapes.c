@@ -114,10 +114,11 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     const apsm_options *o = &run->options;
     const double s = cbrt(fabs(apsm_affine_det(run->transforms + 16 * t))); /* of the transform */
     const double h =
-        apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->particles);
+        apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->optimize.particles);
     const apsm_field_plan fields = {
-        .voxel = with_fields ? o->field_voxel * h : 0,
-        .band = 1.1 * o->band * o->dipole * h, /* h is seldom expected too small by more */
+        .voxel = with_fields ? o->field.field_voxel * h : 0,
+        .band = 1.1 * o->optimize.rbf.band * o->optimize.rbf.dipole *
+                h, /* h is seldom expected too small by more */
         .template_alone = run->helps,
     };
     apsm_store *store;

@@ -150,10 +150,11 @@ static void tell_particles(const apsm_run *run, const apsm_project *source)
     const char *wish = apsm_project_get(source, "optimize", "number_of_particles");
     const bool own = apsm_project_count(source, "apsm") > 0;
     const long J = wish ? strtol(wish, NULL, 10) : 0;
-    if (J > 0 && !own && !run->options.particles_auto && J != run->options.particles)
+    if (J > 0 && !own && !run->options.optimize.search.particles_auto &&
+        J != run->options.optimize.particles)
         apsm_log(run->ctx, APSM_LOG_INFO,
                  "the project's number_of_particles is %ld, here it is %ld: -J %ld takes as many",
-                 J, run->options.particles, J);
+                 J, run->options.optimize.particles, J);
 }
 
 apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignored)

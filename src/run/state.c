@@ -140,7 +140,8 @@ static apsm_status load_history(apsm_run *run, const apsm_checkpoint *c,
 static bool own_fits(const apsm_run *run, const state_numbers *n)
 {
     const size_t I = (size_t)n->I, J = (size_t)n->J, own = (size_t)n->own_size;
-    if (run->options.method == APSM_METHOD_PSM) return own == 0 || own == apsm_psm_own_size(I, J);
+    if (run->options.optimize.method == APSM_METHOD_PSM)
+        return own == 0 || own == apsm_psm_own_size(I, J);
     if (n->stage != APSM_STAGE_FIDELITY) return true;
     return n->epoch == 0 || (n->epoch > 0 && own == 3 * I * J);
 }
@@ -190,7 +191,7 @@ static apsm_status unpack_state(apsm_run *run, const char *path, const apsm_chec
     APSM_TRY(check_identity(run, path, c));
     APSM_TRY(apsm_checkpoint_get(run->ctx, c, "numbers", &n, sizeof n));
     if (n.I != (int64_t)run->project.n ||
-        (n.J != run->options.particles && !run->options.particles_auto))
+        (n.J != run->options.optimize.particles && !run->options.optimize.search.particles_auto))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: holds %lld shapes of %lld particles", path,
                          (long long)n.I, (long long)n.J);
     APSM_TRY(check_numbers(run, path, c, &n));

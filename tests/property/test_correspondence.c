@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
-static double truth_error(synthetic_kind kind, const apsm_options *options)
+static double truth_error(synthetic_kind kind, const apsm_optimize_options *options)
 {
     cohort_run r = cohort_begin(kind, 7, 4, 128, NULL, 2);
     const double h = apsm_expected_spacing(apsm_mesh_area(&r.mesh[3]), 128);
@@ -17,11 +17,11 @@ static double truth_error(synthetic_kind kind, const apsm_options *options)
     return error;
 }
 
-static apsm_options short_run(void)
+static apsm_optimize_options short_run(void)
 {
-    apsm_options o = apsm_options_defaults();
-    o.stage1_epochs = 40;
-    o.stage2_epochs = 20;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.schedule.stage1_epochs = 40;
+    o.schedule.stage2_epochs = 20;
     return o;
 }
 
@@ -31,21 +31,21 @@ static apsm_options short_run(void)
 static void ellipsoids_correspond(void **state)
 {
     (void)state;
-    const apsm_options o = short_run();
+    const apsm_optimize_options o = short_run();
     assert_true(truth_error(SYNTHETIC_ELLIPSOID, &o) < 0.06);
 }
 
 static void a_sliding_bump_is_followed(void **state)
 {
     (void)state;
-    const apsm_options o = short_run();
+    const apsm_optimize_options o = short_run();
     assert_true(truth_error(SYNTHETIC_BUMP, &o) < 0.32);
 }
 
 static void a_thin_plate_keeps_its_sides(void **state)
 {
     (void)state;
-    const apsm_options o = short_run();
+    const apsm_optimize_options o = short_run();
     assert_true(truth_error(SYNTHETIC_PLATE, &o) < 0.05);
 }
 
@@ -72,7 +72,7 @@ static size_t wrong_side(const cohort_run *r, size_t i)
 static void a_blade_keeps_its_sides(void **state)
 {
     (void)state;
-    const apsm_options o = short_run();
+    const apsm_optimize_options o = short_run();
     cohort_run r = cohort_begin(SYNTHETIC_BLADE, 7, 5, 128, NULL, 2);
     cohort_optimize(&r, &o);
     size_t wrong = 0;
@@ -87,22 +87,22 @@ static void a_blade_keeps_its_sides(void **state)
 static void the_losses_make_the_correspondence(void **state)
 {
     (void)state;
-    apsm_options with = short_run();
-    with.fidelity = 0; /* a stage of its own */
-    with.beta = 0.05;
-    with.alpha = 10;
-    with.stage2_alpha_factor = 0.5;
-    apsm_options without = with;
-    without.beta = without.gamma = 0;
+    apsm_optimize_options with = short_run();
+    with.fidelity.fidelity = 0; /* a stage of its own */
+    with.schedule.beta = 0.05;
+    with.schedule.alpha = 10;
+    with.schedule.stage2_alpha_factor = 0.5;
+    apsm_optimize_options without = with;
+    without.schedule.beta = without.schedule.gamma = 0;
     assert_true(truth_error(SYNTHETIC_PLATE, &with) < 0.4 * truth_error(SYNTHETIC_PLATE, &without));
 }
 
 /* Truth error and generalization (with one mode) of the two stages, in h. */
-static void quality(apsm_options o, double *truth, double *generalization)
+static void quality(apsm_optimize_options o, double *truth, double *generalization)
 {
     cohort_run r = cohort_begin(SYNTHETIC_BUMP, 7, 4, 128, NULL, 2);
     const double h = apsm_expected_spacing(apsm_mesh_area(&r.mesh[3]), 128);
-    o.fidelity = 0;
+    o.fidelity.fidelity = 0;
     cohort_optimize(&r, &o);
     const apsm_evaluate_input input = { .I = r.I, .J = r.J, .P = r.state.P, .template_index = 3 };
     apsm_evaluation e;
@@ -111,8 +111,8 @@ static void quality(apsm_options o, double *truth, double *generalization)
     *generalization = e.generalization[0] / h;
     apsm_evaluation_free(&e);
     cohort_end(&r);
-    printf("%ld + %ld epochs: truth error %.3f h, generalization %.4f h\n", o.stage1_epochs,
-           o.stage2_epochs, *truth, *generalization);
+    printf("%ld + %ld epochs: truth error %.3f h, generalization %.4f h\n",
+           o.schedule.stage1_epochs, o.schedule.stage2_epochs, *truth, *generalization);
 }
 
 /* With the eigenshape loss that its fidelity stage makes needless, 18 epochs of the default's other
@@ -120,16 +120,16 @@ static void quality(apsm_options o, double *truth, double *generalization)
 static void few_epochs_do(void **state)
 {
     (void)state;
-    apsm_options few = apsm_options_defaults(), many = few;
-    few.stage1_epochs = 6;
-    few.stage2_epochs = 12;
-    few.beta = 0.05;
-    many.stage1_epochs = 100;
-    many.stage2_epochs = 200;
-    many.alpha = 10;
-    many.stage2_alpha_factor = 0.5;
-    many.beta = 0.02;
-    many.gamma = 1;
+    apsm_optimize_options few = apsm_optimize_defaults(), many = few;
+    few.schedule.stage1_epochs = 6;
+    few.schedule.stage2_epochs = 12;
+    few.schedule.beta = 0.05;
+    many.schedule.stage1_epochs = 100;
+    many.schedule.stage2_epochs = 200;
+    many.schedule.alpha = 10;
+    many.schedule.stage2_alpha_factor = 0.5;
+    many.schedule.beta = 0.02;
+    many.schedule.gamma = 1;
     double truth[2], generalization[2];
     quality(few, &truth[0], &generalization[0]);
     quality(many, &truth[1], &generalization[1]);
@@ -138,7 +138,7 @@ static void few_epochs_do(void **state)
 }
 
 /* Truth error of particles that begin two spacings off, to and fro: many are mismatched. */
-static double shaken_truth_error(const apsm_options *o)
+static double shaken_truth_error(const apsm_optimize_options *o)
 {
     cohort_run r = cohort_begin(SYNTHETIC_ELLIPSOID, 7, 4, 128, NULL, 2);
     const double h = apsm_expected_spacing(apsm_mesh_area(&r.mesh[3]), 128);
@@ -164,10 +164,10 @@ static double shaken_truth_error(const apsm_options *o)
 static void a_bad_start_settles(void **state)
 {
     (void)state;
-    apsm_options o = apsm_options_defaults();
-    o.fidelity = 0;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.fidelity.fidelity = 0;
     const double with = shaken_truth_error(&o);
-    o.settle_epochs = 0;
+    o.schedule.settle_epochs = 0;
     const double without = shaken_truth_error(&o);
     assert_true(with < 0.7 * without);
 }

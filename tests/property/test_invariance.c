@@ -6,17 +6,17 @@
 
 enum { I = 5, J = 64 };
 
-static apsm_options short_run(void)
+static apsm_optimize_options short_run(void)
 {
-    apsm_options o = apsm_options_defaults();
-    o.stage1_epochs = 12;
-    o.stage2_epochs = 8;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.schedule.stage1_epochs = 12;
+    o.schedule.stage2_epochs = 8;
     return o;
 }
 
 static cohort_run optimized(const double *M, int threads)
 {
-    const apsm_options o = short_run();
+    const apsm_optimize_options o = short_run();
     cohort_run r = cohort_begin(SYNTHETIC_BUMP, I, 4, J, M, threads);
     cohort_optimize(&r, &o);
     return r;
@@ -97,7 +97,7 @@ static apsm_status count_down(void *user, const apsm_optimizer_state *s,
 }
 
 /* Interrupted after every third epoch, as in one go; returns the epochs before the first. */
-static int compare_interrupted(const apsm_options o)
+static int compare_interrupted(const apsm_optimize_options o)
 {
     cohort_run whole = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 2);
     cohort_optimize(&whole, &o);
@@ -123,12 +123,12 @@ static int compare_interrupted(const apsm_options o)
 static void an_interruption_does_not_matter(void **state)
 {
     (void)state;
-    apsm_options o = short_run();
+    apsm_optimize_options o = short_run();
     assert_int_equal(compare_interrupted(o), 0);
-    o.initialize = APSM_INIT_FPS;
-    o.settle_epochs = 17;
-    o.stop_mismatched = 0; /* to the last of them */
-    o.settle_mismatched = 0.02;
+    o.first.initialize = APSM_INIT_FPS;
+    o.schedule.settle_epochs = 17;
+    o.walk.stop_mismatched = 0; /* to the last of them */
+    o.schedule.settle_mismatched = 0.02;
     assert_in_range(compare_interrupted(o), 11, 17);
 }
 
@@ -136,7 +136,7 @@ static void an_interruption_does_not_matter(void **state)
 static void minibatches_are_reproducible(void **state)
 {
     (void)state;
-    apsm_options o = short_run();
+    apsm_optimize_options o = short_run();
     o.batch = 2;
     cohort_run a = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 1);
     cohort_run b = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 3);
@@ -166,11 +166,11 @@ static void particles_are_on_the_surface(void **state)
 static void first_particles_do_not_depend_on_alpha(void **state)
 {
     (void)state;
-    apsm_options o = short_run();
+    apsm_optimize_options o = short_run();
     cohort_run a = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 2);
     cohort_run b = cohort_begin(SYNTHETIC_BUMP, I, 4, J, NULL, 2);
     ok(&a, apsm_first_particles(a.ctx, &a.cohort, &o, J, a.state.P));
-    o.alpha = 1;
+    o.schedule.alpha = 1;
     ok(&b, apsm_first_particles(b.ctx, &b.cohort, &o, J, b.state.P));
     same_bytes(&a, &b, 1);
     cohort_end(&a);

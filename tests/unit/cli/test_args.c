@@ -8,10 +8,10 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "apsm/options.h"
 #include "args.h"
 #include "folder.h"
 #include "help.h"
+#include "options/options.h"
 
 static apsm_context *ctx;
 
@@ -80,10 +80,10 @@ static void the_method_comes_first(void **state)
     apsm_options o = apsm_options_defaults();
     for (size_t i = 0; i < a.n_set; i++)
         assert_int_equal(apsm_options_set(ctx, &o, a.set[i].key, a.set[i].value), APSM_OK);
-    assert_int_equal(o.method, APSM_METHOD_XU2023);
-    assert_int_equal(o.stage1_epochs, 9);
-    assert_int_equal(o.stage2_epochs, 50);
-    assert_true(o.gamma > 0.29 && o.gamma < 0.31);
+    assert_int_equal(o.optimize.method, APSM_METHOD_XU2023);
+    assert_int_equal(o.optimize.schedule.stage1_epochs, 9);
+    assert_int_equal(o.optimize.schedule.stage2_epochs, 50);
+    assert_true(o.optimize.schedule.gamma > 0.29 && o.optimize.schedule.gamma < 0.31);
     cli_args_free(&a);
 }
 

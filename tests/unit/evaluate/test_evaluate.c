@@ -42,7 +42,9 @@ static void gives_what_the_parts_give(void **state)
     double *compactness = golden_member(root, "compactness", 5);
     double *generalization = golden_member(root, "generalization", 4);
     double *variance = golden_member(root, "eigenvalues", 5);
-    const apsm_evaluate_input input = { .I = 6, .J = 10, .P = P, .samples = 50 };
+    const apsm_evaluate_input input = {
+        .I = 6, .J = 10, .P = P, .options.specificity_samples = 50
+    };
     apsm_evaluation e;
     assert_int_equal(apsm_evaluate(ctx, &input, &e), APSM_OK);
     assert_true(e.shapes == 6 && e.particles == 10 && e.modes == 5 && e.samples == 50);
@@ -60,7 +62,7 @@ static void gives_what_the_parts_give(void **state)
     apsm_evaluation_free(&e);
 
     apsm_evaluate_input three = input; /* fewer modes: the first of the same figures */
-    three.specificity_modes = 3;
+    three.options.specificity_modes = 3;
     assert_int_equal(apsm_evaluate(ctx, &three, &e), APSM_OK);
     assert_true(e.n_specificity == 3 && e.n_compactness == 5);
     assert_memory_equal(spec, e.specificity, 3 * sizeof *spec);
@@ -87,8 +89,8 @@ static void measures_surfaces_and_warns(void **state)
     apsm_evaluate_input input = { .I = I,
                                   .J = J,
                                   .P = P,
-                                  .samples = 20,
-                                  .definition = APSM_DEFINITION_SHAPEWORKS,
+                                  .options.specificity_samples = 20,
+                                  .options.definition = APSM_DEFINITION_SHAPEWORKS,
                                   .shape = &source,
                                   .template_mesh = &mesh[1],
                                   .template_index = 1 };
@@ -109,7 +111,7 @@ static void one_shape_has_no_metrics(void **state)
 {
     (void)state;
     double *P = cohort(2, 7, 3, 1);
-    apsm_evaluate_input input = { .I = 1, .J = 7, .P = P, .samples = 5 };
+    apsm_evaluate_input input = { .I = 1, .J = 7, .P = P, .options.specificity_samples = 5 };
     apsm_evaluation e;
     assert_int_equal(apsm_evaluate(ctx, &input, &e), APSM_OK);
     assert_true(e.modes == 0 && e.n_compactness == 0 && e.n_generalization == 0);

@@ -28,7 +28,7 @@ static void memory_stays_flat(void **state)
     assert_non_null(ctx);
     apsm_context_set_threads(ctx, 1);
     double *P = cohort(I, J, MODES, 1);
-    const apsm_evaluate_input input = { .I = I, .J = J, .P = P, .samples = 20 };
+    const apsm_evaluate_input input = { .I = I, .J = J, .P = P, .options.specificity_samples = 20 };
     apsm_evaluation e;
     const double before = peak_megabytes();
     assert_int_equal(apsm_evaluate(ctx, &input, &e), APSM_OK);

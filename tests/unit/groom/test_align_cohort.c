@@ -169,7 +169,7 @@ static void large_cohort_is_aligned_too(void **state)
     (void)state;
     cohort c;
     apsm_align_options opt = apsm_align_defaults();
-    opt.mirror = APSM_MIRROR_OFF;
+    opt.mirror_check = APSM_MIRROR_OFF;
     opt.points = 100;
     open_cohort(&c, MOST);
     apsm_alignment a = run(&c, &opt, 2, NULL);
@@ -191,7 +191,7 @@ static void mirrored_shapes_are_found_and_fixed(void **state)
     reflect_shape(&c, 4);
     for (int fix = 0; fix < 2; fix++) {
         counts n = { 0 };
-        opt.mirror = fix ? APSM_MIRROR_FIX : APSM_MIRROR_WARN;
+        opt.mirror_check = fix ? APSM_MIRROR_FIX : APSM_MIRROR_WARN;
         apsm_alignment a = run(&c, &opt, 2, &n);
         for (size_t i = 0; i < 6; i++) {
             const bool is = i == 1 || i == 4;
@@ -213,7 +213,7 @@ static void majority_decides_who_is_mirrored(void **state)
     (void)state;
     cohort c;
     apsm_align_options opt = apsm_align_defaults();
-    opt.mirror = APSM_MIRROR_FIX;
+    opt.mirror_check = APSM_MIRROR_FIX;
     open_cohort(&c, 3);
     for (size_t odd = 0; odd < 3; odd++) {
         reflect_shape(&c, odd);
@@ -247,7 +247,7 @@ static void sizes_are_removed_on_request(void **state)
         apsm_mesh_transform(&c.local[i], S);
         apsm_affine_multiply(S, c.pose[i], c.pose[i]);
     }
-    opt.mode = APSM_ALIGN_SIMILARITY;
+    opt.align = APSM_ALIGN_SIMILARITY;
     apsm_alignment a = run(&c, &opt, 2, NULL);
     assert_int_equal(a.template_index, 2);
     for (size_t i = 0; i < 5; i++) {
@@ -264,7 +264,7 @@ static void aligned_input_stays(void **state)
     (void)state;
     cohort c;
     apsm_align_options opt = apsm_align_defaults();
-    opt.mode = APSM_ALIGN_NONE;
+    opt.align = APSM_ALIGN_NONE;
     open_cohort(&c, 5);
     for (size_t i = 0; i < 5; i++) {
         double back[16];
@@ -343,7 +343,7 @@ static void orientation_of_the_inputs_decides_between_equal_poses(void **state)
 {
     (void)state;
     apsm_align_options opt = apsm_align_defaults();
-    opt.mirror = APSM_MIRROR_OFF;
+    opt.mirror_check = APSM_MIRROR_OFF;
     for (int far = 0; far < 2; far++) {
         cohort c = { .n = 12 };
         counts n = { 0 };
@@ -385,7 +385,7 @@ static void shapes_do_not_turn_where_surfaces_hardly_say(void **state)
     (void)state;
     const char *const kind[] = { "myocardium", "fibula" };
     apsm_align_options opt = apsm_align_defaults();
-    opt.mirror = APSM_MIRROR_OFF;
+    opt.mirror_check = APSM_MIRROR_OFF;
     for (int k = 0; k < 2; k++) {
         cohort c;
         open_anatomy(&c, kind[k]);

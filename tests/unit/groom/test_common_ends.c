@@ -17,9 +17,10 @@ typedef struct cohort {
 static void make_cohort(cohort *c, const double at[SHAPES], double tilt, double size)
 {
     apsm_context *ctx = apsm_context_new();
-    const apsm_align_options opt = {
-        .mode = APSM_ALIGN_RIGID, .mirror = APSM_MIRROR_OFF, .template_index = 1, .points = 400
-    };
+    const apsm_align_options opt = { .align = APSM_ALIGN_RIGID,
+                                     .mirror_check = APSM_MIRROR_OFF,
+                                     .template_index = 1,
+                                     .points = 400 };
     for (size_t i = 0; i < SHAPES; i++) {
         c->mesh[i] = align_shape(5, 60, 20, 14, 0.2, 0.5);
         for (size_t v = 0; v < c->mesh[i].nv; v++) {
@@ -130,7 +131,7 @@ static void cropped_is_closed_and_the_rest_is_as_it_was(void **state)
         for (size_t c = 0; c < 3; c++) plane[0][3] += plane[0][c] * at[c] * (k % 2 ? 0.5 : 1.0);
         plane[0][3] = fmax(plane[0][3], 2.0);
         opt.remesh = k % 3 == 0;
-        opt.remesh_options.target_faces = 2000;
+        opt.remesh_options.faces = 2000;
         assert_int_equal(apsm_mesh_clip(&bone, plane[0], &open), APSM_OK);
         assert_int_equal(
             apsm_crop_mesh(ctx, "bone", &bone, 2, (const double(*)[4])plane, &opt, &cropped),

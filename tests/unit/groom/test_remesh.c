@@ -13,7 +13,7 @@ static apsm_mesh remeshed(const apsm_mesh *mesh, size_t faces, apsm_remesh_repor
     apsm_remesh_options opt = apsm_remesh_defaults();
     apsm_bvh *tree;
     apsm_mesh out;
-    opt.target_faces = faces;
+    opt.faces = (long)faces;
     assert_int_equal(apsm_bvh_build(mesh, &tree), APSM_OK);
     if (apsm_remesh(ctx, mesh, tree, &opt, &out, report) != APSM_OK)
         fail_msg("%s", apsm_error_text(ctx));

@@ -152,7 +152,7 @@ static apsm_status repaired(bool open, bool fill, bool inside_out, apsm_groom_re
         mesh.F[3 * f + 1] = a;
     }
     opt.open = open;
-    if (fill) opt.max_cap_share = 1.0;
+    opt.fill = fill;
     *r = (apsm_groom_report){ 0 };
     const apsm_status status = apsm_repair(ctx, "shape", &mesh, &opt, &out, r);
     if (status != APSM_OK) {
@@ -519,7 +519,7 @@ static void groomed_mesh_is_told_of(void **state)
     apsm_mesh mesh = shape_sphere(5, 10.0), out;
     apsm_groom_options opt = apsm_groom_defaults();
     apsm_groom_report r;
-    opt.remesh_options.target_faces = 3000;
+    opt.remesh_options.faces = 3000;
     mesh.nf -= 3;
     assert_ok(apsm_groom_mesh(ctx, "a.ply", &mesh, &opt, &out, &r));
     assert_non_null(strstr(text, "a.ply: "));

@@ -125,7 +125,7 @@ static void cavities_strays_and_borders_are_reported(void **state)
     (void)state;
     double volume;
     apsm_groom_options opt = apsm_groom_defaults();
-    opt.remesh_options.target_faces = 2000;
+    opt.remesh_options.faces = 2000;
     apsm_volume v = image(30);
     set_box(&v, (const size_t[3]){ 8, 0, 8 }, (const size_t[3]){ 19, 11, 19 }, 3);
     set_box(&v, (const size_t[3]){ 12, 4, 12 }, (const size_t[3]){ 14, 6, 14 }, 0);
@@ -198,7 +198,7 @@ static void tunnels_are_closed_and_anatomy_stays(void **state)
 {
     (void)state;
     apsm_groom_options opt = apsm_groom_defaults();
-    opt.remesh_options.target_faces = 3000;
+    opt.remesh_options.faces = 3000;
     double volume;
     const double ball = 4.0 / 3.0 * 3.14159265358979 * 12 * 12 * 12;
     for (int k = 1; k <= 3; k++) {
@@ -309,7 +309,7 @@ static apsm_mesh remeshed(apsm_context *ctx, const apsm_volume *v, apsm_groom_re
 {
     apsm_mesh mesh;
     apsm_groom_options opt = apsm_groom_defaults();
-    opt.remesh_options.target_faces = 1500;
+    opt.remesh_options.faces = 1500;
     if (apsm_groom_segmentation(ctx, "mask", v, &opt, &mesh, r) != APSM_OK)
         fail_msg("%s", apsm_error_text(ctx));
     return mesh;

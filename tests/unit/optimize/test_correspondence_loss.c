@@ -40,8 +40,8 @@ static void unload(cohort *c)
 static apsm_correspondence_options plain(apsm_rotation rotation)
 {
     apsm_correspondence_options opt = apsm_correspondence_defaults();
-    opt.rotation = rotation;
-    opt.times_spacing = opt.mean_of_six = false;
+    opt.rotation = (int)rotation;
+    opt.neighbour_scale = APSM_SCALE_NONE;
     return opt;
 }
 
@@ -119,7 +119,9 @@ static void check_case(const cohort *c, size_t t, const json_t *one)
 {
     apsm_correspondence_options opt =
         plain(rotation_named(json_string_value(golden_get(one, "rotation"))));
-    opt.times_spacing = json_is_true(golden_get(one, "times_template_scale"));
+    const bool scaled = json_is_true(golden_get(one, "times_template_scale"));
+    const double six = scaled ? 6.0 : 1.0; /* the golden sums over neighbours */
+    if (scaled) opt.neighbour_scale = APSM_SCALE_TEMPLATE;
     const bool template_too = json_is_true(golden_get(one, "template_gets_gradient"));
     double *want = golden_member(one, "grad", 3 * I * J), grad[3 * I * J], extra[3 * J], sum = 0.0;
     double total[3 * J] = { 0 };
@@ -129,8 +131,11 @@ static void check_case(const cohort *c, size_t t, const json_t *one)
                                                   &opt, &loss, grad + 3 * J * i,
                                                   template_too ? extra : NULL),
                          APSM_OK);
-        sum += loss;
-        for (size_t k = 0; k < 3 * J && template_too; k++) total[k] += extra[k];
+        sum += six * loss;
+        for (size_t k = 0; k < 3 * J; k++) {
+            grad[3 * J * i + k] *= six;
+            if (template_too) total[k] += six * extra[k];
+        }
     }
     for (size_t k = 0; k < 3 * J; k++) {
         assert_true(grad[3 * J * t + k] == 0.0); /* the template agrees with itself */
@@ -244,8 +249,8 @@ static void gradient_matches_differences(void **state)
     for (int rotation = 0; rotation < APSM_ROTATION_PROCRUSTES; rotation++)
         for (int distance = 0; distance <= APSM_DISTANCE_SQUARED; distance++) {
             apsm_correspondence_options opt = apsm_correspondence_defaults();
-            opt.rotation = (apsm_rotation)rotation;
-            opt.distance = (apsm_distance)distance;
+            opt.rotation = (int)rotation;
+            opt.neighbour_norm = (int)distance;
             double loss, grad[3 * J], target_grad[3 * J];
             assert_int_equal(
                 apsm_correspondence_loss(&c.target, c.P, c.N, &opt, &loss, grad, target_grad),
@@ -282,7 +287,7 @@ static void distances_have_known_values(void **state)
         }
     for (int distance = 0; distance < 3; distance++) {
         apsm_correspondence_options opt = plain(APSM_ROTATION_NONE);
-        opt.distance = (apsm_distance)distance;
+        opt.neighbour_norm = (int)distance;
         assert_int_equal(apsm_correspondence_loss(&c.target, Q, c.N, &opt, &loss, NULL, NULL),
                          APSM_OK);
         golden_close("loss", 1, &loss, &sum[distance], 1e-12);

@@ -42,7 +42,8 @@ static void equals_golden(void **state)
         if (strcmp(json_string_value(golden_get(c, "mean")), "batch") == 0)
             apsm_cohort_mean(K, J, P, mean);
         apsm_cohort_centre(K, J, P, mean, Y);
-        const apsm_eigenshape_options opt = { .reg = golden_number(c, "reg") };
+        const apsm_eigenshape_options opt = { .eigen_reg_absolute = golden_number(c, "reg"),
+                                              .eigen_scale = APSM_EIGEN_NONE };
         const double loss = whole(K, J, Y, &opt, grad, NULL), expected = golden_number(c, "loss");
         golden_close("loss", 1, &loss, &expected, 1e-9);
         golden_close_max("grad", K * N3, grad, want, 1e-8);
@@ -63,7 +64,8 @@ static void primal_form_agrees(void **state)
     apsm_cohort_mean(K, J, P, mean);
     apsm_cohort_centre(K, J, P, mean, P);
     const double reg = golden_number(check, "reg");
-    const apsm_eigenshape_options opt = { .reg = reg };
+    const apsm_eigenshape_options opt = { .eigen_reg_absolute = reg,
+                                          .eigen_scale = APSM_EIGEN_NONE };
     const double primal = whole(K, J, P, &opt, NULL, NULL) + 0.5 * (N3 - K) * log(reg);
     const double expected = golden_number(check, "half_logdet_primal");
     golden_close("primal", 1, &primal, &expected, 1e-9);
@@ -77,11 +79,11 @@ static void one_shape_by_hand(void **state)
     (void)state;
     const double Y[3] = { 2, 0, 0 };
     double grad[3], reg;
-    apsm_eigenshape_options opt = { .reg = 0.5, .relative = true };
+    apsm_eigenshape_options opt = { .eigen_reg = 0.5, .eigen_scale = APSM_EIGEN_NONE };
     const double loss = whole(1, 1, Y, &opt, grad, &reg);
     assert_true(fabs(reg - 2.0 / 3.0) < 1e-15 && fabs(loss - 0.5 * log(2.0)) < 1e-15);
     assert_true(fabs(grad[0] - 1.0 / 3.0) < 1e-15 && grad[1] == 0.0);
-    opt.times_size = true;
+    opt.eigen_scale = APSM_EIGEN_FULL;
     assert_true(fabs(whole(1, 1, Y, &opt, grad, NULL) - 1.5 * log(2.0)) < 1e-15);
     assert_true(fabs(grad[0] - 1.0) < 1e-15);
 }
@@ -91,7 +93,7 @@ static void relative_reg_is_of_the_mean_eigenvalue(void **state)
 {
     (void)state;
     const double Y[6] = { 2, 0, 0, -2, 0, 0 };
-    const apsm_eigenshape_options opt = { .reg = 0.5, .relative = true };
+    const apsm_eigenshape_options opt = { .eigen_reg = 0.5, .eigen_scale = APSM_EIGEN_NONE };
     double reg;
     const double loss = whole(2, 1, Y, &opt, NULL, &reg);
     assert_true(fabs(reg - 1.0 / 3.0) < 1e-15);
@@ -111,7 +113,7 @@ static void gradient_matches_differences(void **state)
 {
     (void)state;
     double P[K * N3], mean[N3], Y[K * N3], grad[K * N3];
-    apsm_eigenshape_options opt = { .reg = 0.05, .times_size = true };
+    apsm_eigenshape_options opt = { .eigen_reg_absolute = 0.05 };
     check_uniform(1, K * N3, -2.0, 2.0, P);
     apsm_cohort_mean(K, J, P, mean);
     apsm_cohort_centre(K, J, P, mean, Y);

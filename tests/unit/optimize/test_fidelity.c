@@ -99,10 +99,10 @@ static void run_all(scene *s, const apsm_fidelity_options *o, double *P)
     double P0[I * J * 3];
     memcpy(P, s->P, sizeof s->P);
     memcpy(P0, s->P, sizeof s->P);
-    for (long k = 0; k < o->rounds; k++) {
+    for (long k = 0; k < o->fidelity_rounds; k++) {
         apsm_fidelity_record r;
         assert_int_equal(apsm_fidelity_round(s->ctx, f, k, P0, P, &r), APSM_OK);
-        if (k < o->rounds / 2) assert_true(r.after <= r.before);
+        if (k < o->fidelity_rounds / 2) assert_true(r.after <= r.before);
         if (k == 0) assert_true(r.moved > 0); /* later ones may find nothing better */
     }
     apsm_fidelity_free(f);
@@ -459,11 +459,11 @@ static void test_doubt(void **state)
     for (int k = 0; k < 2; k++) {
         scene s;
         apsm_fidelity_options o = apsm_fidelity_defaults();
-        o.points = 400;
+        o.fidelity_points = 400;
         make_scene(&s, kinds[k], 2, 1);
         apsm_fidelity *f = new_stage(&s, &o);
         memcpy(P, s.P, sizeof P);
-        for (long round = 0; round <= o.rounds / 2; round++) {
+        for (long round = 0; round <= o.fidelity_rounds / 2; round++) {
             apsm_fidelity_record r;
             assert_true(apsm_fidelity_doubt(f) == 0);
             assert_int_equal(apsm_fidelity_round(s.ctx, f, round, s.P, P, &r), APSM_OK);
@@ -472,7 +472,7 @@ static void test_doubt(void **state)
         apsm_fidelity_free(f);
         o.fidelity = 1;
         f = new_stage(&s, &o);
-        for (long round = 0; round < o.rounds; round++) {
+        for (long round = 0; round < o.fidelity_rounds; round++) {
             apsm_fidelity_record r;
             assert_int_equal(apsm_fidelity_round(s.ctx, f, round, s.P, P, &r), APSM_OK);
         }
@@ -493,7 +493,7 @@ static void test_distance_never_grows(void **state)
     double P[I * J * 3], before = 0, after = 0;
     make_scene(&s, SYNTHETIC_BUMP, 3, 1);
     apsm_fidelity_options o = apsm_fidelity_defaults();
-    o.points = 100000; /* all: what is measured is what is fitted */
+    o.fidelity_points = 100000; /* all: what is measured is what is fitted */
     run_all(&s, &o, P);
     apsm_fidelity *f = new_stage(&s, &o);
     fidelity_work w;
@@ -627,7 +627,7 @@ static void test_faults_return(void **state)
     apsm_snap_closest(s.cohort.shape[2].bvh, 1, shape + 60, NULL, NULL);
     assert_true(mismatched(&s, P) > 0);
     apsm_fidelity_record r;
-    assert_int_equal(apsm_fidelity_round(s.ctx, f, o.rounds - 1, s.P, P, &r), APSM_OK);
+    assert_int_equal(apsm_fidelity_round(s.ctx, f, o.fidelity_rounds - 1, s.P, P, &r), APSM_OK);
     assert_int_equal(r.kept, 1);
     assert_int_equal(mismatched(&s, P), 0);
     size_t moved = 0;
@@ -644,8 +644,8 @@ static void test_threads_and_size(void **state)
     scene s, large;
     double P[I * J * 3], Q[I * J * 3];
     apsm_fidelity_options o = apsm_fidelity_defaults();
-    o.rounds = 2;
-    o.points = 500;
+    o.fidelity_rounds = 2;
+    o.fidelity_points = 500;
     make_scene(&s, SYNTHETIC_PLATE, 2, 1);
     run_all(&s, &o, P);
     apsm_context_set_threads(s.ctx, 3);
@@ -682,21 +682,21 @@ static void test_resumes(void **state)
 {
     (void)state;
     scene s;
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state whole, part;
     make_scene(&s, SYNTHETIC_ELLIPSOID, 2, 1);
-    o.fidelity_points = 400;
+    o.fidelity.fidelity_points = 400;
     stopper stop = { .wanted = -1 };
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &whole), APSM_OK);
     whole.stage = APSM_STAGE_FIDELITY;
     memcpy(whole.P, s.P, sizeof s.P);
     assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &whole, stop_after, &stop), APSM_OK);
     assert_int_equal(whole.stage, APSM_STAGE_DONE);
-    assert_int_equal(whole.epochs_run, o.fidelity_rounds);
+    assert_int_equal(whole.epochs_run, o.fidelity.fidelity_rounds);
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &part), APSM_OK);
     part.stage = APSM_STAGE_FIDELITY;
     memcpy(part.P, s.P, sizeof s.P);
-    for (stop.wanted = 2; stop.wanted < o.fidelity_rounds; stop.wanted += 6) {
+    for (stop.wanted = 2; stop.wanted < o.fidelity.fidelity_rounds; stop.wanted += 6) {
         assert_int_equal(apsm_optimize(s.ctx, &s.cohort, &o, &part, stop_after, &stop),
                          APSM_ERR_INTERRUPTED);
         assert_int_equal(part.epoch, stop.wanted);
@@ -714,10 +714,10 @@ static void test_off(void **state)
 {
     (void)state;
     scene s;
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state st;
     make_scene(&s, SYNTHETIC_ELLIPSOID, 2, 1);
-    o.fidelity = 0;
+    o.fidelity.fidelity = 0;
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &st), APSM_OK);
     st.stage = APSM_STAGE_FIDELITY;
     memcpy(st.P, s.P, sizeof s.P);

@@ -306,17 +306,17 @@ static void guard_keeps_particles_apart(void **state)
     const double apart = least_separation(&p);
     apsm_walk_options o = apsm_walk_defaults(p.h);
     const apsm_walk_report first = pass(&p, &o);
-    assert_true(least_separation(&p) >= fmin(apart, o.min_separation));
+    assert_true(least_separation(&p) >= fmin(apart, o.min_separation * p.h));
     const apsm_walk_report again = pass(&p, &o);
     assert_memory_equal(again.before, first.after, sizeof first.after);
     free_pair(&p);
     make_pair(&p, 1);
     displace(&p, 60);
-    o.guard = false;
+    o.geodesic_guard = false;
     const apsm_walk_report free_walk = pass(&p, &o);
     assert_int_equal(free_walk.refused, 0);
     assert_true(free_walk.moved > 30);
-    assert_true(least_separation(&p) < o.min_separation);
+    assert_true(least_separation(&p) < o.min_separation * p.h);
     for (int k = 0; k < 5; k++) { /* counts after many moves are those of a fresh look */
         const apsm_walk_report one = pass(&p, &o), two = pass(&p, &o);
         assert_memory_equal(two.before, one.after, sizeof one.after);
@@ -358,7 +358,9 @@ static void literal_pass_runs(void **state)
     static pair p;
     make_pair(&p, 1);
     displace(&p, 30);
-    const apsm_walk_options o = { .factor = 1.5, .farthest = true, .walk = 1.0 };
+    const apsm_walk_options o = { .geodesic_factor = 1.5,
+                                  .geodesic_target = APSM_TARGET_FARTHEST,
+                                  .geodesic_walk = 1.0 };
     apsm_walk_report r;
     assert_ok(apsm_geodesic_correspondence(p.shape.g, p.shape.w, NULL, J, &p.rows, &o, p.points,
                                            p.P, p.work, &r));
@@ -386,10 +388,10 @@ static void half_a_walk_is_half(void **state)
         place(&a->shape, J, X, a->points, a->P);
         memcpy(start, a->P + 3 * 50, sizeof start);
         apsm_walk_options o = apsm_walk_defaults(a->h);
-        o.farthest = true;
-        o.guard = false;
-        o.factor = 4; /* only 50 is far enough off */
-        o.walk = half ? 0.5 : 1;
+        o.geodesic_target = APSM_TARGET_FARTHEST;
+        o.geodesic_guard = false;
+        o.geodesic_factor = 4; /* only 50 is far enough off */
+        o.geodesic_walk = half ? 0.5 : 1;
         pass(a, &o);
         moved[half] = sqrt(distance2(start, a->P + 3 * 50));
     }

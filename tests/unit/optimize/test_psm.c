@@ -84,12 +84,12 @@ typedef struct scene {
     double transforms[6][16];
     const char *names[6];
     apsm_cohort cohort;
-    apsm_options o;
+    apsm_optimize_options o;
 } scene;
 
 static void scene_open(scene *s, size_t I, int level, double scale)
 {
-    *s = (scene){ .ctx = apsm_context_new(), .I = I, .o = apsm_options_defaults() };
+    *s = (scene){ .ctx = apsm_context_new(), .I = I, .o = apsm_optimize_defaults() };
     s->sphere = shape_icosphere(level);
     for (size_t i = 0; i < I; i++) {
         s->mesh[i] = synthetic_shape(SYNTHETIC_ELLIPSOID, i, I, level);
@@ -101,7 +101,7 @@ static void scene_open(scene *s, size_t I, int level, double scale)
         apsm_cohort_build(s->ctx, I, s->names, s->mesh, s->transforms[0], 0, 0, 0, &s->cohort),
         APSM_OK);
     s->o.method = APSM_METHOD_PSM;
-    s->o.psm_unit = scale;
+    s->o.psm.psm_unit = scale;
 }
 
 static void scene_close(scene *s)
@@ -166,9 +166,9 @@ static void test_ellipsoids(void **unused)
     scene s;
     apsm_optimizer_state state;
     scene_open(&s, 6, 4, 1);
-    s.o.psm_iterations_per_split = 300;
-    s.o.psm_optimization_iterations = 1000;
-    s.o.psm_starting_share = 0.05;
+    s.o.psm.psm_iterations_per_split = 300;
+    s.o.psm.psm_optimization_iterations = 1000;
+    s.o.psm.psm_starting_share = 0.05;
     start(&s, 128, &state);
     run(&s, &state, NULL, NULL);
     assert_int_equal(state.stage, APSM_STAGE_DONE);
@@ -189,10 +189,10 @@ static double unevenness_of_large(bool scaled)
     scene s;
     apsm_optimizer_state state;
     scene_open(&s, 4, 3, 3000);
-    s.o.psm_unit = 1;
-    s.o.psm_iterations_per_split = 200;
-    s.o.psm_optimization_iterations = 0;
-    s.o.psm_sampling_scale = scaled;
+    s.o.psm.psm_unit = 1;
+    s.o.psm.psm_iterations_per_split = 200;
+    s.o.psm.psm_optimization_iterations = 0;
+    s.o.psm.psm_sampling_scale = scaled;
     start(&s, 16, &state);
     run(&s, &state, NULL, NULL);
     double worst = 0;
@@ -236,12 +236,12 @@ static void test_first_particle_is_at_an_end(void **unused)
 static void open_small(scene *s, double scale)
 {
     scene_open(s, 4, 3, scale);
-    s->o.psm_iterations_per_split = 25;
-    s->o.psm_optimization_iterations = 30;
-    s->o.psm_starting_share = 0.05;
-    s->o.psm_shape_statistics_in_init = true;
-    s->o.psm_procrustes = true;
-    s->o.psm_procrustes_scaling = true;
+    s->o.psm.psm_iterations_per_split = 25;
+    s->o.psm.psm_optimization_iterations = 30;
+    s->o.psm.psm_starting_share = 0.05;
+    s->o.psm.psm_shape_statistics_in_init = true;
+    s->o.psm.psm_procrustes = true;
+    s->o.psm.psm_procrustes_scaling = true;
 }
 
 enum { FEW = 20 };
@@ -368,27 +368,6 @@ static void test_interrupt(void **unused)
     scene_close(&s);
 }
 
-static void test_xu2023_is_a_set_of_options(void **unused)
-{
-    (void)unused;
-    apsm_options o = apsm_options_defaults();
-    const double gamma = o.gamma;
-    assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
-    assert_int_equal(o.correspondence, APSM_CORRES_FROBENIUS_SQUARED);
-    assert_int_equal(o.snap, APSM_SNAP_NONE);
-    assert_false(o.geodesic_correspondence);
-    if (o.gamma != 0.1) fail_msg("gamma %g", o.gamma);
-    assert_int_equal(o.stage1_epochs + o.stage2_epochs, 100);
-    if (o.alpha != 10 || o.beta != 0.02) fail_msg("alpha %g, beta %g", o.alpha, o.beta);
-    assert_int_equal(apsm_options_set(NULL, &o, "gamma", "0.2"), APSM_OK);
-    assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
-    if (o.gamma != 0.2) fail_msg("gamma %g was overwritten", o.gamma);
-    assert_int_equal(apsm_options_set(NULL, &o, "method", "adaptive"), APSM_OK);
-    assert_int_equal(o.correspondence, APSM_CORRES_NEIGHBOURHOOD);
-    if (o.gamma != gamma) fail_msg("gamma %g", o.gamma);
-    assert_int_equal(o.stage1_epochs, apsm_options_defaults().stage1_epochs);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -401,7 +380,6 @@ int main(void)
         cmocka_unit_test(test_threads_and_unit),
         cmocka_unit_test(test_resume),
         cmocka_unit_test(test_interrupt),
-        cmocka_unit_test(test_xu2023_is_a_set_of_options),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

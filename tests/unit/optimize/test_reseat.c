@@ -152,21 +152,21 @@ static void test_search(void **state)
 {
     (void)state;
     scene s;
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_particle_search loose, tight, never;
     make_scene(&s, false);
-    o.fidelity_rounds = 2;
-    o.error = 10;
+    o.fidelity.fidelity_rounds = 2;
+    o.search.error = 10;
     assert_int_equal(apsm_search_particles(s.ctx, &s.cohort, &o, J, s.P, &loose), APSM_OK);
     assert_true(loose.met && loose.J == J && loose.trials == 1 && loose.left_out == 2);
     assert_memory_equal(loose.P, s.P, sizeof s.P);
-    o.error = 0.7 * loose.error;
+    o.search.error = 0.7 * loose.error;
     assert_int_equal(apsm_search_particles(s.ctx, &s.cohort, &o, J, s.P, &tight), APSM_OK);
-    assert_true(tight.met && tight.J > J && tight.error <= o.error);
+    assert_true(tight.met && tight.J > J && tight.error <= o.search.error);
     print_message("%d particles: %.3g; %zu: %.3g\n", J, loose.error, tight.J, tight.error);
-    o.error = 1e-9;
+    o.search.error = 1e-9;
     assert_int_equal(apsm_search_particles(s.ctx, &s.cohort, &o, J, s.P, &never), APSM_OK);
-    assert_true(!never.met && never.J > tight.J && never.error > o.error);
+    assert_true(!never.met && never.J > tight.J && never.error > o.search.error);
     free(loose.P);
     free(tight.P);
     free(never.P);

@@ -12,7 +12,7 @@ static const double height = 0.45; /* of the ball, from -1 to 1 */
 
 typedef struct scene {
     apsm_context *ctx;
-    apsm_options o;
+    apsm_optimize_options o;
     apsm_cohort cohort;
     double P[I * J * 3];
 } scene;
@@ -40,7 +40,7 @@ static void make_scene(scene *s, bool with_fields)
     double M[16 * I] = { 0 };
     const char *const names[I] = { "a", "b", "c", "d" };
     s->ctx = apsm_context_new();
-    s->o = apsm_options_defaults();
+    s->o = apsm_optimize_defaults();
     s->o.particles = J;
     for (size_t i = 0; i < I; i++) {
         mesh[i] = open_shape(i);

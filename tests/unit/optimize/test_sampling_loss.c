@@ -116,15 +116,22 @@ static result loss_with(size_t J, const double *P, size_t R, const double *B, co
 }
 
 static result fast_loss(size_t J, const double *P, size_t R, const double *B, const double *g,
-                        double tau, double cut, apsm_sampling_norm norm)
+                        double tau, double cut, int norm)
 {
-    return loss_with(J, P, R, B, g, (apsm_sampling_options){ norm, tau, cut, false });
+    return loss_with(J, P, R, B, g,
+                     (apsm_sampling_options){ .sampling_scale = norm,
+                                              .tau_absolute = tau,
+                                              .cut_double = cut,
+                                              .precision = APSM_PRECISION_DOUBLE });
 }
 
 static result single_loss(size_t J, const double *P, size_t R, const double *B, const double *g,
                           double tau, double cut)
 {
-    const apsm_sampling_options opt = { APSM_SAMPLING_MEAN, tau, cut, true };
+    const apsm_sampling_options opt = { .sampling_scale = APSM_SAMPLING_MEAN,
+                                        .tau_absolute = tau,
+                                        .cut_single = cut,
+                                        .precision = APSM_PRECISION_SINGLE };
     return loss_with(J, P, R, B, g, opt);
 }
 
@@ -271,7 +278,7 @@ static void softmin_row_equals_golden(void **state)
 typedef struct fixed {
     size_t J, R;
     const double *B, *g;
-    apsm_sampling_norm norm;
+    int norm;
 } fixed;
 
 static double loss_at(const double *P, void *user)
@@ -289,7 +296,7 @@ static void gradient_matches_differences(void **state)
     enum { J = 20, R = 90 };
     double P[3 * J], B[3 * R], g[R];
     scene(J, R, P, B, g);
-    for (apsm_sampling_norm norm = APSM_SAMPLING_MEAN; norm <= APSM_SAMPLING_VORONOI; norm++) {
+    for (int norm = APSM_SAMPLING_MEAN; norm <= APSM_SAMPLING_VORONOI; norm++) {
         fixed s = { J, R, B, g, norm };
         result x = fast_loss(J, P, R, B, g, 1.5, 25.0, norm);
         check_gradient("sampling", 3 * J, P, 10.0, DBL_EPSILON, x.grad, loss_at, &s);
@@ -402,9 +409,10 @@ static void refuses_bad_arguments(void **state)
     assert_true(apsm_sampling_work_size(1, 1) <= 4096);
     apsm_sampling_options opt = apsm_sampling_defaults();
     assert_int_equal(apsm_sampling_loss(1, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
-                     APSM_ERR_ARG); /* tau is 0 */
+                     APSM_ERR_ARG); /* h is 0 */
     assert_true(loss == 5.0);
-    opt.tau = 1.0;
+    opt.tau = opt.h = 1.0;
+    opt.precision = APSM_PRECISION_DOUBLE;
     assert_int_equal(apsm_sampling_loss(0, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
                      APSM_ERR_ARG);
     assert_int_equal(apsm_sampling_loss(1, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),

@@ -28,17 +28,17 @@ static void batches_differ_by_one_shape_at_most(void **state)
 static void passes_are_counted_as_they_come(void **state)
 {
     (void)state;
-    apsm_options o = apsm_options_defaults();
-    o.stage1_epochs = 100;
-    o.decay2_at = 0.85;
-    o.geodesic_interval = 25;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.schedule.stage1_epochs = 100;
+    o.schedule.decay2_at = 0.85;
+    o.walk.geodesic_interval = 25;
     schedule s = schedule_of_stage(&o, APSM_STAGE_1);
     assert_int_equal(passes_of_stage(&s), 5); /* 0, 25, 50, 75 and the second decay */
-    o.stage1_epochs = 6;
-    o.geodesic_interval = 25; /* at most half of the stage: 0, 3, and 5 */
+    o.schedule.stage1_epochs = 6;
+    o.walk.geodesic_interval = 25; /* at most half of the stage: 0, 3, and 5 */
     s = schedule_of_stage(&o, APSM_STAGE_1);
     assert_int_equal(passes_of_stage(&s), 3);
-    o.geodesic_correspondence = false;
+    o.walk.geodesic_correspondence = false;
     s = schedule_of_stage(&o, APSM_STAGE_1);
     assert_int_equal(passes_of_stage(&s), 0);
 }
@@ -73,16 +73,17 @@ static apsm_status take_figure(void *user, const apsm_optimizer_state *state,
 static double figure_of_seed(apsm_context *ctx, const apsm_cohort *cohort, const double *P,
                              uint64_t seed)
 {
-    apsm_options o = apsm_options_defaults();
+    apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state s;
     double figure = NAN;
-    o.stage1_epochs = o.burn_in = 0;
-    o.stage2_epochs = 1;
+    o.schedule.stage1_epochs = o.schedule.burn_in = 0;
+    o.schedule.stage2_epochs = 1;
     o.batch = 2;
-    o.beta = 0.05;
-    o.alpha = o.gamma = o.learning_rate = o.fidelity = 0; /* nothing moves */
-    o.step = APSM_STEP_LITERAL;
-    o.snap = APSM_SNAP_NONE;
+    o.schedule.beta = 0.05;
+    o.schedule.alpha = o.schedule.gamma = o.step.learning_rate = o.fidelity.fidelity =
+        0; /* nothing moves */
+    o.step.step = APSM_STEP_LITERAL;
+    o.step.snap = APSM_SNAP_NONE;
     apsm_context_set_seed(ctx, seed);
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &s), APSM_OK);
     memcpy(s.P, P, I * J * 3 * sizeof *P);
@@ -162,12 +163,13 @@ static void a_new_term_needs_no_more_than_its_entry(void **state)
     apsm_cohort cohort;
     apsm_optimizer_state s;
     double P[I * J * 3], loss[APSM_TERMS_MOST], sum = 0;
-    apsm_options o = apsm_options_defaults();
-    o.stage1_epochs = o.burn_in = 0;
-    o.stage2_epochs = 1;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.schedule.stage1_epochs = o.schedule.burn_in = 0;
+    o.schedule.stage2_epochs = 1;
     o.batch = 3;
-    o.alpha = o.beta = o.gamma = o.fidelity = o.step_clip = 0;
-    o.snap = APSM_SNAP_NONE;
+    o.schedule.alpha = o.schedule.beta = o.schedule.gamma = o.fidelity.fidelity = o.step.step_clip =
+        0;
+    o.step.snap = APSM_SNAP_NONE;
     make_cohort(ctx, &cohort, P);
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &s), APSM_OK);
     memcpy(s.P, P, sizeof P);

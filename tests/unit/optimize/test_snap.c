@@ -30,8 +30,10 @@ typedef struct epoch {
 static void do_sampling(epoch *e)
 {
     const double c = golden_number(e->options, "c"), s = golden_number(e->options, "s");
-    const apsm_sampling_options opt = { APSM_SAMPLING_SUM, golden_number(e->options, "tau"), 25.0,
-                                        false };
+    const apsm_sampling_options opt = { .sampling_scale = APSM_SAMPLING_SUM,
+                                        .tau_absolute = golden_number(e->options, "tau"),
+                                        .cut_double = 25.0,
+                                        .precision = APSM_PRECISION_DOUBLE };
     double store[12 * J], f[R], g[R], loss,
         *work = check_alloc(apsm_rbf_work_size(J)),
         *factor_store = check_alloc(apsm_polyharmonic_store_size(3 * J, false)),
@@ -61,7 +63,7 @@ static void do_correspondence(epoch *e)
     apsm_correspondence_options opt = apsm_correspondence_defaults();
     double *neighbours = golden_member(e->root, "neighbours", 6 * J), h_j[J], loss;
     uint32_t N6[6 * J];
-    opt.times_spacing = opt.mean_of_six = false;
+    opt.neighbour_scale = APSM_SCALE_NONE;
     assert_int_equal(apsm_neighbours6(J, e->P + N3 * t, N6), APSM_OK);
     for (size_t k = 0; k < 6 * J; k++) assert_int_equal(N6[k], (uint32_t)neighbours[k]);
     apsm_spacing(J, e->P + N3 * t, N6, h_j);
@@ -77,7 +79,8 @@ static void do_correspondence(epoch *e)
 
 static void do_eigenshape(epoch *e)
 {
-    const apsm_eigenshape_options opt = { .reg = golden_number(e->options, "reg") };
+    const apsm_eigenshape_options opt = { .eigen_reg_absolute = golden_number(e->options, "reg"),
+                                          .eigen_scale = APSM_EIGEN_NONE };
     double mean[N3], Y[I * N3], L[I * I], work[I];
     apsm_cohort_mean(I, J, e->P, mean);
     apsm_cohort_centre(I, J, e->P, mean, Y);

@@ -50,7 +50,7 @@ static void words_for_true_are_one_option(void **state)
         apsm_run *run;
         apsm_context *ctx = apsm_context_new();
         assert_int_equal(open_with(state, "original_frame", words[k], &run, ctx), APSM_OK);
-        assert_true(run->options.original_frame);
+        assert_true(run->options.writing.original_frame);
         assert_string_equal(apsm_project_get(&run->project, "apsm", "original_frame"), "true");
         apsm_run_close(run);
         apsm_context_free(ctx);

@@ -5,9 +5,9 @@
 #include <math.h>
 #include <string.h>
 
-#include "apsm/options.h"
 #include "folder.h"
 #include "locale_comma.h"
+#include "options/options.h"
 
 static void every_default_is_what_its_text_says(void **state)
 {
@@ -66,21 +66,46 @@ static void a_decimal_comma_of_the_process_changes_nothing(void **state)
     assert_int_equal(apsm_options_get(&o, "tau", text), APSM_OK);
     assert_string_equal(text, "0.125");
     assert_int_equal(apsm_options_set(NULL, &o, "tau", "0.375"), APSM_OK);
-    assert_true(o.tau == 0.375);
+    assert_true(o.optimize.sampling.tau == 0.375);
     assert_int_equal(apsm_options_set(NULL, &o, "tau", "0,25"), APSM_ERR_ARG);
     assert_int_equal(apsm_options_preset(NULL, &o, "paper-literal-femur"), APSM_OK);
-    assert_true(o.beta == 0.01);
+    assert_true(o.optimize.schedule.beta == 0.01);
     assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
-    assert_true(o.gamma == 0.1);
+    assert_true(o.optimize.schedule.gamma == 0.1);
     setlocale(LC_ALL, "C");
+}
+
+static void xu2023_is_a_set_of_options(void **state)
+{
+    (void)state;
+    apsm_options o = apsm_options_defaults();
+    const double gamma = o.optimize.schedule.gamma;
+    assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
+    assert_int_equal(o.optimize.correspondence.correspondence, APSM_CORRES_FROBENIUS_SQUARED);
+    assert_int_equal(o.optimize.step.snap, APSM_SNAP_NONE);
+    assert_false(o.optimize.walk.geodesic_correspondence);
+    if (o.optimize.schedule.gamma != 0.1) fail_msg("gamma %g", o.optimize.schedule.gamma);
+    assert_int_equal(o.optimize.schedule.stage1_epochs + o.optimize.schedule.stage2_epochs, 100);
+    if (o.optimize.schedule.alpha != 10 || o.optimize.schedule.beta != 0.02)
+        fail_msg("alpha %g, beta %g", o.optimize.schedule.alpha, o.optimize.schedule.beta);
+    assert_int_equal(apsm_options_set(NULL, &o, "gamma", "0.2"), APSM_OK);
+    assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
+    if (o.optimize.schedule.gamma != 0.2)
+        fail_msg("gamma %g was overwritten", o.optimize.schedule.gamma);
+    assert_int_equal(apsm_options_set(NULL, &o, "method", "adaptive"), APSM_OK);
+    assert_int_equal(o.optimize.correspondence.correspondence, APSM_CORRES_NEIGHBOURHOOD);
+    if (o.optimize.schedule.gamma != gamma) fail_msg("gamma %g", o.optimize.schedule.gamma);
+    assert_int_equal(o.optimize.schedule.stage1_epochs,
+                     apsm_options_defaults().optimize.schedule.stage1_epochs);
 }
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(every_default_is_what_its_text_says),
-                                        cmocka_unit_test(what_is_no_value_is_refused),
-                                        cmocka_unit_test_setup_teardown(
-                                            a_decimal_comma_of_the_process_changes_nothing,
-                                            folder_set_up, folder_tear_down) };
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(every_default_is_what_its_text_says),
+        cmocka_unit_test(what_is_no_value_is_refused), cmocka_unit_test(xu2023_is_a_set_of_options),
+        cmocka_unit_test_setup_teardown(a_decimal_comma_of_the_process_changes_nothing,
+                                        folder_set_up, folder_tear_down)
+    };
     return cmocka_run_group_tests_name("options", tests, NULL, NULL);
 }
