@@ -188,8 +188,9 @@ static void a_new_term_needs_no_more_than_its_entry(void **state)
 static void columns_are_the_table(void **state)
 {
     (void)state;
-    static const char *const names[] = { "sampling", "correspondence", "eigenshape" };
-    assert_int_equal(APSM_TERMS, 3);
+    static const char *const names[] = { "sampling", "correspondence", "eigenshape", "landmarks",
+                                         "features" };
+    assert_int_equal(APSM_TERMS, 5);
     for (size_t t = 0; t < APSM_TERMS; t++) assert_string_equal(apsm_loss_name(t), names[t]);
     assert_null(apsm_loss_name(APSM_TERMS));
 }
