@@ -11,6 +11,7 @@
 #include "groom/groom.h"
 #include "initialize/cohort.h"
 #include "joint/shared_boundary.h"
+#include "options/options.h"
 
 static const double usual_tolerance = 0.1; /* h */
 #define EXTRACTED "extracted"
@@ -85,7 +86,7 @@ static apsm_status read_part(apsm_context *ctx, const sharing *s, size_t i, int 
     const joint_job *job = s->job;
     const size_t d = s->part[side];
     const apsm_input_case *c = &job->list.cases[job->subject[i].input[d]];
-    const apsm_groom_options opt = apsm_groom_options_of(&s->options);
+    const apsm_groom_options opt = s->options.groom;
     apsm_labels labels = { 0 };
     apsm_input_shape shape = { 0 };
     if (job->by_label) APSM_TRY(apsm_labels_parse(ctx, job->part[d].what, &labels));
@@ -148,7 +149,8 @@ static apsm_status split_meshes(const sharing *s, size_t i, const apsm_mesh mesh
     const joint_job *job = s->job;
     apsm_bvh *tree[2] = { NULL, NULL };
     apsm_shared_boundary split = { 0 };
-    const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[0]), (size_t)s->options.particles);
+    const double h =
+        apsm_expected_spacing(apsm_mesh_area(&mesh[0]), (size_t)s->options.optimize.particles);
     apsm_status status = apsm_bvh_build_unsigned(&mesh[0], &tree[0]);
     if (status == APSM_OK) status = apsm_bvh_build_unsigned(&mesh[1], &tree[1]);
     if (status == APSM_OK) status = apsm_split_shared(tree[0], tree[1], s->tolerance * h, &split);

@@ -16,6 +16,7 @@
 #include "formats/mesh_io.h"
 #include "geometry/affine.h"
 #include "input/input.h"
+#include "options/options.h"
 
 enum { N = CONTOUR_POINTS, MODES_MOST = 10, VERSION = 1 };
 
@@ -59,7 +60,7 @@ static apsm_status take_settings(contour_job *j, const apsm_run_settings *s)
     if (s->resume)
         return apsm_fail(j->ctx, APSM_ERR_UNSUPPORTED,
                          "contours: a job of seconds is not resumed; start it anew");
-    if (j->o.particles_auto)
+    if (j->o.optimize.search.particles_auto)
         return apsm_fail(j->ctx, APSM_ERR_UNSUPPORTED, "contours: give a number of particles");
     return APSM_OK;
 }
@@ -165,9 +166,9 @@ static void measure(contour_job *j)
 
 static apsm_status compute(contour_job *j)
 {
-    contour_options o = { .align = j->o.align,
-                          .adaptivity = j->o.adaptivity,
-                          .J = (size_t)j->o.particles };
+    contour_options o = { .align = j->o.align.align,
+                          .adaptivity = j->o.optimize.schedule.adaptivity,
+                          .J = (size_t)j->o.optimize.particles };
     APSM_TRY(choose_template(j, &o.template_index));
     const apsm_status made =
         contour_cohort_make(j->list.n, j->n, (const double *const *)j->P, j->closed, &o, &j->c);
@@ -175,12 +176,9 @@ static apsm_status compute(contour_job *j)
         return apsm_fail(j->ctx, made, "a contour has no length; leave it out with --exclude");
     APSM_TRY(made);
     APSM_TRY(apsm_shape_model_fit(j->ctx, j->c.I, j->c.J, j->c.P, &j->model));
-    const apsm_evaluate_input input = { .I = j->c.I,
-                                        .J = j->c.J,
-                                        .P = j->c.P,
-                                        .definition = (apsm_definition)j->o.definition,
-                                        .samples = (size_t)j->o.specificity_samples,
-                                        .specificity_modes = (size_t)j->o.specificity_modes };
+    const apsm_evaluate_input input = {
+        .I = j->c.I, .J = j->c.J, .P = j->c.P, .options = j->o.evaluate
+    };
     APSM_TRY(apsm_evaluate(j->ctx, &input, &j->e));
     j->mean = malloc((j->c.I + 1) * sizeof *j->mean);
     j->most = malloc((j->c.I + 1) * sizeof *j->most);
