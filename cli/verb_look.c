@@ -11,7 +11,9 @@
 #include "files/files.h"
 #include "files/particles_file.h"
 #include "files/project.h"
+#include "folder/mode_trust_json.h"
 #include "folder/model_folder.h"
+#include "folder/names.h"
 #include "geometry/topology.h"
 #include "input/input.h"
 #include "options/options.h"
@@ -253,6 +255,22 @@ static apsm_status info_project(apsm_context *ctx, const char *path, cli_ui *ui)
     return APSM_OK;
 }
 
+/* The first modes of an evaluated model. */
+static apsm_status say_modes(apsm_context *ctx, const char *folder, cli_ui *ui)
+{
+    enum { SHOWN = 5 };
+    char *path = apsm_path_join(folder, FOLDER_EVALUATION), line[256];
+    json_t *root = NULL;
+    apsm_status status = path ? APSM_OK : APSM_ERR_MEMORY;
+    if (path && apsm_file_exists(path)) status = apsm_json_read(ctx, path, &root);
+    const json_t *modes = json_object_get(root, "modes");
+    for (size_t k = 0; k < SHOWN && mode_trust_line(modes, k, line, sizeof line); k++)
+        cli_say(ui, "%s", line);
+    json_decref(root);
+    free(path);
+    return status;
+}
+
 static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
 {
     apsm_input_kind kind;
@@ -390,7 +408,8 @@ apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
         return apsm_fail(ctx, APSM_ERR_STATE, "%s: no project.swproj in this folder", path);
     char *project = apsm_path_join(path, "project.swproj");
     if (!project) return APSM_ERR_MEMORY;
-    const apsm_status status = info_project(ctx, project, ui);
+    apsm_status status = info_project(ctx, project, ui);
+    if (status == APSM_OK) status = say_modes(ctx, path, ui);
     free(project);
     return status == APSM_OK ? info_results(ctx, path, ui) : status;
 }

@@ -14,6 +14,7 @@
 #include "files/particles_file.h"
 #include "files/project.h"
 #include "files/project_columns.h"
+#include "folder/mode_trust_json.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
@@ -435,13 +436,14 @@ static apsm_status write_evaluation(writing *w)
 {
     const apsm_evaluation *e = &w->f->evaluation;
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
         "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
         (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
         apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
         "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
         (json_int_t)e->left_out, "template", subject_name(w, w->f->like[0]), "surface_distance",
-        json_surface(w), "variances", apsm_json_vector(e->modes, e->variance), "compactness",
+        json_surface(w), "variances", apsm_json_vector(e->modes, e->variance), "modes",
+        mode_trust_json(e->modes, e->trust), "compactness",
         apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
         apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",

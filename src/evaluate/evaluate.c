@@ -6,6 +6,7 @@
 void apsm_evaluation_free(apsm_evaluation *e)
 {
     free(e->variance);
+    free(e->trust);
     free(e->compactness);
     free(e->generalization);
     free(e->generalization_error);
@@ -39,13 +40,14 @@ static apsm_status alloc(apsm_context *ctx, const apsm_evaluate_input *in, size_
                             .n_generalization = I > 2 ? I - 2 : 0,
                             .n_specificity = wanted < I - 1 ? wanted : I - 1 };
     e->variance = numbers(modes);
+    e->trust = calloc(modes + 1, sizeof *e->trust);
     e->compactness = numbers(I);
     e->generalization = numbers(I);
     e->generalization_error = numbers(I);
     e->specificity = numbers(I);
     e->specificity_error = numbers(I);
     if (in->shape) e->surface = calloc(I, sizeof *e->surface);
-    if (e->variance && e->compactness && e->generalization && e->generalization_error &&
+    if (e->variance && e->trust && e->compactness && e->generalization && e->generalization_error &&
         e->specificity && e->specificity_error && (e->surface || !in->shape))
         return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for the metrics of %zu shapes", I);
@@ -55,6 +57,7 @@ static apsm_status measure_model(apsm_context *ctx, const apsm_shape_model *mode
                                  apsm_evaluation *e)
 {
     for (size_t k = 0; k < model->modes; k++) e->variance[k] = model->variance[k];
+    APSM_TRY(apsm_mode_trust_of(ctx, model, e->trust));
     apsm_compactness(model, e->compactness);
     APSM_TRY(apsm_generalization(ctx, model, e->generalization, e->generalization_error));
     return apsm_specificity(ctx, model, e->definition, e->samples, e->n_specificity, e->specificity,

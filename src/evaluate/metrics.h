@@ -10,6 +10,7 @@
 
 #include "core/option.h"
 #include "evaluate/surface_distance.h"
+#include "model/mode_trust.h"
 #include "model/shape_model.h"
 
 #ifdef __cplusplus
@@ -94,6 +95,7 @@ typedef struct apsm_evaluation {
     size_t shapes, particles, modes, samples;
     apsm_definition definition;
     double *variance;                              /* modes */
+    apsm_mode_trust *trust;                        /* modes */
     double *compactness;                           /* shapes - 1 */
     double *generalization, *generalization_error; /* shapes - 2 */
     size_t left_out;                               /* shapes that generalization was measured on */

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "linalg/linalg.h"
+#include "model/mode_sign.h"
 
 static apsm_status check_finite(apsm_context *ctx, size_t I, size_t J, const double *P)
 {
@@ -49,17 +50,35 @@ static size_t count_modes(size_t I, size_t n, const double *w)
     return r;
 }
 
-/* Makes row x (n) a unit vector and gives back -1 if its largest entry is negative, else 1. */
-static double unit_and_sign(size_t n, double *x)
+/* Makes row x (n) a unit vector. */
+static void make_unit(size_t n, double *x)
 {
-    double norm2 = 0.0, largest = 0.0;
-    for (size_t k = 0; k < n; k++) {
-        norm2 += x[k] * x[k];
-        if (fabs(x[k]) > fabs(largest)) largest = x[k];
-    }
-    const double sign = largest < 0.0 ? -1.0 : 1.0, factor = sign / sqrt(norm2);
+    double norm2 = 0.0;
+    for (size_t k = 0; k < n; k++) norm2 += x[k] * x[k];
+    const double factor = 1.0 / sqrt(norm2);
     for (size_t k = 0; k < n; k++) x[k] *= factor;
-    return sign;
+}
+
+/* -1 if the largest entry is negative, else 1: of a mode that says nothing else. */
+static double sign_of_largest(size_t n, const double *x)
+{
+    double largest = 0.0;
+    for (size_t k = 0; k < n; k++)
+        if (fabs(x[k]) > fabs(largest)) largest = x[k];
+    return largest < 0.0 ? -1.0 : 1.0;
+}
+
+/* Turns mode k of a model whose mean and scores are there so that plus is what mode_sign.h says. */
+static void set_sign(apsm_shape_model *model, size_t k)
+{
+    const size_t n = 3 * model->J;
+    double *v = model->mode + k * n, *score = model->score + k, change[APSM_MODE_CHANGES];
+    apsm_mode_changes(model->J, model->mean, v, 1e-6 * sqrt(model->variance[0]), change);
+    double sign = apsm_mode_sign(change, model->I, model->modes, score);
+    if (sign == 0.0) sign = sign_of_largest(n, v);
+    if (sign > 0.0) return;
+    for (size_t c = 0; c < n; c++) v[c] = -v[c];
+    for (size_t i = 0; i < model->I; i++) score[i * model->modes] = -score[i * model->modes];
 }
 
 static apsm_status alloc_modes(apsm_shape_model *model, size_t r)
@@ -83,7 +102,8 @@ static apsm_status fit_modes(apsm_shape_model *model, const double *Y, double *G
     if (r == 0) return APSM_OK;
     apsm_gemm(0, 0, r, n, I, 1.0, Q, I, Y, n, 0.0, model->mode, n);
     for (size_t k = 0; k < r; k++) {
-        const double s = unit_and_sign(n, model->mode + k * n) * sqrt(w[k]);
+        const double s = sqrt(w[k]);
+        make_unit(n, model->mode + k * n);
         model->variance[k] = w[k] / (double)(I - 1);
         for (size_t i = 0; i < I; i++) model->score[i * r + k] = s * Q[k * I + i];
     }
@@ -151,7 +171,7 @@ static apsm_status fit_covariance(apsm_shape_model *model, const double *P, doub
     if (r == 0) return APSM_OK;
     memcpy(model->mode, Q, r * n * sizeof *Q);
     for (size_t k = 0; k < r; k++) {
-        unit_and_sign(n, model->mode + k * n);
+        make_unit(n, model->mode + k * n);
         model->variance[k] = w[k] / (double)(I - 1);
     }
     find_scores(model, P, Y);
@@ -188,6 +208,7 @@ apsm_status apsm_shape_model_fit_side(apsm_context *ctx, apsm_model_side side, s
         status = side == APSM_SIDE_SHAPES ? fit_by_shapes(model, P) : fit_by_particles(model, P);
         for (size_t k = 0; k < n; k++) model->mean[k] += P[k];
     }
+    for (size_t k = 0; k < model->modes && status == APSM_OK; k++) set_sign(model, k);
     if (status == APSM_OK) return APSM_OK;
     apsm_shape_model_free(model);
     return apsm_fail(ctx, status, "shape model of %zu shapes with %zu particles: %s", I, J,

@@ -18,8 +18,7 @@ extern "C" {
 struct apsm_shape_model {
     size_t I, J, modes; /* modes <= I - 1 and 3J: those of non-zero variance */
     double *mean;       /* J x 3 */
-    double *mode;       /* modes x 3J: orthonormal rows; the largest entry of each (by magnitude,
-                           the first of equals) is positive */
+    double *mode;       /* modes x 3J: orthonormal rows, plus as mode_sign.h says */
     double *variance;   /* modes, descending; divisor I - 1 */
     double *score;      /* I x modes: p_i = mean + sum_k score_ik mode_k */
 };

@@ -7,6 +7,7 @@
 
 #include "apsm/formats.h"
 #include "files/particles_file.h"
+#include "folder/mode_trust_json.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
@@ -211,15 +212,16 @@ static apsm_status write_evaluation(const evaluation_work *w)
     const apsm_evaluation *e = &w->evaluation;
     const char *template_name = name_of(w, w->run->cohort.template_index);
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "s:o}",
         "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
         (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
         apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
         "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
         (json_int_t)e->left_out, "template", template_name, "surface_distance", json_surface(w),
         "landmarks", landmarks_json(w->run, &w->landmarks), "variances",
-        apsm_json_vector(e->modes, e->variance), "compactness",
-        apsm_json_vector(e->n_compactness, e->compactness), "generalization",
+        apsm_json_vector(e->modes, e->variance), "modes", mode_trust_json(e->modes, e->trust),
+        "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
         apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
         apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",

@@ -314,6 +314,12 @@ function fillModes() {
     requestAnimationFrame(frame);
   };
 
+  const trust = (m) => {
+    const t = model.evaluation.modes?.[m];
+    if (!t) return "";
+    const why = `cosine ${t.cosine.toFixed(2)} with the same mode when shapes are drawn again; by chance a mode of this rank has ${percent(t.chance)} of the variance`;
+    return el("span", { class: "soft", title: why }, `: ${t.text}`);
+  };
   const makeRow = (m) => {
     const range = el("input", {
       type: "range", min: -SLIDER, max: SLIDER, step: 0.01, value: 0, "aria-label": `mode ${m + 1} in standard deviations`,
@@ -324,7 +330,7 @@ function fillModes() {
     rows[m] = { range, play: button, value: text };
     tell(m);
     return el("div", { class: "mode" }, button,
-      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(model.variances[m] / total))),
+      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(model.variances[m] / total)), trust(m)),
       text, el("div", { class: "range" }, range));
   };
   const reset = () => {
