@@ -79,9 +79,9 @@ static void tell(const bench *b, size_t k, const apsm_mode_trust *t)
     const double written = icc(b);
     gather(b, k, true);
     printf("{\"bench\": \"modes\", \"mode\": %zu, \"share\": %.4f, \"chance\": %.4f, "
-           "\"cosine\": %.3f, \"same_sign\": %.2f, \"trusted\": %s, \"icc\": %.3f, "
+           "\"cosine\": %.3f, \"direction\": %.2f, \"trusted\": %s, \"icc\": %.3f, "
            "\"icc_turned\": %.3f}\n",
-           k + 1, t->share, t->chance, t->cosine, t->same_sign, t->trusted ? "true" : "false",
+           k + 1, t->share, t->chance, t->cosine, t->direction, t->trusted ? "true" : "false",
            written, icc(b));
 }
 

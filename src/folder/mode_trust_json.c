@@ -8,10 +8,10 @@ json_t *mode_trust_json(size_t modes, const apsm_mode_trust *trust)
     json_t *list = json_array();
     for (size_t k = 0; k < modes; k++) {
         const apsm_mode_trust *t = &trust[k];
-        json_array_append_new(list, json_pack("{s:f, s:f, s:f, s:f, s:b, s:s}", "share", t->share,
-                                              "chance", t->chance, "cosine", t->cosine, "same_sign",
-                                              t->same_sign, "trusted", t->trusted, "text",
-                                              apsm_mode_trust_text(t)));
+        json_array_append_new(
+            list, json_pack("{s:f, s:f, s:f, s:f, s:f, s:b, s:s}", "share", t->share, "chance",
+                            t->chance, "cosine", t->cosine, "direction", t->direction, "same_sign",
+                            t->same_sign, "trusted", t->trusted, "text", apsm_mode_trust_text(t)));
     }
     if (json_array_size(list) == modes) return list;
     json_decref(list);

@@ -88,8 +88,9 @@ static void conclude(drawing *d, apsm_mode_trust *trust)
         if (k >= d->modes) continue;
         t->cosine = robust_median(DRAWS, d->cosine + k * DRAWS);
         t->same_sign = d->same[k] / DRAWS;
-        t->trusted = t->cosine >= APSM_MODE_COSINE && t->same_sign >= APSM_MODE_SAME_SIGN &&
-                     t->share > t->chance;
+        t->direction = apsm_mode_direction(d->change + APSM_MODE_CHANGES * k);
+        t->trusted = t->cosine >= APSM_MODE_COSINE && t->share > t->chance &&
+                     fabs(t->direction) >= APSM_MODE_CLEAR;
     }
 }
 

@@ -8,14 +8,15 @@
 #include "model/shape_model.h"
 
 /* Bounds of trust: a mode is trusted if half of the cohorts drawn again have it to within this
- * cosine, nearly all with this sign, and its variance is above chance. */
-#define APSM_MODE_COSINE    0.8
-#define APSM_MODE_SAME_SIGN 0.95
+ * cosine, its variance is above chance, and its direction (mode_sign.h) is no near tie. */
+#define APSM_MODE_COSINE 0.8
+#define APSM_MODE_CLEAR  0.1
 
 typedef struct apsm_mode_trust {
     double cosine;    /* with the same mode of cohorts drawn again: the median; 0 for modes beyond
                          the first 32 */
-    double same_sign; /* share of these that the rule of signs turns the same way */
+    double direction; /* see mode_sign.h */
+    double same_sign; /* share of these whose direction has the same sign */
     double share;     /* of the variance */
     double chance;    /* share that the mode of this rank has of a stick broken at random */
     bool trusted;
