@@ -477,7 +477,71 @@ static PyObject *py_test(PyObject *self, PyObject *args)
     Py_RETURN_NONE;
 }
 
+/* ---- exchange ---- */
+
+/* export(model, to, path, modes, sd, overwrite, log) */
+static PyObject *py_export(PyObject *self, PyObject *args)
+{
+    (void)self;
+    apsm_export_settings s = { 0 };
+    unsigned long long modes;
+    int overwrite;
+    PyObject *sd;
+    Py_buffer at;
+    call c = { .progress = Py_None };
+    if (!PyArg_ParseTuple(args, "sssKOpO", &s.model, &s.format, &s.path, &modes, &sd, &overwrite,
+                          &c.log) ||
+        !view(sd, sizeof(double), 1, &at, &s.n_sd))
+        return NULL;
+    s.modes = (size_t)modes;
+    s.sd = at.buf;
+    s.overwrite = overwrite != 0;
+    bool ok = false;
+    if (begin(&c, 1, 0)) {
+        apsm_status status;
+        Py_BEGIN_ALLOW_THREADS status = apsm_export_model(c.ctx, &s);
+        Py_END_ALLOW_THREADS ok = fine(&c, status);
+    }
+    PyBuffer_Release(&at);
+    end(&c);
+    if (!ok) return NULL;
+    Py_RETURN_NONE;
+}
+
+/* warp(template particles, particles, points) -> bytes */
+static PyObject *py_warp(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *from, *to, *points, *result = NULL;
+    Py_buffer P0 = { 0 }, P = { 0 }, X = { 0 };
+    apsm_warp_points_input in = { 0 };
+    call c = { .log = Py_None, .progress = Py_None };
+    if (!PyArg_ParseTuple(args, "OOO", &from, &to, &points) ||
+        !view(from, sizeof(double), 3, &P0, &in.J))
+        return NULL;
+    const bool viewed = view(to, sizeof(double), 3 * (in.J ? in.J : 1), &P, &in.I);
+    if (viewed && view(points, sizeof(double), 3, &X, &in.n) && begin(&c, 1, 0)) {
+        in.P0 = P0.buf, in.P = P.buf, in.X = X.buf;
+        result = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)(3 * in.I * in.n * sizeof(double)));
+        double *Y = result ? (double *)(void *)PyBytes_AsString(result) : NULL;
+        apsm_status status = APSM_ERR_MEMORY;
+        Py_BEGIN_ALLOW_THREADS if (Y) status = apsm_warp_points(c.ctx, &in, Y);
+        Py_END_ALLOW_THREADS if (!fine(&c, status))
+        {
+            Py_XDECREF(result);
+            result = NULL;
+        }
+    }
+    PyBuffer_Release(&X);
+    PyBuffer_Release(&P);
+    PyBuffer_Release(&P0);
+    end(&c);
+    return result;
+}
+
 static PyMethodDef methods[] = {
+    { "export", py_export, METH_VARARGS, "a model for other programs" },
+    { "warp", py_warp, METH_VARARGS, "points as particles carry them" },
     { "run", py_run, METH_VARARGS, "a model of shapes in memory" },
     { "run_files", py_run_files, METH_VARARGS, "a model of files, in a folder" },
     { "fit_load", py_fit_load, METH_VARARGS, "a finished model, to fit shapes" },

@@ -39,6 +39,16 @@ APSM_API const char *const *apsm_export_formats(void);
 APSM_API apsm_status apsm_export_model(apsm_context *ctx,
                                        const apsm_export_settings *settings) APSM_NODISCARD;
 
+/* The warp that takes a template's particles P0 (J x 3) to those of I shapes P (I x J x 3), of n
+ * points X (n x 3) on, in or near the template: Y (I x n x 3, out).  APSM_ERR_GEOMETRY: fewer than
+ * 5 distinct particles, or all in a plane. */
+typedef struct apsm_warp_points_input {
+    size_t J, I, n;
+    const double *P0, *P, *X;
+} apsm_warp_points_input;
+APSM_API apsm_status apsm_warp_points(apsm_context *ctx, const apsm_warp_points_input *input,
+                                      double *Y) APSM_NODISCARD;
+
 /* All borrowed. */
 typedef struct apsm_warp_settings {
     const apsm_mesh *mesh; /* the template's */

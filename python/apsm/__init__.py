@@ -24,7 +24,8 @@ try:
 except ImportError:  # everything works without
     _np = None
 
-__all__ = ["Error", "Model", "Fit", "FittedModel", "Volume", "run", "run_files", "load", "test"]
+__all__ = ["Error", "Model", "Fit", "FittedModel", "Volume", "run", "run_files", "load", "test",
+           "export", "warp"]
 
 
 class Error(Exception):
@@ -191,6 +192,26 @@ class Model:
                    for a in range(3)] for j in range(len(self.mean))]
         return points if _np is None else _np.array(points)
 
+    def warp(self, particles, points=None):
+        """Points on or in the template (its mesh's vertices if none are given; in the world frame), as they lie
+        on the shape or shapes with these particles: (n, 3), or (I, n, 3) of several."""
+        if points is None:
+            points = _moved(self.to_world[self.template], self.meshes[self.template][0])
+        return warp(self.particles[self.names.index(self.template)] if _np is not None else _rows(self, self.template),
+                    particles, points)
+
+
+def _moved(M, points):
+    """Points by the affine M (4, 4)."""
+    rows = [[M[i, j] for j in range(4)] for i in range(3)]
+    return [[r[0] * points[k, 0] + r[1] * points[k, 1] + r[2] * points[k, 2] + r[3] for r in rows]
+            for k in range(len(points))]
+
+
+def _rows(model, name):
+    i = model.names.index(name)
+    return [[model.particles[i, j, a] for a in range(3)] for j in range(len(model.mean))]
+
 
 def run(shapes: Mapping[str, Any], *, reflect: Iterable[str] = (), threads: Optional[int] = None,
         log: Optional[Callable[[str], None]] = None,
@@ -276,3 +297,22 @@ def test(folder: str, formula: str, *, of: Optional[str] = None, on: str = "form
         name = [f for f in os.listdir(out) if f.endswith(".json")][0]
         with open(os.path.join(out, name), encoding="utf-8") as file:
             return json.load(file)
+
+
+# ---- other programs ----
+
+
+def export(folder: str, to: str, out: str, *, modes: int = 0, sd: Iterable[float] = (), overwrite: bool = False,
+           log: Optional[Callable[[str], None]] = None) -> None:
+    """What `apsm export --to` writes: "vtp", "ply", "gltf", "monai", "slicermorph", "csv", "npz", ..."""
+    _apsm.export(os.fspath(folder), to, os.fspath(out), modes, _in(list(sd), "d"), overwrite, _logger(log))
+
+
+def warp(from_particles, particles, points):
+    """Points (n, 3) on, in or near a template, as the warp carries them that takes its particles (J, 3) to those of
+    a shape (J, 3), or of several (I, J, 3)."""
+    P0, P, X = _in(from_particles, "d"), _in(particles, "d"), _in(points, "d")
+    size = [len(memoryview(a).cast("B")) // 24 for a in (P0, P, X)]
+    data = _apsm.warp(P0, P, X)
+    several = size[1] != size[0]
+    return _out(data, size[1] // size[0], size[2], 3) if several else _out(data, size[2], 3)

@@ -27,20 +27,28 @@ static apsm_status no_memory(const warping *w)
     return apsm_fail(w->ctx, APSM_ERR_MEMORY, "%s: out of memory", w->s->folder);
 }
 
-/* Y (I x n x 3, out) <- the points X (n x 3) on every shape; in pieces, so that W stays small. */
-static apsm_status warp_points(const warping *w, size_t n, const double *X, double *Y)
+/* In pieces, so that W stays small. */
+apsm_status apsm_warp_points(apsm_context *ctx, const apsm_warp_points_input *in, double *Y)
 {
     enum { PIECE = 4096 };
-    const apsm_warp_settings *s = w->s;
-    for (size_t first = 0; first < n; first += PIECE) {
-        const size_t m = n - first < PIECE ? n - first : PIECE;
+    if (!in || !in->P0 || !in->P || !in->X || !Y)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_warp_points: an argument is NULL");
+    for (size_t first = 0; first < in->n; first += PIECE) {
+        const size_t m = in->n - first < PIECE ? in->n - first : PIECE;
         apsm_warp warp = { 0 };
-        APSM_TRY(apsm_warp_build(w->ctx, APSM_PHI_R, m, X + 3 * first, s->J, s->P0, &warp));
-        for (size_t i = 0; i < s->I; i++)
-            apsm_warp_apply(&warp, s->P + i * 3 * s->J, Y + 3 * (i * n + first));
+        APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, m, in->X + 3 * first, in->J, in->P0, &warp));
+        for (size_t i = 0; i < in->I; i++)
+            apsm_warp_apply(&warp, in->P + i * 3 * in->J, Y + 3 * (i * in->n + first));
         apsm_warp_free(&warp);
     }
     return APSM_OK;
+}
+
+/* Y (I x n x 3, out) <- the points X (n x 3) on every shape. */
+static apsm_status warp_points(const warping *w, size_t n, const double *X, double *Y)
+{
+    const apsm_warp_points_input in = { w->s->J, w->s->I, n, w->s->P0, w->s->P, X };
+    return apsm_warp_points(w->ctx, &in, Y);
 }
 
 static apsm_status place(warping *w, size_t i, const char *stem, const char *extension, char **path)

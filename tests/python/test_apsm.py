@@ -146,6 +146,33 @@ class Cohort(unittest.TestCase):
         worker.join()
         self.assertGreater(len(ticks), 5)
 
+    def test_warp(self):
+        m, near = self.model, 1e-6
+        shape = [[m.particles[3, j, a] for a in range(3)] for j in range(32)]
+        own = [[m.particles[m.names.index(m.template), j, a] for a in range(3)] for j in range(32)]
+        # Particles of the template go to those of the shape, and to their own under the identity.
+        there = m.warp(shape, own)
+        self.assertLess(max(abs(there[j, a] - shape[j][a]) for j in range(32) for a in range(3)), near)
+        both = apsm.warp(own, [own, shape], own)
+        self.assertEqual(tuple(both.shape), (2, 32, 3))
+        self.assertLess(max(abs(both[0, j, a] - own[j][a]) for j in range(32) for a in range(3)), near)
+        self.assertEqual(len(m.warp(shape)), len(m.meshes[m.template][0]))
+        with self.assertRaises(ValueError):
+            apsm.warp(own, own[:5], own)
+        with self.assertRaises(apsm.Error):
+            apsm.warp([[0.0, 0.0, 0.0]] * 4, [[0.0, 0.0, 0.0]] * 4, own)
+
+    def test_export(self):
+        out = self.path("exported")
+        apsm.run_files(self.path("shapes"), out, threads=1, **FAST)
+        apsm.export(out, "csv", self.path("tables"), modes=1)
+        with open(self.path("tables", "modes.csv"), encoding="utf-8") as file:
+            self.assertEqual(file.readline().strip(), "mode_1_x,mode_1_y,mode_1_z")
+        with self.assertRaisesRegex(apsm.Error, "overwrite"):
+            apsm.export(out, "csv", self.path("tables"))
+        apsm.export(out, "ply", self.path("plys"), modes=1, sd=[1, 3])
+        self.assertEqual(len(os.listdir(self.path("plys", "modes"))), 4)
+
     def test_volume(self):
         n = 24
         labels = {}
