@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install package clean help
+.PHONY: test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -87,6 +87,9 @@ bench: deps ## the short set of benchmarks, and CPU by step beside an earlier co
 
 install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
+
+wheel: all ## build/wheel/apsm-*.whl: the Python module with the library and all it needs (needs python3-dev)
+	@python3 scripts/make-wheel $(BUILD)
 
 package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
 	@scripts/setup --package --check || { echo "make: run 'scripts/setup --package' to install what is missing" >&2; exit 1; }
