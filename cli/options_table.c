@@ -96,7 +96,8 @@ static const cli_option own[] = {
       "are landmarks of these names; without it they are clouds",
       NULL },
     { "features", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "LIST", "features", NULL,
-      "what must correspond beside the form: fields of the vertices (.ply) or images that a "
+      "what must correspond beside the form: fields of the vertices (.ply, .vtk, .vtp) or images "
+      "that a "
       "project "
       "names (image_NAME), and normals, with weights: thickness:1,normals:0.5; weight 0: only "
       "sampled at the particles",

@@ -209,6 +209,79 @@ static void refuse_other_set(scan *s, word set)
                   word_show(set, shown));
 }
 
+/* ---- a field of the points ---- */
+
+/* n tuples of one attribute; kept if it is the one that is wanted and has one component. */
+static void read_values(scan *s, const file *f, word name, size_t components, size_t n, scalar type,
+                        soup *m)
+{
+    const bool wanted = components == 1 && word_is(name, m->want_field) && !m->field;
+    const size_t count =
+        scan_check_count(s, (int64_t)(components * n), "number of values", least_size(f, type));
+    double *const x = wanted && scan_ok(s) ? malloc((count + 1) * sizeof *x) : NULL;
+    if (wanted && !x) scan_no_memory(s);
+    for (size_t k = 0; k < count && scan_ok(s); k++) {
+        const double v = f->ascii ? scan_number(s, "a value") : scan_real(s, type, true);
+        if (x) x[k] = v;
+    }
+    s->binary = false;
+    if (!x) return;
+    m->field = x;
+    m->fields = count;
+}
+
+/* FIELD name k, then k arrays: name components tuples type, values. */
+static void read_arrays(scan *s, const file *f, soup *m)
+{
+    scan_word(s);
+    const size_t arrays = scan_count(s, "a number of arrays", 8);
+    for (size_t k = 0; k < arrays && scan_ok(s); k++) {
+        const word name = scan_word(s);
+        const size_t components = scan_count(s, "a number of components", 1);
+        const size_t tuples = scan_count(s, "a number of tuples", 1);
+        const scalar type = read_type(s, scan_word(s));
+        begin_values(s, f);
+        read_values(s, f, name, components, tuples, type, m);
+    }
+}
+
+/* SCALARS name type [components], LOOKUP_TABLE name, values; VECTORS and NORMALS name type, values.
+ */
+static void read_attribute(scan *s, const file *f, word kind, size_t n, soup *m)
+{
+    const bool scalars = word_is_any_case(kind, "SCALARS");
+    const word name = scan_word(s);
+    const scalar type = read_type(s, scan_word(s));
+    int64_t components = scalars ? 1 : 3;
+    const word more = scalars ? scan_word_in_line(s) : (word){ "", 0 };
+    if (more.length && (!word_integer(more, &components) || components < 1 || components > 4))
+        scan_expected(s, "a number of components", more);
+    if (scalars) {
+        scan_rest_of_line(s);
+        scan_expect(s, "LOOKUP_TABLE");
+    }
+    begin_values(s, f);
+    read_values(s, f, name, (size_t)components, n, type, m);
+}
+
+/* What follows POINT_DATA, up to what is wanted or not known here. */
+static void read_point_data(scan *s, const file *f, soup *m)
+{
+    const size_t n = scan_count(s, "a number of points", 1);
+    while (scan_ok(s) && !m->field && scan_skip_blanks(s, true)) {
+        const word kind = scan_word(s);
+        if (word_is_any_case(kind, "FIELD"))
+            read_arrays(s, f, m);
+        else if (word_is_any_case(kind, "METADATA"))
+            skip_metadata(s);
+        else if (word_is_any_case(kind, "SCALARS") || word_is_any_case(kind, "VECTORS") ||
+                 word_is_any_case(kind, "NORMALS"))
+            read_attribute(s, f, kind, n, m);
+        else
+            return;
+    }
+}
+
 static bool is_attribute(word section)
 {
     return word_is_any_case(section, "CELL_DATA") || word_is_any_case(section, "POINT_DATA");
@@ -225,6 +298,7 @@ void read_legacy_vtk(scan *s, soup *m)
         const word section = scan_word(s);
         int kind = 0;
         while (kind < 4 && !word_is_any_case(section, names[kind])) kind++;
+        if (m->want_field && word_is_any_case(section, "POINT_DATA")) read_point_data(s, &f, m);
         if (is_attribute(section)) break;
         if (kind < 4)
             read_cells(s, &f, (cells)kind, m);

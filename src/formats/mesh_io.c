@@ -135,12 +135,21 @@ apsm_status apsm_read_mesh_field(apsm_context *ctx, const char *path, const char
 {
     char *bytes;
     size_t size, found = 0;
-    if (reader_of(path) != read_ply)
+    const reader read = reader_of(path);
+    if (read != read_ply && read != read_legacy_vtk && read != read_vtp)
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: fields of vertices are read from .ply alone; convert it", path);
+                         "%s: fields of vertices are read from .ply, .vtk and .vtp; convert it",
+                         path);
     APSM_TRY(input_file_read(ctx, path, &bytes, &size));
     scan s = scan_begin(ctx, path, bytes, size);
-    double *const all = read_ply_field(&s, name, &found);
+    soup m = { .want_field = name };
+    if (read != read_ply) {
+        read(&s, &m);
+        found = m.fields;
+    }
+    double *const all = read == read_ply ? read_ply_field(&s, name, &found) : m.field;
+    m.field = NULL;
+    soup_free(&m);
     if (s.status == APSM_OK && (!all || found != n))
         s.status =
             apsm_fail(ctx, APSM_ERR_FORMAT, "%s: its vertices have no field '%s'", path, name);

@@ -9,6 +9,7 @@ void soup_free(soup *m)
     free(m->corner);
     free(m->end);
     free(m->edge);
+    free(m->field);
     *m = (soup){ 0 };
 }
 

@@ -17,7 +17,10 @@ typedef struct soup {
     uint32_t *corner; /* of all polygons, each a point */
     size_t *end;      /* polygon p has the corners end[p-1] (0 for the first) .. end[p] - 1 */
     size_t point_room, corner_room, polygon_room;
-    size_t lines;    /* cells that are no polygons: contours */
+    size_t lines;           /* cells that are no polygons: contours */
+    const char *want_field; /* set by who wants this field of the points; NULL: none */
+    size_t fields;
+    double *field;   /* fields: as many as points, if the file has it */
     bool want_lines; /* set by who wants the edges of those */
     size_t edges, edge_room;
     int64_t *edge; /* edges x 2: points, not checked */

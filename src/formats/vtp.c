@@ -4,11 +4,12 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "formats/soup.h"
 #include "formats/vtp_data.h"
 
-typedef enum place { NOWHERE, POINTS, POLYS, STRIPS, LINES } place;
+typedef enum place { NOWHERE, POINTS, POLYS, STRIPS, LINES, POINT_DATA } place;
 typedef enum kind { TEXT, BINARY, APPENDED } kind;
 
 typedef struct array {
@@ -28,6 +29,7 @@ enum {
     A_STRIP_ENDS,
     A_LINE_CORNERS,
     A_LINE_ENDS,
+    A_FIELD,
     ARRAYS
 };
 
@@ -112,6 +114,8 @@ static scalar read_type(vtp *v, const char *name)
 static array *array_named(vtp *v, const char *name)
 {
     if (v->place == POINTS) return &v->array[A_POINTS];
+    if (v->place == POINT_DATA)
+        return v->m->want_field && is(name, v->m->want_field) ? &v->array[A_FIELD] : NULL;
     if (v->place == NOWHERE || (v->place == LINES && !v->m->want_lines)) return NULL;
     const int first = v->place == POLYS    ? A_POLY_CORNERS
                       : v->place == STRIPS ? A_STRIP_CORNERS
@@ -128,6 +132,7 @@ static void open_array(vtp *v, const XML_Char **attributes)
                                                                               "NumberOfComponents");
     int64_t offset = 0;
     if (!a || a->there) return;
+    if (v->place == POINT_DATA && components && !is(components, "1")) return;
     a->there = true;
     a->type = read_type(v, attribute(attributes, "type"));
     a->format = is(format, "appended") ? APPENDED : is(format, "binary") ? BINARY : TEXT;
@@ -242,11 +247,26 @@ static void add_cells(vtp *v, size_t n, int first, size_t base)
     free(end);
 }
 
+/* The field of the piece's points, behind those before. */
+static void add_field(vtp *v)
+{
+    double *const x = values(v, &v->array[A_FIELD], v->m->want_field, false, v->points);
+    double *const all = x ? realloc(v->m->field, (v->m->fields + v->points) * sizeof *all) : NULL;
+    if (x && !all) scan_no_memory(v->s);
+    if (all) {
+        memcpy(all + v->m->fields, x, v->points * sizeof *all);
+        v->m->field = all;
+        v->m->fields += v->points;
+    }
+    free(x);
+}
+
 static void close_piece(vtp *v)
 {
     const size_t base = v->m->points;
     if (v->points) {
         add_points(v);
+        if (scan_ok(v->s) && v->array[A_FIELD].there) add_field(v);
         if (scan_ok(v->s)) add_cells(v, v->polys, A_POLY_CORNERS, base);
         if (scan_ok(v->s)) add_cells(v, v->strips, A_STRIP_CORNERS, base);
         if (scan_ok(v->s) && v->m->want_lines) add_cells(v, v->lines, A_LINE_CORNERS, base);
@@ -266,7 +286,7 @@ static void stop_after_failure(vtp *v)
 
 static void on_start(void *user, const XML_Char *name, const XML_Char **attributes)
 {
-    static const char *const places[] = { "", "Points", "Polys", "Strips", "Lines" };
+    static const char *const places[] = { "", "Points", "Polys", "Strips", "Lines", "PointData" };
     vtp *const v = user;
     if (!v->root && !is(name, "VTKFile"))
         scan_refuse(v->s, APSM_ERR_FORMAT,
@@ -279,7 +299,7 @@ static void on_start(void *user, const XML_Char *name, const XML_Char **attribut
         v->lines = read_count(v, attributes, "NumberOfLines");
         v->m->lines += v->lines;
     }
-    for (int k = POINTS; k <= LINES; k++)
+    for (int k = POINTS; k <= POINT_DATA; k++)
         if (is(name, places[k])) v->place = (place)k;
     if (is(name, "DataArray")) open_array(v, attributes);
     stop_after_failure(v);
@@ -289,7 +309,8 @@ static void on_end(void *user, const XML_Char *name)
 {
     vtp *const v = user;
     if (is(name, "DataArray")) v->open = NULL;
-    if (is(name, "Points") || is(name, "Polys") || is(name, "Strips") || is(name, "Lines"))
+    if (is(name, "Points") || is(name, "Polys") || is(name, "Strips") || is(name, "Lines") ||
+        is(name, "PointData"))
         v->place = NOWHERE;
     if (is(name, "Piece")) close_piece(v);
     stop_after_failure(v);

@@ -66,6 +66,26 @@ expect 0 "" optimize warm
 expect 0 "" evaluate warm
 [ "$(between warm)" -lt 20 ] || fail "optimize alone forgot the feature: $(between warm)"
 
+# The same field from the other formats; of .vtk both ways that it can stand there.
+mkdir other
+"$synthetic" ellipsoid other/e0.vtp level 3 index 0 patch 65 || exit 1
+for way in SCALARS FIELD; do
+    {
+        printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n0 0 0\n9 0 0\n0 9 0\n0 0 9\n'
+        printf 'POLYGONS 4 16\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\nPOINT_DATA 4\nNORMALS n float\n1 0 0 1 0 0 1 0 0 1 0 0\n'
+        if [ $way = SCALARS ]; then
+            printf 'SCALARS heat float 1\nLOOKUP_TABLE default\n0 9 0 0\n'
+        else
+            printf 'FIELD f 2\nother 2 4 int\n1 2 3 4 5 6 7 8\nheat 1 4 double\n0 9 0 0\n'
+        fi
+    } >other/$way.vtk
+done
+expect 0 "" groom other -o formats --features heat:0 --align none --faces 300
+for name in e0 SCALARS FIELD; do
+    head -c 600 formats/groomed/$name.ply | grep -aq "property float heat" || fail "$name has lost its field"
+done
+cmp -s formats/groomed/SCALARS.ply formats/groomed/FIELD.ply || fail "a field is read otherwise as SCALARS"
+
 # An image that a project names, here the x of a voxel.
 {
     printf 'NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 3 2 2\n'
