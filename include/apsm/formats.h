@@ -35,8 +35,8 @@ APSM_API apsm_status apsm_write_mesh_fields(apsm_context *ctx, const char *path,
                                             const apsm_mesh *mesh, size_t n,
                                             const apsm_mesh_field *field) APSM_NODISCARD;
 
-/* The field `name` of the n vertices of a PLY, legacy VTK or VTP file, whose mesh apsm_read_mesh reads; value: n.
- * APSM_ERR_FORMAT: it has none, or of another number of vertices. */
+/* The field `name` of the n vertices of a PLY, legacy VTK or VTP file, whose mesh apsm_read_mesh
+ * reads; value: n. APSM_ERR_FORMAT: it has none, or of another number of vertices. */
 APSM_API apsm_status apsm_read_mesh_field(apsm_context *ctx, const char *path, const char *name,
                                           size_t n, double *value) APSM_NODISCARD;
 
