@@ -42,13 +42,13 @@ static void sort_by_distance(size_t n, const double *distance, size_t *order)
     }
 }
 
-void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,
-                             apsm_distance_summary *summary)
+/* order: the places of the n distances, the smallest first. */
+static apsm_distance_summary summarize_sorted(size_t n, const double *distance,
+                                              const double *weight, size_t *order)
 {
     const double q[3] = { 0.5, 0.95, 0.99 };
     double value[3], total = 0.0, sum = 0.0, below = 0.0;
     size_t k = 0;
-    sort_by_distance(n, distance, order);
     for (size_t v = 0; v < n; v++) {
         total += weight ? weight[v] : 1.0;
         sum += (weight ? weight[v] : 1.0) * distance[v];
@@ -63,11 +63,18 @@ void apsm_distance_summarize(size_t n, const double *distance, const double *wei
         }
         value[p] = distance[order[k]];
     }
-    *summary = (apsm_distance_summary){ .mean = total > 0.0 ? sum / total : 0.0,
-                                        .median = value[0],
-                                        .p95 = value[1],
-                                        .p99 = value[2],
-                                        .max = distance[order[n - 1]] };
+    return (apsm_distance_summary){ .mean = total > 0.0 ? sum / total : 0.0,
+                                    .median = value[0],
+                                    .p95 = value[1],
+                                    .p99 = value[2],
+                                    .max = distance[order[n - 1]] };
+}
+
+void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,
+                             apsm_distance_summary *summary)
+{
+    sort_by_distance(n, distance, order);
+    *summary = summarize_sorted(n, distance, weight, order);
 }
 
 /* ---- one pair ---- */
@@ -104,6 +111,7 @@ typedef struct comparison {
     double *disagreement, *area; /* ns */
     uint32_t *face;              /* nr: triangle of the shape where a pull lands */
     size_t *order;               /* nr + ns */
+    size_t *part;                /* nr + ns: the order of some of them */
 } comparison;
 
 static void comparison_free(comparison *c)
@@ -113,6 +121,7 @@ static void comparison_free(comparison *c)
     free(c->area);
     free(c->face);
     free(c->order);
+    free(c->part);
 }
 
 static apsm_status comparison_alloc(comparison *c, size_t nr, size_t ns)
@@ -122,7 +131,18 @@ static apsm_status comparison_alloc(comparison *c, size_t nr, size_t ns)
     c->area = malloc(ns * sizeof *c->area);
     c->face = malloc(nr * sizeof *c->face);
     c->order = malloc((nr + ns) * sizeof *c->order);
-    return c->both && c->disagreement && c->area && c->face && c->order ? APSM_OK : APSM_ERR_MEMORY;
+    c->part = malloc((nr + ns) * sizeof *c->part);
+    return c->both && c->disagreement && c->area && c->face && c->order && c->part
+               ? APSM_OK
+               : APSM_ERR_MEMORY;
+}
+
+/* part <- the order of the distances from first to end - 1 alone, counted from first. */
+static void pick_order(const comparison *c, size_t all, size_t first, size_t end)
+{
+    size_t n = 0;
+    for (size_t k = 0; k < all; k++)
+        if (c->order[k] >= first && c->order[k] < end) c->part[n++] = c->order[k] - first;
 }
 
 static void summarize_pair(const apsm_mesh *shape, size_t nr, comparison *c,
@@ -139,8 +159,10 @@ static void summarize_pair(const apsm_mesh *shape, size_t nr, comparison *c,
         }
     vertex_areas(shape, c->area);
     apsm_distance_summarize(nr + ns, c->both, NULL, c->order, &result->two_way);
-    apsm_distance_summarize(nr, pull, NULL, c->order, &result->pull);
-    apsm_distance_summarize(ns, push, c->area, c->order, &result->push);
+    pick_order(c, nr + ns, 0, nr);
+    result->pull = summarize_sorted(nr, pull, NULL, c->part);
+    pick_order(c, nr + ns, nr, nr + ns);
+    result->push = summarize_sorted(ns, push, c->area, c->part);
     apsm_distance_summarize(ns, c->disagreement, c->area, c->order, &result->disagreement);
     apsm_mesh_bounds(shape, lo, hi);
     result->diagonal = sqrt((hi[0] - lo[0]) * (hi[0] - lo[0]) + (hi[1] - lo[1]) * (hi[1] - lo[1]) +
@@ -156,17 +178,21 @@ static void copy_fields(const comparison *c, size_t nr, size_t ns,
         memcpy(fields->disagreement, c->disagreement, ns * sizeof *c->disagreement);
 }
 
+/* Trees that are NULL are made for the time. */
 static apsm_status compare(const apsm_mesh *shape, const apsm_bvh *shape_bvh,
-                           const apsm_mesh *reconstruction, comparison *c)
+                           const apsm_mesh *reconstruction, const apsm_bvh *reconstruction_bvh,
+                           comparison *c)
 {
     apsm_bvh *own = NULL, *other = NULL;
     apsm_status status = APSM_OK;
     if (!shape_bvh) status = apsm_bvh_build_unsigned(shape, &own);
-    if (status == APSM_OK) status = apsm_bvh_build_unsigned(reconstruction, &other);
+    if (status == APSM_OK && !reconstruction_bvh)
+        status = apsm_bvh_build_unsigned(reconstruction, &other);
     if (status == APSM_OK) {
         apsm_point_distances(shape_bvh ? shape_bvh : own, reconstruction->nv, reconstruction->V,
                              c->both, c->face);
-        apsm_point_distances(other, shape->nv, shape->V, c->both + reconstruction->nv, NULL);
+        apsm_point_distances(reconstruction_bvh ? reconstruction_bvh : other, shape->nv, shape->V,
+                             c->both + reconstruction->nv, NULL);
     }
     apsm_bvh_free(own);
     apsm_bvh_free(other);
@@ -182,11 +208,11 @@ static apsm_status check_finite(apsm_context *ctx, const apsm_mesh *mesh, const 
     return APSM_OK;
 }
 
-apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *shape,
-                                          const apsm_bvh *shape_bvh,
-                                          const apsm_mesh *reconstruction,
-                                          const apsm_distance_fields *fields,
-                                          apsm_surface_distance *result)
+static apsm_status distance_between(apsm_context *ctx, const apsm_mesh *shape,
+                                    const apsm_bvh *shape_bvh, const apsm_mesh *reconstruction,
+                                    const apsm_bvh *reconstruction_bvh,
+                                    const apsm_distance_fields *fields,
+                                    apsm_surface_distance *result)
 {
     const size_t nr = reconstruction->nv, ns = shape->nv;
     if (nr == 0 || ns == 0 || shape->nf == 0 || reconstruction->nf == 0)
@@ -195,7 +221,8 @@ apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *sh
     APSM_TRY(check_finite(ctx, reconstruction, "reconstruction"));
     comparison c = { 0 };
     apsm_status status = comparison_alloc(&c, nr, ns);
-    if (status == APSM_OK) status = compare(shape, shape_bvh, reconstruction, &c);
+    if (status == APSM_OK)
+        status = compare(shape, shape_bvh, reconstruction, reconstruction_bvh, &c);
     if (status == APSM_OK) {
         summarize_pair(shape, nr, &c, result);
         if (fields) copy_fields(&c, nr, ns, fields);
@@ -205,6 +232,15 @@ apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *sh
     }
     comparison_free(&c);
     return status;
+}
+
+apsm_status apsm_surface_distance_between(apsm_context *ctx, const apsm_mesh *shape,
+                                          const apsm_bvh *shape_bvh,
+                                          const apsm_mesh *reconstruction,
+                                          const apsm_distance_fields *fields,
+                                          apsm_surface_distance *result)
+{
+    return distance_between(ctx, shape, shape_bvh, reconstruction, NULL, fields, result);
 }
 
 /* ---- a cohort ---- */
@@ -224,32 +260,58 @@ apsm_mesh_source apsm_mesh_source_array(const apsm_mesh *meshes)
     return (apsm_mesh_source){ .get = get_from_array, .user = (void *)(uintptr_t)meshes };
 }
 
+/* The template as a thread warps it; its tree is fitted to every warp anew. */
+typedef struct warped {
+    apsm_mesh mesh; /* triangles borrowed */
+    apsm_bvh *bvh;
+} warped;
+
 typedef struct cohort_task {
     const apsm_warp *warp;
     const apsm_mesh *template_mesh;
     const double *P;
     const apsm_mesh_source *shape;
     apsm_surface_distance *result;
+    warped *scratch; /* threads */
 } cohort_task;
 
 static apsm_status one_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
-    (void)worker;
     const cohort_task *t = user;
     const apsm_mesh *mesh = NULL;
     const apsm_bvh *bvh = NULL;
-    apsm_mesh warped = *t->template_mesh; /* its triangles, borrowed */
-    warped.V = malloc(3 * warped.nv * sizeof *warped.V);
-    if (!warped.V) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory to warp the template");
+    warped *w = &t->scratch[worker];
     apsm_status status = t->shape->get(ctx, i, &mesh, &bvh, t->shape->user);
     if (status == APSM_OK) {
-        apsm_warp_apply(t->warp, t->P + i * 3 * t->warp->J, warped.V);
-        status = apsm_surface_distance_between(ctx, mesh, bvh, &warped, NULL, &t->result[i]);
+        apsm_warp_apply(t->warp, t->P + i * 3 * t->warp->J, w->mesh.V);
+        apsm_bvh_refit(w->bvh);
+        status = distance_between(ctx, mesh, bvh, &w->mesh, w->bvh, NULL, &t->result[i]);
         if (t->shape->release) t->shape->release(i, mesh, bvh, t->shape->user);
     }
-    free(warped.V);
     if (status == APSM_OK) return APSM_OK;
     return apsm_fail(ctx, status, "shape %zu: %s", i, apsm_error_text(ctx));
+}
+
+static apsm_status open_scratch(const apsm_mesh *template_mesh, size_t threads, warped *scratch)
+{
+    for (size_t k = 0; k < threads; k++) {
+        const size_t bytes = 3 * template_mesh->nv * sizeof *template_mesh->V;
+        scratch[k].mesh = *template_mesh;
+        scratch[k].mesh.V = malloc(bytes);
+        if (!scratch[k].mesh.V) return APSM_ERR_MEMORY;
+        memcpy(scratch[k].mesh.V, template_mesh->V, bytes);
+        APSM_TRY(apsm_bvh_build_unsigned(&scratch[k].mesh, &scratch[k].bvh));
+    }
+    return APSM_OK;
+}
+
+static void close_scratch(size_t threads, warped *scratch)
+{
+    for (size_t k = 0; scratch && k < threads; k++) {
+        apsm_bvh_free(scratch[k].bvh);
+        free(scratch[k].mesh.V);
+    }
+    free(scratch);
 }
 
 apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
@@ -259,8 +321,18 @@ apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
     if (warp->nv != template_mesh->nv)
         return apsm_fail(ctx, APSM_ERR_ARG, "the warp has %zu vertices, the template's mesh %zu",
                          warp->nv, template_mesh->nv);
-    cohort_task t = { warp, template_mesh, P, shape, result };
-    return apsm_parallel_for(ctx, I, one_shape, &t, "surface distance");
+    if (template_mesh->nf == 0)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "a surface without triangles has no distance");
+    const size_t threads = (size_t)apsm_context_threads(ctx);
+    cohort_task t = { warp, template_mesh, P, shape, result, calloc(threads, sizeof(warped)) };
+    apsm_status status =
+        t.scratch ? open_scratch(template_mesh, threads, t.scratch) : APSM_ERR_MEMORY;
+    if (status == APSM_OK)
+        status = apsm_parallel_for(ctx, I, one_shape, &t, "surface distance");
+    else
+        apsm_fail(ctx, status, "surface distances: %s", apsm_status_text(status));
+    close_scratch(threads, t.scratch);
+    return status;
 }
 
 /* Aggregate of the summary that lies `offset` bytes into apsm_surface_distance; shape `skip` is
