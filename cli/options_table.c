@@ -116,7 +116,7 @@ static const cli_option own[] = {
       NULL },
     { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "reflect_match", NULL,
       "mirror the inputs whose file name matches (left sides among right ones)", NULL },
-    { "parts", 0, CLI_PARTS, CLI_GROUP_INPUT, CLI_RUN, "LIST", NULL, NULL,
+    { "parts", 0, CLI_PARTS, CLI_GROUP_INPUT, CLI_RUN | CLI_FIT, "LIST", NULL, NULL,
       "several parts a subject, one model of all: tibia=REGEX,talus=REGEX (what the names of a "
       "part's shapes have; the rest of the name is the subject) or tibia=1,talus=2+3 (labels)",
       NULL },

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "apsm/fit.h"
+#include "apsm/joint.h"
 #include "apsm/report.h"
 #include "files/files.h"
 #include "verbs.h"
@@ -28,6 +29,29 @@ static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_fi
     return take_word(ctx, "extent", args->extent, extent, &o->extent);
 }
 
+/* The exit code tells whether all were fitted. */
+static apsm_status ended(apsm_context *ctx, const apsm_fit_totals *n, const char *folder,
+                         const char *table)
+{
+    const size_t not_fitted = n->refused + n->failed, all = n->good + n->review + not_fitted;
+    if (not_fitted == 0) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                     "%zu of %zu shapes were not fitted; %s/%s has the reasons", not_fitted, all,
+                     folder, table);
+}
+
+static apsm_status fit_joints(apsm_context *ctx, const cli_args *args,
+                              const apsm_fit_settings *settings, cli_ui *ui)
+{
+    apsm_fit_totals n;
+    APSM_TRY(apsm_joint_fit(ctx, settings, args->parts, &n));
+    cli_say(ui,
+            "fitted: %zu subjects good, %zu to review; refused: %zu; failed: %zu; figures in "
+            "%s/joint_fit.csv",
+            n.good, n.review, n.refused, n.failed, args->out_dir);
+    return ended(ctx, &n, args->out_dir, "joint_fit.csv");
+}
+
 apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     apsm_fit_totals n;
@@ -41,16 +65,16 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                                    .folder = args->out_dir,
                                    .overwrite = args->overwrite };
     APSM_TRY(take_options(ctx, args, &settings.options));
+    if (apsm_joint_is(ctx, settings.model)) return fit_joints(ctx, args, &settings, ui);
+    if (args->parts)
+        return apsm_fail(ctx, APSM_ERR_ARG, "--parts: %s is a model of one part", settings.model);
     APSM_TRY(apsm_fit_run(ctx, &settings, &n));
     APSM_TRY(apsm_fit_report_write(ctx, args->out_dir));
     cli_say(ui,
             "fitted: %zu good, %zu to review; refused: %zu; failed: %zu; figures in %s/fit.csv, to "
             "look at: %s/report.html",
             n.good, n.review, n.refused, n.failed, args->out_dir, args->out_dir);
-    if (n.refused + n.failed == 0) return APSM_OK;
-    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
-                     "%zu of %zu shapes were not fitted; %s/fit.csv has the reasons",
-                     n.refused + n.failed, n.good + n.review + n.refused + n.failed, args->out_dir);
+    return ended(ctx, &n, args->out_dir, "fit.csv");
 }
 
 /* The folder must be there: a run that is opened makes one. */

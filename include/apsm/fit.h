@@ -66,6 +66,9 @@ typedef struct apsm_fit {
     bool mirrored;         /* the mirror image was fitted */
     double M[16];          /* input frame to world; det < 0 if mirrored */
     double reflection[16]; /* input to local frame: the identity unless mirrored */
+    apsm_mesh cropped;     /* what of the surface was fitted, in the input's frame, if the model's
+                              shapes were cropped and this one is longer; else empty */
+    double cropped_share;  /* of the surface that was taken away; 0: none */
     double pose_residual;  /* of the template's surface against the shape's, over the radius */
     double runner_up;    /* residual of the best clearly different pose over that; INFINITY: none */
     double mirror_ratio; /* residual of the other hand over that of the one taken; INFINITY: not

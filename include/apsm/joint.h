@@ -7,6 +7,9 @@
 #ifndef APSM_JOINT_H
 #define APSM_JOINT_H
 
+#include <stdbool.h>
+
+#include "apsm/fit.h"
 #include "apsm/run.h"
 
 #ifdef __cplusplus
@@ -43,6 +46,19 @@ APSM_API apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_setti
  * but no joint model of ours, is refused. */
 APSM_API apsm_status apsm_joint_run(apsm_context *ctx,
                                     const apsm_joint_settings *settings) APSM_NODISCARD;
+
+/* Whether the folder holds a joint model. */
+APSM_API bool apsm_joint_is(apsm_context *ctx, const char *folder);
+
+/* New subjects by a finished joint model (settings->model, a folder).  Every part that a subject
+ * has is fitted by the model of that part (apsm/fit.h); all parts of a subject are of one side; put
+ * together they give the scores of the joint model and how unusual the joint is.  Parts that a
+ * subject misses are told by those that it has, with their deviations.  parts: as in
+ * apsm_joint_settings, by the names of the model's parts, one at least; NULL: as the model was
+ * made. Writes joint_fit.json, joint_fit.csv, and of each subject particles and meshes of all
+ * parts (docs/formats.md). */
+APSM_API apsm_status apsm_joint_fit(apsm_context *ctx, const apsm_fit_settings *settings,
+                                    const char *parts, apsm_fit_totals *totals) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

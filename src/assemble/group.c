@@ -273,6 +273,7 @@ apsm_status joint_group(joint_job *job)
 {
     APSM_TRY(job->by_project ? group_by_domain(job) : group_inputs(job));
     APSM_TRY(complete_first(job));
+    if (job->fits) return APSM_OK;
     APSM_TRY(check_counts(job));
     tell_incomplete(job);
     return APSM_OK;

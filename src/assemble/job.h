@@ -34,6 +34,7 @@ typedef struct joint_job {
     apsm_joint_alignment alignment;
     size_t align_by;
     apsm_input_list list;
+    bool fits;                 /* new subjects: one part may be given, and one subject */
     size_t subjects, complete; /* complete ones come first, either sort by name */
     joint_subject *subject;
 } joint_job;

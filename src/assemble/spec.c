@@ -77,7 +77,7 @@ static apsm_status split(joint_job *job, char *text)
     char *rest = NULL;
     for (char *one = strtok_r(text, ",", &rest); one; one = strtok_r(NULL, ",", &rest))
         APSM_TRY(add_part(job, one));
-    if (job->n < 2) return refuse(job, "fewer than two parts");
+    if (job->n < 2 && !job->fits) return refuse(job, "fewer than two parts");
     size_t labels = 0;
     for (size_t d = 0; d < job->n; d++) labels += is_labels(job->part[d].what);
     if (labels > 0 && labels < job->n) return refuse(job, "labels and names of files are mixed");

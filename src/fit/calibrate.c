@@ -317,6 +317,19 @@ static apsm_status judge(apsm_context *ctx, judging *g)
     return APSM_OK;
 }
 
+apsm_status fit_calibrate_scores(apsm_context *ctx, const double *P, apsm_fit_model *m)
+{
+    judging g = { .m = m, .P = P };
+    APSM_TRY(apsm_fidelity_prior_fit(ctx, m->model.I, m->model.J, P, m->h,
+                                     m->options.fidelity_modes, NULL, &g.prior));
+    if (g.prior.modes > m->model.modes) g.prior.modes = m->model.modes;
+    m->calibration.modes = (double)g.prior.modes;
+    m->calibration.reach = 1;
+    const apsm_status status = judge_residuals(&g);
+    apsm_fidelity_prior_free(&g.prior);
+    return status;
+}
+
 apsm_status fit_calibrate(apsm_context *ctx, const double *P, apsm_fit_model *m)
 {
     judging g = { .m = m, .P = P };

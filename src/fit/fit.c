@@ -32,6 +32,7 @@ void apsm_fit_free(apsm_fit *fit)
     free(fit->mesh_sd);
     free(fit->mesh_observed);
     apsm_mesh_free(&fit->mesh);
+    apsm_mesh_free(&fit->cropped);
     *fit = (apsm_fit){ 0 };
 }
 
@@ -143,6 +144,7 @@ static apsm_status place(apsm_context *ctx, fit_job *job)
     const apsm_status status = fit_pose_find(job->m, job->mesh, bvh, job->options, &job->pose);
     apsm_bvh_free(bvh);
     APSM_TRY(status);
+    APSM_TRY(fit_crop(ctx, job, job->mesh));
     apsm_fit *out = job->out;
     out->pose_residual = job->pose.residual;
     out->runner_up = job->pose.runner_up;
@@ -150,7 +152,6 @@ static apsm_status place(apsm_context *ctx, fit_job *job)
     out->mirrored = job->pose.mirrored;
     memcpy(out->M, job->pose.M, sizeof out->M);
     apsm_affine_identity(out->reflection);
-    (void)ctx;
     fit_judge_pose(job);
     return APSM_OK;
 }
@@ -244,6 +245,7 @@ static void withhold(apsm_fit *fit)
 {
     fit->J = 0;
     apsm_mesh_free(&fit->mesh);
+    apsm_mesh_free(&fit->cropped);
 }
 
 static apsm_status close_job(apsm_context *ctx, fit_job *job, apsm_status status)

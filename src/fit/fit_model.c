@@ -284,6 +284,7 @@ static apsm_status copy_template(apsm_context *ctx, const apsm_fit_model *m, aps
     memcpy(out->T, m->T, D * sizeof *out->T);
     out->options = m->options;
     out->oriented = m->oriented;
+    out->cropped = m->cropped;
     memcpy(out->common, m->common, sizeof out->common);
     out->calibration.distance = m->h * m->calibration.distance; /* not yet in h */
     out->calibration.distance_most = m->h * m->calibration.distance_most;

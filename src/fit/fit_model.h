@@ -41,6 +41,7 @@ struct apsm_fit_model {
     double *T;              /* J x 3: the template's particles */
     apsm_cohort cohort;     /* the template alone */
     fit_calibration calibration;
+    double cropped;   /* 1: the shapes were cropped to what all of them hold */
     double oriented;  /* 1: shapes come in one orientation, */
     double common[9]; /* which this rotation takes to the world's */
     /* made from the above */
@@ -64,6 +65,11 @@ apsm_status fit_model_take_mesh(apsm_context *ctx, apsm_mesh *mesh,
 
 /* Calibration from particles P (I x J x 3) of the model's shapes; m->h is known. */
 apsm_status fit_calibrate(apsm_context *ctx, const double *P, apsm_fit_model *m) APSM_NODISCARD;
+
+/* Modes, noise, residuals and the scale of Mahalanobis distances alone: m's shape model, options
+ * and h are known, and nothing else of it. */
+apsm_status fit_calibrate_scores(apsm_context *ctx, const double *P,
+                                 apsm_fit_model *m) APSM_NODISCARD;
 
 /* The model that the other shapes make (at least 3), with the same template. */
 apsm_status fit_model_without(apsm_context *ctx, const apsm_fit_model *m, const bool *left_out,

@@ -93,6 +93,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
     APSM_TRY(apsm_options_of_project(ctx, &f->project, &m->options));
     APSM_TRY(model_folder_mesh(ctx, f, f->template_index, &mesh));
     APSM_TRY(fit_model_take_mesh(ctx, &mesh, m));
+    m->cropped = json_object_get(f->manifest, "cropped") ? 1 : 0;
     find_orientation(f, m);
     find_distances(f, m);
     m->model = f->model; /* taken over */
@@ -103,7 +104,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
 static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
 {
     model_folder f;
-    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED;
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_MANIFESTED;
     APSM_TRY(model_folder_read(ctx, m->path, parts, &f));
     const apsm_status status = take_folder(ctx, &f, m);
     model_folder_free(&f);

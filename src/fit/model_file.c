@@ -61,6 +61,7 @@ static void add_model(apsm_checkpoint_writer *w, const apsm_fit_model *m, const 
     apsm_checkpoint_add(w, "faces", mesh->F, 3 * mesh->nf * sizeof *mesh->F);
     apsm_checkpoint_add(w, "calibration", &m->calibration, sizeof m->calibration);
     add_numbers(w, "orientation", 10, orientation);
+    if (m->cropped > 0) add_numbers(w, "cropped", 1, &m->cropped);
 }
 
 apsm_status apsm_fit_model_write(apsm_context *ctx, const apsm_fit_model *m, const char *path)
@@ -201,6 +202,7 @@ static apsm_status get_calibration(apsm_context *ctx, apsm_fit_model *m, const a
 apsm_status fit_model_read_file(apsm_context *ctx, apsm_fit_model *m)
 {
     apsm_checkpoint *c = NULL;
+    size_t size;
     sizes n;
     APSM_TRY(check_beginning(ctx, m));
     apsm_status status = apsm_checkpoint_read(ctx, m->path, &c);
@@ -211,6 +213,7 @@ apsm_status fit_model_read_file(apsm_context *ctx, apsm_fit_model *m)
     if (status == APSM_OK) status = get_shape_model(ctx, m, c, &n);
     if (status == APSM_OK) status = get_mesh(ctx, m, c, &n);
     if (status == APSM_OK) status = get_calibration(ctx, m, c);
+    m->cropped = status == APSM_OK && apsm_checkpoint_find(c, "cropped", &size) ? 1 : 0;
     apsm_checkpoint_free(c);
     return status;
 }

@@ -182,15 +182,17 @@ static json_t *json_summary(const fit_row *row)
                           row->problem ? row->problem : "");
     if (!o || row->failed) return o;
     const int bad = json_object_update_new(
-        o, json_pack("{s:b, s:b, s:f, s:o, s:o, s:o, s:f, s:I, s:f, s:f, s:f, s:f, s:f, s:o, s:o}",
-                     "partial", f->partial, "mirrored", f->mirrored, "pose_residual",
-                     f->pose_residual, "runner_up_ratio", apsm_json_number_or_null(f->runner_up),
-                     "mirror_ratio", apsm_json_number_or_null(f->mirror_ratio), "to_world",
-                     apsm_json_vector(16, f->M), "mahalanobis", f->mahalanobis, "mahalanobis_modes",
-                     (json_int_t)f->mahalanobis_modes, "tail_probability", f->tail, "residual",
-                     f->residual, "residual_usual", f->residual_usual, "observed_share",
-                     f->observed_share, "counted_share", f->counted_share, "surface_distance",
-                     json_distance(f), "certificate", json_certificate(f)));
+        o, json_pack(
+               "{s:b, s:b, s:f, s:f, s:o, s:o, s:o, s:f, s:I, s:f, s:f, s:f, s:f, s:f, s:o, s:o}",
+               "partial", f->partial, "mirrored", f->mirrored, "cropped_share", f->cropped_share,
+               "pose_residual", f->pose_residual, "runner_up_ratio",
+               apsm_json_number_or_null(f->runner_up), "mirror_ratio",
+               apsm_json_number_or_null(f->mirror_ratio), "to_world", apsm_json_vector(16, f->M),
+               "mahalanobis", f->mahalanobis, "mahalanobis_modes", (json_int_t)f->mahalanobis_modes,
+               "tail_probability", f->tail, "residual", f->residual, "residual_usual",
+               f->residual_usual, "observed_share", f->observed_share, "counted_share",
+               f->counted_share, "surface_distance", json_distance(f), "certificate",
+               json_certificate(f)));
     if (!bad) return o;
     json_decref(o);
     return NULL;

@@ -148,6 +148,23 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
     return status;
 }
 
+apsm_status fit_pose_sized(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
+                           const double M[16], double S[16])
+{
+    search s;
+    double residual;
+    memcpy(S, M, 16 * sizeof *S);
+    const apsm_status status = open_search(m, mesh, bvh, &s);
+    if (status == APSM_OK) {
+        apsm_icp_options icp = icp_options(m);
+        icp.scale = true;
+        icp.points = 0;
+        apsm_icp(&s.moving, &s.fixed, &icp, S, &residual, s.work);
+    }
+    close_search(&s);
+    return status;
+}
+
 apsm_status fit_pose_residual(const apsm_fit_model *m, const apsm_mesh *mesh, double *residual)
 {
     search s;

@@ -18,6 +18,10 @@ typedef struct fit_pose {
 apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
                           const apsm_fit_options *options, fit_pose *pose) APSM_NODISCARD;
 
+/* S (out): the similarity near the pose M that makes the shape the template's size. */
+apsm_status fit_pose_sized(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
+                           const double M[16], double S[16]) APSM_NODISCARD;
+
 /* Residual of a mesh that is in its place, with size removed, over the radius. */
 apsm_status fit_pose_residual(const apsm_fit_model *m, const apsm_mesh *mesh,
                               double *residual) APSM_NODISCARD;

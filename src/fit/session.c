@@ -6,9 +6,7 @@
 #include "apsm/particles.h"
 #include "files/files.h"
 #include "fit/outputs.h"
-#include "geometry/topology.h"
-#include "groom/groom.h"
-#include "input/input.h"
+#include "fit/reading.h"
 #include "landmarks/landmark_file.h"
 
 typedef struct session {
@@ -16,61 +14,10 @@ typedef struct session {
     apsm_fit_model *model;
     fit_origin origin;
     apsm_input_list list;
-    apsm_labels labels;
-    apsm_groom_options groom;
+    fit_reading reading;
     landmark_list landmarks; /* on the mean; none: point files are clouds */
     fit_row *rows;           /* list.n */
 } session;
-
-/* ---- one input to a surface ---- */
-
-/* A cap of more than this share of the surface is a part that is not there. */
-static const double small_cap = 0.02;
-
-static bool is_open(const apsm_mesh *mesh)
-{
-    apsm_mesh_defects defects;
-    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
-}
-
-/* *extent: WHOLE or PART.  A part is taken as it is. */
-static apsm_status groom_surface(apsm_context *ctx, const session *s, const char *path,
-                                 apsm_mesh *raw, apsm_mesh *mesh, int *extent)
-{
-    apsm_groom_report report;
-    const bool may_be_part = *extent == APSM_EXTENT_AUTO && is_open(raw);
-    apsm_status status = APSM_ERR_GEOMETRY;
-    if (*extent != APSM_EXTENT_PART) {
-        memset(&report, 0, sizeof report);
-        status = apsm_groom_mesh(ctx, path, raw, &s->groom, mesh, &report);
-        if (!may_be_part || (status == APSM_OK && report.largest_cap <= small_cap)) {
-            *extent = APSM_EXTENT_WHOLE;
-            return status;
-        }
-        if (status == APSM_OK) apsm_mesh_free(mesh);
-    }
-    *extent = APSM_EXTENT_PART;
-    *mesh = *raw;
-    *raw = (apsm_mesh){ 0 };
-    return APSM_OK;
-}
-
-static apsm_status read_surface(apsm_context *ctx, const session *s, const apsm_input_case *c,
-                                apsm_mesh *mesh, int *extent)
-{
-    apsm_input_shape shape = { 0 };
-    apsm_groom_report report = { 0 };
-    apsm_status status = apsm_input_read(ctx, c, &s->labels, &shape);
-    if (status == APSM_OK && shape.is_mesh)
-        status = groom_surface(ctx, s, c->path, &shape.mesh, mesh, extent);
-    else if (status == APSM_OK) {
-        status = apsm_groom_segmentation(ctx, c->path, &shape.volume, &s->groom, mesh, &report);
-        if (*extent == APSM_EXTENT_AUTO)
-            *extent = report.border ? APSM_EXTENT_PART : APSM_EXTENT_WHOLE;
-    }
-    apsm_input_shape_free(&shape);
-    return status;
-}
 
 /* ---- points ---- */
 
@@ -156,7 +103,7 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
     if (is_point_file(c->path))
         return s->landmarks.n > 0 ? fit_named(ctx, s, c->path, &options, fit)
                                   : fit_cloud(ctx, s, c->path, &options, fit);
-    APSM_TRY(read_surface(ctx, s, c, &mesh, &options.extent));
+    APSM_TRY(fit_read_surface(ctx, &s->reading, c, &mesh, &options.extent));
     if (c->reflect) options.hand = APSM_HAND_OTHER;
     const apsm_status status = apsm_fit_surface(ctx, s->model, c->path, &mesh, &options, fit);
     apsm_mesh_free(&mesh);
@@ -176,7 +123,7 @@ static apsm_status keep_figures(apsm_fit *fit, fit_row *row)
     r->figures.local = r->figures.world = r->figures.original = NULL;
     r->figures.variance = r->figures.sd = r->figures.sd_normal = r->figures.mesh_sd = NULL;
     r->figures.observed = r->figures.mesh_observed = NULL;
-    r->figures.mesh = (apsm_mesh){ 0 };
+    r->figures.mesh = r->figures.cropped = (apsm_mesh){ 0 };
     r->figures.score = score;
     return APSM_OK;
 }
@@ -300,14 +247,14 @@ static apsm_status list_inputs(apsm_context *ctx, session *s)
 static apsm_status open_session(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
-    APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->labels));
+    APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->reading.labels));
     APSM_TRY(list_inputs(ctx, s));
     if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);
-    s->groom = options->groom;
+    s->reading.groom = options->groom;
     s->rows = calloc(s->list.n, sizeof *s->rows);
     return s->rows ? APSM_OK : APSM_ERR_MEMORY;
 }
@@ -320,7 +267,7 @@ static void close_session(session *s)
     }
     free(s->rows);
     landmark_list_free(&s->landmarks);
-    apsm_labels_free(&s->labels);
+    apsm_labels_free(&s->reading.labels);
     apsm_input_list_free(&s->list);
     apsm_fit_model_free(s->model);
 }

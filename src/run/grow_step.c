@@ -167,6 +167,18 @@ static apsm_status fit_all(adding *a)
     return apsm_parallel_for(a->run->ctx, a->in.list.n, fit_one, a, "fit");
 }
 
+/* Of a shape that was longer than the model's, what was fitted is enrolled. */
+static apsm_status settle_extent(adding *a, size_t i)
+{
+    apsm_fit *fit = &a->fit[i];
+    if (!(fit->cropped_share > 0)) return APSM_OK;
+    a->in.cropped[i] = fit->cropped_share;
+    apsm_mesh_free(&a->in.mesh[i]);
+    a->in.mesh[i] = fit->cropped;
+    fit->cropped = (apsm_mesh){ 0 };
+    return APSM_OK;
+}
+
 /* Mirrored by the fit: the groomed mesh is the mirror image, as in a run. */
 static apsm_status settle_hand(adding *a, size_t i)
 {
@@ -264,7 +276,10 @@ static apsm_status enrol(adding *a)
 {
     apsm_run *run = a->run;
     const size_t first = run->project.n;
-    for (size_t i = 0; i < a->in.list.n; i++) APSM_TRY(settle_hand(a, i));
+    for (size_t i = 0; i < a->in.list.n; i++) {
+        APSM_TRY(settle_extent(a, i));
+        APSM_TRY(settle_hand(a, i));
+    }
     APSM_TRY(stage_start(run, "evaluate"));
     for (size_t i = 0; i < a->in.list.n; i++) {
         APSM_TRY(write_groomed(a, i));

@@ -94,6 +94,33 @@ echo >>joint/parts/cup/scores.csv
 said=$("$apsm" evaluate joint 2>&1) && fail "evaluate of a joint"
 grep -q 'holds a joint of several parts' <<<"$said" || fail "evaluate says: $said"
 
+# New subjects: a new cup with the ball where it should be, mirrored as a whole, and one without a ball.
+mkdir new alone
+"$synthetic" ellipsoid cup.ply level 3 index 7 count 6 wobble 0.03 seed 3 || exit 1
+"$synthetic" ellipsoid ball.ply level 3 index 2 count 6 wobble 0.03 seed 8 turn 4 shift 60 || exit 1
+cp cup.ply new/n1_cup.ply && cp ball.ply new/n1_ball.ply
+"$synthetic" cup.ply new/n2_cup.ply mirror 1 && "$synthetic" ball.ply new/n2_ball.ply mirror 1
+cp cup.ply alone/n1_cup.ply
+cp -r joint fitted && sed -i '$d' fitted/parts/cup/scores.csv # the line that was added above
+for t in 1 2; do
+    "$apsm" fit fitted new -o f$t --threads $t --quiet >said 2>&1 || fail "fit of joints: $(tail -n 2 said)"
+done
+diff -r f1 f2 >/dev/null || fail "threads change fits of joints"
+[ "$(cell f1/joint_fit.csv n1 mirrored)$(cell f1/joint_fit.csv n2 mirrored)" = noyes ] ||
+    fail "hands of new joints: $(cut -d, -f1-4 f1/joint_fit.csv)"
+awk -v a="$(cell f1/joint_fit.csv n1 mahalanobis)" -v b="$(cell f1/joint_fit.csv n2 mahalanobis)" \
+    'BEGIN { exit !(a > 0 && (a - b) ^ 2 < 0.01 * a * a + 1e-4) }' || fail "the mirror image fits otherwise"
+"$apsm" fit fitted alone -o f3 --quiet >said 2>&1 || fail "fit of one part: $(tail -n 2 said)"
+grep -q '"verdict": "missing"' f3/joint_fit.json || fail "nothing said of the missing ball"
+[ "$(wc -l <f3/particles/n1_ball_original.particles)" -eq 32 ] || fail "the missing ball is not completed"
+off=$(paste f1/particles/n1_ball_original.particles f3/particles/n1_ball_original.particles |
+    awk '{ d += sqrt(($1 - $4)^2 + ($2 - $5)^2 + ($3 - $6)^2); n++ } END { print d / n }')
+awk -v d="$off" 'BEGIN { exit !(d < 30) }' || fail "the completed ball is $off away" # the cohort's swing by 50
+"$apsm" fit fitted new -o f1 --quiet >said 2>&1 && fail "fits were replaced"
+"$apsm" fit fitted new -o fitted --quiet >said 2>&1 && fail "fits went into a model"
+said=$("$apsm" fit fitted new -o f4 --parts cop=_cup,ball=_ball 2>&1) && fail "a part that is none"
+grep -q "has no part 'cop'" <<<"$said" || fail "wrong part: $said"
+
 # A model of all parts is a model: rendered like one.
 "$apsm" render joint -o pictures --quiet >said 2>&1 || fail "render: $(tail -n 1 said)"
 [ -s pictures/modes.png ] || fail "no picture of the joint"

@@ -86,6 +86,7 @@ function facts(f) {
     ["verdict", f.verdict + (f.reason ? `: ${f.reason}` : "")],
     ["input", f.input],
     f.mirrored === undefined ? null : ["hand", f.mirrored ? "mirrored to the model's side" : "as the model"],
+    f.cropped_share > 0 ? ["cropped", `${percent(f.cropped_share)} of its surface lies beyond what the model\u2019s shapes were cropped to, and was left out`] : null,
     f.partial ? ["seen", `${percent(f.observed_share)} of the particles; the rest is what the model expects`] : null,
     d ? ["distance of surface and fit", `${show(d.mean)} on average, ${show(d.max)} at most`] : null,
     f.mahalanobis === undefined ? null

@@ -1,0 +1,62 @@
+/* joint_fit.h -- new subjects meet a joint model. */
+#ifndef APSM_ASSEMBLE_JOINT_FIT_H
+#define APSM_ASSEMBLE_JOINT_FIT_H
+
+#include "assemble/job.h"
+#include "fit/fit_model.h"
+#include "fit/outputs.h"
+#include "fit/reading.h"
+
+#define JOINT_FIT_JSON   "joint_fit.json"
+#define JOINT_FIT_CSV    "joint_fit.csv"
+#define FORMAT_JOINT_FIT "apsm-joint-fit"
+enum { JOINT_FIT_VERSION = 1 };
+
+/* A joint model with all that fits need.  Owns everything. */
+typedef struct joint_model {
+    model_folder folder;
+    size_t n;              /* parts */
+    apsm_fit_model **part; /* n: the models of the parts */
+    apsm_fit_model *whole; /* the joint's: shape model, h, calibration of scores */
+    double *band;          /* n: factor on the deviations of a part that is missing */
+    double radius;         /* of the mean joint */
+    apsm_mesh *mean;       /* n: the parts of the mean joint, world frame */
+    apsm_warp *warp;       /* n: of those meshes by the mean's particles */
+    apsm_joint_alignment alignment;
+    size_t align_by;
+    bool aligned, scale; /* whether pose, and size, are taken out */
+} joint_model;
+apsm_status joint_model_load(apsm_context *ctx, const char *folder, joint_model *m) APSM_NODISCARD;
+void joint_model_free(joint_model *m);
+
+/* One new subject.  Owns its arrays; J particles of all n parts. */
+typedef struct joint_subject_fit {
+    const char *name;   /* borrowed */
+    const char **path;  /* n: of its parts, NULL: missing; borrowed */
+    char (*sha256)[65]; /* n */
+    apsm_fit *part;     /* n: of those that are given */
+    bool *fitted;       /* n */
+    bool failed, mirrored;
+    char reason[APSM_FIT_REASON];
+    apsm_fit_verdict verdict;
+    size_t given, refused;    /* parts */
+    double *M;                /* n x 16: frame of the input to the world; det < 0 if mirrored */
+    double *world, *original; /* J x 3 */
+    double *sd;               /* J: 0 where the part is given */
+    double *score;
+    double mahalanobis, tail, residual;
+    apsm_contact *contact; /* n (n - 1) / 2, of the fits; not measured with a part missing */
+} joint_subject_fit;
+
+/* From the parts' fits to the rest: alignment, what is missing, scores, verdict. */
+apsm_status joint_put_together(apsm_context *ctx, const joint_model *m,
+                               joint_subject_fit *s) APSM_NODISCARD;
+
+/* ---- joint_fit_write.c ---- */
+apsm_status joint_fit_write_subject(apsm_context *ctx, const char *folder, const joint_model *m,
+                                    const joint_subject_fit *s) APSM_NODISCARD;
+apsm_status joint_fit_write_tables(apsm_context *ctx, const apsm_fit_settings *o,
+                                   const joint_model *m, size_t n,
+                                   const joint_subject_fit *s) APSM_NODISCARD;
+
+#endif
