@@ -67,8 +67,9 @@ static apsm_status align(const joint_model *m, const joint_subject_fit *s, const
                          double *M)
 {
     const size_t J = m->folder.J;
-    double *from = malloc(6 * J * sizeof *from), *to = from + 3 * J;
+    double *from = malloc(6 * J * sizeof *from);
     if (!from) return APSM_ERR_MEMORY;
+    double *to = from + 3 * J;
     for (size_t d = 0; d < m->n; d++) {
         size_t only = m->n;
         if (m->alignment == APSM_JOINT_APART) only = s->fitted[d] ? d : m->n;
