@@ -20,8 +20,8 @@ typedef struct fit_job {
 /* Arrays of out, sized for the model. */
 apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out) APSM_NODISCARD;
 
-/* If the model's shapes were cropped: job->mesh becomes what of `given` lies where the template does
- * (out->cropped), with its pose. */
+/* If the model's shapes were cropped: job->mesh becomes what of `given` lies where the template
+ * does (out->cropped), with its pose. */
 apsm_status fit_crop(apsm_context *ctx, fit_job *job, const apsm_mesh *given) APSM_NODISCARD;
 
 /* Particles of a whole shape (job->shape) to out->world, with their certificate: registration, then
