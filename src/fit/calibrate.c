@@ -321,7 +321,7 @@ apsm_status fit_calibrate_scores(apsm_context *ctx, const double *P, apsm_fit_mo
 {
     judging g = { .m = m, .P = P };
     APSM_TRY(apsm_fidelity_prior_fit(ctx, m->model.I, m->model.J, P, m->h,
-                                     m->options.fidelity_modes, NULL, &g.prior));
+                                     m->options.optimize.fidelity.fidelity_modes, NULL, &g.prior));
     if (g.prior.modes > m->model.modes) g.prior.modes = m->model.modes;
     m->calibration.modes = (double)g.prior.modes;
     m->calibration.reach = 1;

@@ -72,7 +72,7 @@ static apsm_status pose_again(fit_job *job, double S[16])
 apsm_status fit_crop(apsm_context *ctx, fit_job *job, const apsm_mesh *given)
 {
     const apsm_fit_model *m = job->m;
-    const apsm_groom_options options = apsm_groom_options_of(&m->options);
+    const apsm_groom_options options = m->options.groom;
     double S[16], plane[APSM_MOST_CUTS][4], before = 0;
     memcpy(S, job->pose.M, sizeof S);
     for (int r = 0; m->cropped && r < ROUNDS; r++) {
