@@ -23,6 +23,7 @@ apsm_status exporting_file(exporting *e, char **path, const char *format, ...) A
 
 /* Each writes what its format holds. */
 apsm_status export_meshes(exporting *e) APSM_NODISCARD;
+apsm_status export_scene(exporting *e) APSM_NODISCARD; /* of the meshes that are there */
 apsm_status export_gltf(exporting *e) APSM_NODISCARD;
 apsm_status export_tables(exporting *e) APSM_NODISCARD;
 apsm_status export_npz(exporting *e) APSM_NODISCARD;

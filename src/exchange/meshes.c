@@ -112,7 +112,7 @@ static apsm_status write_all(mesh_work *w)
     APSM_TRY(write_mean(w));
     APSM_TRY(write_modes(w));
     for (size_t i = 0; i < w->e->dense.folder.I; i++) APSM_TRY(write_shape(w, i));
-    return APSM_OK;
+    return export_scene(w->e);
 }
 
 apsm_status export_meshes(exporting *e)

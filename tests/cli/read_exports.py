@@ -93,6 +93,15 @@ check(len(vtp["sd_along_normal"]) == len(V) and vtp["sd_along_normal"].min() >= 
 near(read_vtp(folder / "vtp/modes/mode_01_plus2sd.vtp")["Points"].reshape(-1, 3), V + 2 * D[0],
      "vtp mode 1", 1e-12)
 
+# scene.mrml: every node that is pointed to is there, and every file.
+scene = xml.parse(folder / "vtp/scene.mrml").getroot()
+ids = {node.get("id") for node in scene}
+models = scene.findall("Model")
+check(all(m.get("displayNodeRef") in ids and m.get("storageNodeRef") in ids for m in models), "scene's nodes")
+check(all((folder / "vtp" / s.get("fileName")).is_file() for s in scene.findall("ModelStorage")), "scene's files")
+check({m.get("name") for m in models} >= {"mean", "mode_01_minus2sd", *names}, "scene's names")
+check([d.get("visibility") for d in scene.findall("ModelDisplay")].count("true") == 1, "only the mean is shown")
+
 # stl and obj.
 stl = (folder / "stl/mean.stl").read_bytes()
 faces = np.frombuffer(stl[84:], np.dtype([("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")]))
