@@ -54,7 +54,7 @@ static void put_model(apsm_writer *w, size_t k, const char *file)
 apsm_status export_scene(exporting *e)
 {
     char *path = NULL;
-    apsm_writer *w;
+    apsm_writer *w = NULL;
     const json_t *files = e->folder.files;
     const size_t n = json_array_size(files);
     apsm_status status = exporting_file(e, &path, "scene.mrml");
