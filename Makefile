@@ -62,6 +62,7 @@ check: ## format, lint, rules between rooms, goldens, options.md, the viewer
 	@scripts/check-rooms
 	@scripts/check-functions
 	@scripts/check-references
+	@scripts/check-constants
 	@scripts/check-golden
 	@scripts/make-options-doc --check
 	@scripts/check-viewer
