@@ -30,7 +30,8 @@ static apsm_status no_memory(const warp_work *w)
 static apsm_status take_model(warp_work *w)
 {
     model_folder m;
-    APSM_TRY(model_folder_read(w->ctx, w->args->inputs[0], FOLDER_PARTICLES, &m));
+    APSM_TRY(
+        model_folder_read(w->ctx, w->args->inputs[0], FOLDER_PARTICLES | FOLDER_EVALUATED, &m));
     apsm_status status = APSM_OK;
     if (m.parts > 1)
         status = apsm_fail(w->ctx, APSM_ERR_UNSUPPORTED,

@@ -6,7 +6,7 @@
 
 apsm_status dense_model_read(apsm_context *ctx, const char *path, dense_model *m)
 {
-    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_CERTIFIED;
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_CERTIFIED;
     *m = (dense_model){ 0 };
     APSM_TRY(model_folder_read(ctx, path, parts, &m->folder));
     apsm_status status = template_surface_make(ctx, &m->folder, 0, &m->surface);

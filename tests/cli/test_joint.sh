@@ -164,4 +164,9 @@ refuse 1 "holds a joint model already" shapes -o joint $parts
 mkdir own && echo mine >own/scores.csv
 refuse 1 "no joint model of ours" shapes -o own $parts
 [ "$(cat own/scores.csv)" = mine ] || fail "a user's file was replaced"
+# A joint for other programs: the surfaces of all parts, and all particles.
+"$apsm" export joint --to csv -o tables >said 2>&1 || fail "export of a joint: $(tail -n 1 said)"
+particles=$(($(head -n 1 tables/particles.csv | tr ',' '\n' | wc -l) / 3))
+[ "$particles" = "$(sed -n 's/.*"particles": \([0-9]*\).*/\1/p' joint/evaluation.json | head -1)" ] ||
+    fail "the export of a joint has $particles particles"
 exit $failed
