@@ -246,16 +246,23 @@ static void swap_states(fidelity_work *w)
     w->b = t;
 }
 
+/* kappa: the prior weighs little where the surfaces leave little open, and more than in proportion
+ * where they leave much. */
+static double weight_of_prior(const apsm_fidelity *f)
+{
+    const double F = f->o.fidelity;
+    return f->o.prior * f->doubt * sqrt(f->doubt) * (1 - F) / F;
+}
+
 /* Weights of a round from the mean diagonal of the surface terms. */
 static fidelity_weights weights_at(const round_task *t, size_t i, double diagonal)
 {
     const apsm_fidelity_options *o = &t->f->o;
     const apsm_fidelity_prior *p = t->prior;
     const size_t fold = i % p->folds, D = 3 * p->J;
-    const double F = o->fidelity;
     return (fidelity_weights){ .stay = diagonal * o->stay,
                                .smooth = diagonal * o->smooth,
-                               .prior = diagonal * o->prior * t->f->doubt * (1 - F) / F,
+                               .prior = diagonal * weight_of_prior(t->f),
                                .order = diagonal * o->order,
                                .shape = i,
                                .from = t->P0 + i * D,

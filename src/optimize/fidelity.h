@@ -20,7 +20,7 @@ extern "C" {
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
     INT(S, fidelity_points, 1000, 100, 10000000,                                                   \
         "vertices of either surface, about, that (12) sums over")                                  \
-    FIXED(S, double, prior, 85.0, "weight of the prior at F = 1/2, times the doubt")               \
+    FIXED(S, double, prior, 550.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
     FIXED(S, double, stay, 0.02, "lambda in (12): pull to where the stage began")                  \
     FIXED(S, double, smooth, 1.0, "mu in (12): displacements from the mean are smooth")            \
     FIXED(S, double, order, 16.0, "nu in (12): neighbours of the template stay neighbours")        \
