@@ -8,6 +8,7 @@
 #include "assemble/job.h"
 #include "files/files.h"
 #include "folder/names.h"
+#include "run/source.h"
 
 /* ---- the folder ---- */
 
@@ -188,7 +189,7 @@ apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *sett
     apsm_project project = { 0 };
     *wanted = settings->parts != NULL;
     if (*wanted || s->n_inputs != 1 || !apsm_is_project_file(s->inputs[0]) ||
-        joint_setting(&job, "domain") || (ignore && strstr(ignore, "domains")))
+        joint_setting(&job, "domain") || (ignore && source_list_has(ignore, "domains")))
         return APSM_OK;
     APSM_TRY(apsm_project_read(ctx, s->inputs[0], &project));
     *wanted = apsm_project_domains(&project) > 1;

@@ -14,6 +14,7 @@
 #include "files/particles_file.h"
 #include "files/project.h"
 #include "files/project_columns.h"
+#include "folder/evaluation_json.h"
 #include "folder/mode_trust_json.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
@@ -403,12 +404,6 @@ static apsm_surface_distance distance_of_subject(const writing *w, size_t i)
     return all;
 }
 
-static json_t *json_distance(const apsm_distance_summary *d)
-{
-    return json_pack("{s:f, s:f, s:f, s:f, s:f}", "mean", d->mean, "median", d->median, "p95",
-                     d->p95, "p99", d->p99, "max", d->max);
-}
-
 static json_t *json_surface(const writing *w)
 {
     average a = { 0 };
@@ -417,13 +412,14 @@ static json_t *json_surface(const writing *w)
         const apsm_surface_distance s = distance_of_subject(w, i);
         for (size_t d = 0; d < w->c->n; d++)
             if (i != w->f->like[d]) add_distance(&a, &w->f->surface[i * w->c->n + d].two_way);
-        json_array_append_new(
-            shapes,
-            json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:o, s:o, s:o}", "name",
-                      subject_name(w, i), "mean", s.two_way.mean, "median", s.two_way.median, "p95",
-                      s.two_way.p95, "p99", s.two_way.p99, "max", s.two_way.max, "diagonal",
-                      s.diagonal, "pull", json_distance(&s.pull), "push", json_distance(&s.push),
-                      "disagreement", json_distance(&s.disagreement)));
+        json_array_append_new(shapes,
+                              json_pack("{s:s, s:f, s:f, s:f, s:f, s:f, s:f, s:o, s:o, s:o}",
+                                        "name", subject_name(w, i), "mean", s.two_way.mean,
+                                        "median", s.two_way.median, "p95", s.two_way.p95, "p99",
+                                        s.two_way.p99, "max", s.two_way.max, "diagonal", s.diagonal,
+                                        "pull", evaluation_json_distance(&s.pull), "push",
+                                        evaluation_json_distance(&s.push), "disagreement",
+                                        evaluation_json_distance(&s.disagreement)));
     }
     for (size_t d = 0; d < w->c->n; d++) json_array_append_new(parts, json_surface_of_part(w, d));
     json_t *surface = json_average(&a);

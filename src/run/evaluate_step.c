@@ -7,6 +7,7 @@
 
 #include "apsm/formats.h"
 #include "files/particles_file.h"
+#include "folder/evaluation_json.h"
 #include "folder/mode_trust_json.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
@@ -173,19 +174,14 @@ static apsm_status write_model(const evaluation_work *w)
 
 /* ---- evaluation.json, evaluation.csv ---- */
 
-static json_t *json_distance(const apsm_distance_summary *d)
-{
-    return json_pack("{s:f, s:f, s:f, s:f, s:f}", "mean", d->mean, "median", d->median, "p95",
-                     d->p95, "p99", d->p99, "max", d->max);
-}
-
 static json_t *json_shape_distance(const evaluation_work *w, size_t i)
 {
     const apsm_surface_distance *d = &w->evaluation.surface[i];
     return json_pack("{s:s, s:f, s:f, s:f, s:f, s:o, s:o, s:o}", "name", name_of(w, i), "mean",
                      d->two_way.mean, "p95", d->two_way.p95, "max", d->two_way.max, "diagonal",
-                     d->diagonal, "pull", json_distance(&d->pull), "push", json_distance(&d->push),
-                     "disagreement", json_distance(&d->disagreement));
+                     d->diagonal, "pull", evaluation_json_distance(&d->pull), "push",
+                     evaluation_json_distance(&d->push), "disagreement",
+                     evaluation_json_distance(&d->disagreement));
 }
 
 static json_t *json_others(const evaluation_work *w)

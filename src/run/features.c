@@ -71,7 +71,7 @@ static bool is_normals(const char *name)
 static apsm_status settle(apsm_run *run, const apsm_project *p, feature_words *w)
 {
     APSM_TRY(parse(run->ctx, apsm_run_text(run, "features"), w));
-    const bool ignored = strstr(apsm_run_text(run, "ignore"), "normals") != NULL;
+    const bool ignored = source_ignores(run, "normals");
     const double normals = p->root && !ignored ? source_normals(p) : 0;
     for (size_t k = 0; k < w->n; k++)
         if (is_normals(w->name[k])) return APSM_OK;

@@ -113,7 +113,7 @@ apsm_status landmarks_read(apsm_run *run, const groom_inputs *in)
     const apsm_project *p = in->own_source ? &run->project : &in->source;
     landmark_table_free(&run->landmarks);
     landmark_table_begin(in->list.n, &run->landmarks);
-    const bool ignored = strstr(apsm_run_text(run, "ignore"), "landmarks") != NULL;
+    const bool ignored = source_ignores(run, "landmarks");
     if (p->root && !ignored) APSM_TRY(read_columns(run, in, p));
     APSM_TRY(gather(run, in, apsm_run_text(run, "landmarks")));
     run->use_landmarks = run->landmarks.L > 0 &&

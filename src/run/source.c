@@ -57,9 +57,14 @@ static bool is_ignored(const char *text, size_t request)
     return false;
 }
 
+bool source_list_has(const char *list, const char *word)
+{
+    return is_ignored(list, find_word(word, strlen(word)));
+}
+
 bool source_ignores(const apsm_run *run, const char *word)
 {
-    return is_ignored(apsm_run_text(run, "ignore"), find_word(word, strlen(word)));
+    return source_list_has(apsm_run_text(run, "ignore"), word);
 }
 
 static bool begins(const char *key, const char *prefix)

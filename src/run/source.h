@@ -17,7 +17,8 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
 
 /* Whether the project asks that its landmarks guide the particles. */
 bool source_wants_landmarks(const apsm_project *source);
-/* Whether option ignore has the word. */
+/* Whether the list of option ignore has the word; and whether that of a run has. */
+bool source_list_has(const char *list, const char *word);
 bool source_ignores(const apsm_run *run, const char *word);
 
 /* The weight of normals that the project asks for (optimize.use_normals, normals_strength); 0:
