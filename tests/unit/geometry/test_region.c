@@ -24,7 +24,23 @@ static void assert_share(const apsm_mesh *mesh, const apsm_region *region, doubl
 {
     apsm_mesh part = cut(mesh, region);
     const double is = apsm_mesh_area(&part) / apsm_mesh_area(mesh);
-    if (!(fabs(is - share) < 0.01)) fail_msg("%g of the ball is left, not %g", is, share);
+    if (!(fabs(is - share) < 0.004)) fail_msg("%g of the ball is left, not %g", is, share);
+    apsm_mesh_free(&part);
+}
+
+/* One rim of that length: no zigzag. */
+static void assert_rim(const apsm_mesh *mesh, const apsm_region *region, double length)
+{
+    apsm_mesh part = cut(mesh, region);
+    apsm_topology topology;
+    apsm_rim rim;
+    assert_int_equal(apsm_topology_build(&part, &topology), APSM_OK);
+    assert_int_equal(apsm_rim_build(&part, &topology, &rim), APSM_OK);
+    assert_int_equal(rim.loops, 1);
+    const double is = apsm_rim_length(&rim);
+    if (!(fabs(is / length - 1) < 0.02)) fail_msg("the rim is %g long, not %g", is, length);
+    apsm_rim_free(&rim);
+    apsm_topology_free(&topology);
     apsm_mesh_free(&part);
 }
 
@@ -49,6 +65,21 @@ static void planes_leave_what_they_should(void **state)
     apsm_mesh_free(&ball);
 }
 
+/* What lies in the level itself does not count: a box loses its lid and nothing else. */
+static void faces_in_the_level_go(void **state)
+{
+    (void)state;
+    apsm_mesh box = shape_box((size_t[3]){ 4, 4, 4 }, (double[3]){ 8, 8, 8 }), part;
+    double lo[3], hi[3], *below = malloc(box.nv * sizeof *below);
+    apsm_mesh_bounds(&box, lo, hi);
+    for (size_t v = 0; v < box.nv; v++) below[v] = hi[2] - box.V[3 * v + 2];
+    assert_int_equal(apsm_mesh_clip_field(&box, below, &part), APSM_OK);
+    assert_true(fabs(apsm_mesh_area(&part) - 5 * 64) < 1e-9);
+    free(below);
+    apsm_mesh_free(&part);
+    apsm_mesh_free(&box);
+}
+
 /* A circle drawn at 60 degrees of latitude from the pole parts the ball at a quarter and three. */
 static void loops_part_by_their_query_point(void **state)
 {
@@ -68,6 +99,7 @@ static void loops_part_by_their_query_point(void **state)
             .loops = 1, .loop_start = start, .boundary = corner, .query = { 1, 1, 9.8 }
         };
         assert_share(&ball, &region, 0.25);
+        assert_rim(&ball, &region, 2 * pi * 10 * sin(pi / 3));
         region.query[2] = -9.8;
         assert_share(&ball, &region, 0.75);
     }
@@ -145,6 +177,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_leave_what_they_should),
+        cmocka_unit_test(faces_in_the_level_go),
         cmocka_unit_test(loops_part_by_their_query_point),
         cmocka_unit_test(loop_that_parts_nothing_is_refused),
         cmocka_unit_test(paint_is_that_of_the_nearest_point),

@@ -182,15 +182,17 @@ static void slivers_become_good_faces(void **state)
     apsm_mesh_free(&out);
 }
 
-/* The half-axes 40, 20, 15 below z = 5 and, with a corner, before x = 10. */
-static apsm_mesh bowl(bool corner)
+/* The half-axes 40, 20, 15 below z = 5 and, with corners, before x = 10; 2: or, and the corners of
+ * the rim point inwards. */
+static apsm_mesh bowl(int corners)
 {
     apsm_mesh whole = shape_ellipsoid(6, 40, 20, 15), open;
     double *inside = malloc(whole.nv * sizeof *inside);
     assert_non_null(inside);
     for (size_t v = 0; v < whole.nv; v++) {
         inside[v] = 5.0 - whole.V[3 * v + 2];
-        if (corner) inside[v] = fmin(inside[v], 10.0 - whole.V[3 * v]);
+        if (corners == 1) inside[v] = fmin(inside[v], 10.0 - whole.V[3 * v]);
+        if (corners == 2) inside[v] = fmax(inside[v], 10.0 - whole.V[3 * v]);
     }
     assert_int_equal(apsm_mesh_clip_field(&whole, inside, &open), APSM_OK);
     free(inside);
@@ -212,8 +214,8 @@ static double rim_of(const apsm_mesh *mesh, apsm_rim *rim)
 static void open_mesh_keeps_its_rim(void **state)
 {
     (void)state;
-    for (int corner = 0; corner < 2; corner++) {
-        apsm_mesh mesh = bowl(corner);
+    for (int corners = 0; corners < 3; corners++) {
+        apsm_mesh mesh = bowl(corners);
         apsm_remesh_report r;
         apsm_rim before, after;
         apsm_mesh out = remeshed(&mesh, 5000, &r);
