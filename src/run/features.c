@@ -212,6 +212,20 @@ apsm_status features_check(apsm_run *run, const groom_inputs *in)
     return APSM_OK;
 }
 
+apsm_status features_check_added(apsm_run *run, const groom_inputs *in)
+{
+    feature_words w;
+    APSM_TRY(parse(run->ctx, apsm_run_text(run, "features"), &w));
+    for (size_t k = 0; k < w.n; k++)
+        if (w.weight[k] > 0 && !is_normals(w.name[k]))
+            return apsm_fail(
+                run->ctx, APSM_ERR_UNSUPPORTED,
+                "%s: its shapes correspond by '%s', too, and shapes are added by their "
+                "form alone; make the model anew with all of them",
+                run_place(run), w.name[k]);
+    return features_check(run, in);
+}
+
 static apsm_status take_fields(apsm_context *ctx, const apsm_run *run, const groom_inputs *in,
                                size_t i, const feature_words *w, double *value,
                                apsm_mesh_field *fields, size_t *S)

@@ -11,6 +11,9 @@ apsm_status features_check_text(apsm_context *ctx, const char *text);
 
 /* Refuses shapes that have not all fields that are asked for: before the long part. */
 apsm_status features_check(apsm_run *run, const groom_inputs *in);
+/* The same of shapes that a finished model is to take by their form alone: refused where scalar
+ * fields had a say in its correspondence. */
+apsm_status features_check_added(apsm_run *run, const groom_inputs *in);
 /* The groomed mesh of shape i with its fields, into the file. */
 apsm_status features_write_mesh(apsm_context *ctx, const apsm_run *run, const groom_inputs *in,
                                 size_t i, const char *path);

@@ -8,6 +8,7 @@
 #include "apsm/fit.h"
 #include "apsm/formats.h"
 #include "geometry/affine.h"
+#include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
 #include "run/guard.h"
@@ -159,6 +160,7 @@ static apsm_status fit_all(adding *a)
 {
     APSM_TRY(groom_inputs_list(a->run, &a->in));
     APSM_TRY(check_added(a));
+    APSM_TRY(features_check_added(a->run, &a->in));
     APSM_TRY(guard_files(a->run, "evaluate", &a->in.list));
     APSM_TRY(apsm_fit_model_load(a->run->ctx, a->run->folder, &a->model));
     APSM_TRY(groom_inputs_read(a->run, &a->in));
@@ -195,7 +197,7 @@ static apsm_status write_groomed(adding *a, size_t i)
 {
     char *path = run_pathf(a->run, "groomed/%s.ply", a->in.list.cases[i].name);
     const apsm_status status =
-        path ? apsm_write_mesh(a->run->ctx, path, &a->in.mesh[i]) : APSM_ERR_MEMORY;
+        path ? features_write_mesh(a->run->ctx, a->run, &a->in, i, path) : APSM_ERR_MEMORY;
     free(path);
     return status;
 }

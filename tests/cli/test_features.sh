@@ -86,6 +86,16 @@ for name in e0 SCALARS FIELD; do
 done
 cmp -s formats/groomed/SCALARS.ply formats/groomed/FIELD.ply || fail "a field is read otherwise as SCALARS"
 
+# A finished model takes shapes by their form alone.
+cp in/e5.ply late.ply
+expect 1 "make the model anew" add warm late.ply
+expect 0 "agree" verify warm
+expect 0 "" add plain late.ply
+cp bare/e0.ply bare.ply
+expect 1 "have no field 'heat'" add plain bare.ply
+expect 0 "agree" verify plain
+grep -q "^late,0," plain/features.csv || fail "the shape that was added has no samples"
+
 # An image that a project names, here the x of a voxel.
 {
     printf 'NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 3 2 2\n'
