@@ -5,15 +5,14 @@
  * Squared distances by lower envelopes of parabolas, one axis after the other (Felzenszwalb &
  * Huttenlocher, "Distance transforms of sampled functions", 2012): exact, whatever the spacing.
  * Tunnels by Euler's number of the union of closed voxels, vertices - edges + faces - voxels, which
- * is 1 less the tunnels of one part without cavities. */
+ * is the parts and the cavities less the tunnels. */
 #include "groom/closing.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
-static const double ladder[] = { 0.02, 0.04, 0.06, 0.08, 0.10, 0.12 };
-enum { STEPS = sizeof ladder / sizeof *ladder };
+#include "groom/parts.h"
 
 /* Scratch of a line of n nodes. */
 typedef struct envelope {
@@ -110,38 +109,53 @@ static size_t padded_index(const padded *p, size_t x, size_t y, size_t z)
     return x + p->rim[0] + p->n[0] * (y + p->rim[1] + p->n[1] * (z + p->rim[2]));
 }
 
-static void dilate_and_erode(padded *p, const mask *m, const double spacing[3], double radius)
+/* d > r^2 (out) at what a closing of the mask (value 1) or of the background (value 0) leaves out.
+ */
+static void dilate_and_erode(padded *p, const mask *m, unsigned char value, const double spacing[3],
+                             double radius)
 {
     const size_t total = p->n[0] * p->n[1] * p->n[2];
     const float r2 = (float)(radius * radius);
     size_t i = 0;
-    for (size_t k = 0; k < total; k++) p->d[k] = INFINITY;
+    for (size_t k = 0; k < total; k++) p->d[k] = value ? INFINITY : 0.0f;
     for (size_t z = 0; z < m->n[2]; z++)
         for (size_t y = 0; y < m->n[1]; y++)
             for (size_t x = 0; x < m->n[0]; x++, i++)
-                if (m->in[i]) p->d[padded_index(p, x, y, z)] = 0.0f;
+                p->d[padded_index(p, x, y, z)] = m->in[i] == value ? 0.0f : INFINITY;
     transform(p->n, spacing, &p->e, p->d);
     for (size_t k = 0; k < total; k++) p->d[k] = p->d[k] <= r2 ? INFINITY : 0.0f;
     transform(p->n, spacing, &p->e, p->d);
 }
 
-apsm_status mask_close(mask *m, const double spacing[3], double radius, size_t *added)
+/* Voxels that are not `value`, and are within the closing of those that are, become it. */
+static apsm_status close_value(mask *m, unsigned char value, const double spacing[3], double radius,
+                               size_t *changed)
 {
     padded p;
     size_t i = 0;
     const float r2 = (float)(radius * radius);
-    *added = 0;
+    *changed = 0;
     APSM_TRY(padded_new(&p, m, spacing, radius));
-    dilate_and_erode(&p, m, spacing, radius);
+    dilate_and_erode(&p, m, value, spacing, radius);
     for (size_t z = 0; z < m->n[2]; z++)
         for (size_t y = 0; y < m->n[1]; y++)
             for (size_t x = 0; x < m->n[0]; x++, i++) {
-                if (m->in[i] || !(p.d[padded_index(&p, x, y, z)] > r2)) continue;
-                m->in[i] = 1;
-                ++*added;
+                if (m->in[i] == value || !(p.d[padded_index(&p, x, y, z)] > r2)) continue;
+                m->in[i] = value;
+                ++*changed;
             }
     padded_free(&p);
     return APSM_OK;
+}
+
+apsm_status mask_close(mask *m, const double spacing[3], double radius, size_t *added)
+{
+    return close_value(m, 1, spacing, radius, added);
+}
+
+apsm_status mask_open(mask *m, const double spacing[3], double radius, size_t *removed)
+{
+    return close_value(m, 0, spacing, radius, removed);
 }
 
 /* Whether any voxel of the 1 or 2 along each axis before node x, y, z is set: those that share its
@@ -155,12 +169,13 @@ static bool any_before(const mask *m, const size_t at[3], const size_t width[3])
     return false;
 }
 
-long mask_tunnels(const mask *m)
+/* Vertices - edges + faces - voxels whose highest corner is in the box [lo, hi]. */
+static long euler_number(const mask *m, const size_t lo[3], const size_t hi[3])
 {
     long euler = 0;
-    for (size_t z = 1; z < m->n[2]; z++)
-        for (size_t y = 1; y < m->n[1]; y++)
-            for (size_t x = 1; x < m->n[0]; x++) {
+    for (size_t z = lo[2]; z <= hi[2]; z++)
+        for (size_t y = lo[1]; y <= hi[1]; y++)
+            for (size_t x = lo[0]; x <= hi[0]; x++) {
                 const size_t at[3] = { x, y, z };
                 if (!any_before(m, at, (const size_t[3]){ 2, 2, 2 })) continue;
                 for (unsigned k = 0; k < 8; k++) { /* widths; each axis of width 1 is a dimension */
@@ -169,27 +184,28 @@ long mask_tunnels(const mask *m)
                     euler += (width[0] + width[1] + width[2]) % 2 ? -1 : 1;
                 }
             }
-    return 1 - euler;
+    return euler;
 }
 
-apsm_status mask_choose_closing(const mask *m, const double spacing[3], double size, double *radius)
+long mask_euler(const mask *m, const size_t lo[3], const size_t hi[3])
 {
-    const size_t total = m->n[0] * m->n[1] * m->n[2];
-    long least = mask_tunnels(m);
-    mask closed = *m;
-    *radius = 0.0;
-    closed.in = malloc(total);
-    apsm_status status = closed.in ? APSM_OK : APSM_ERR_MEMORY;
-    for (int k = 0; k < STEPS && status == APSM_OK && least > 0; k++) {
-        size_t added;
-        memcpy(closed.in, m->in, total);
-        status = mask_close(&closed, spacing, ladder[k] * size, &added);
-        if (status == APSM_OK) status = mask_fill_cavities(&closed, &added);
-        const long tunnels = status == APSM_OK ? mask_tunnels(&closed) : least;
-        if (tunnels >= least) continue;
-        least = tunnels;
-        *radius = ladder[k] * size;
+    size_t from[3], to[3];
+    for (int c = 0; c < 3; c++) {
+        from[c] = lo[c] > 1 ? lo[c] : 1;
+        to[c] = hi[c] + 1 < m->n[c] ? hi[c] + 1 : m->n[c] - 1;
     }
-    free(closed.in);
+    return euler_number(m, from, to);
+}
+
+apsm_status mask_tunnels(const mask *m, long *tunnels)
+{
+    const size_t lo[3] = { 1, 1, 1 }, hi[3] = { m->n[0] - 1, m->n[1] - 1, m->n[2] - 1 };
+    parts inside, outside;
+    APSM_TRY(parts_find(m->n, m->in, 1, true, &inside));
+    const apsm_status status = parts_find(m->n, m->in, 0, false, &outside);
+    if (status == APSM_OK)
+        *tunnels = (long)inside.n + (long)outside.n - 1 - euler_number(m, lo, hi);
+    parts_free(&inside);
+    parts_free(&outside);
     return status;
 }

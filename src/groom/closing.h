@@ -10,12 +10,13 @@
 apsm_status mask_close(mask *m, const double spacing[3], double radius,
                        size_t *added) APSM_NODISCARD;
 
-/* Tunnels through a mask that is one part (26-connected) without cavities.  O(voxels). */
-long mask_tunnels(const mask *m);
+/* Takes away what no ball of this radius inside the mask reaches; *removed (out) voxels. */
+apsm_status mask_open(mask *m, const double spacing[3], double radius,
+                      size_t *removed) APSM_NODISCARD;
 
-/* The least radius of a ladder up to 0.12 of `size` that leaves as few tunnels as any of them; 0 if
- * none leaves fewer than there are.  Anatomy that is wider stays. */
-apsm_status mask_choose_closing(const mask *m, const double spacing[3], double size,
-                                double *radius) APSM_NODISCARD;
+/* Euler's number of what touches the box [lo, hi] of voxels.  O(voxels of the box). */
+long mask_euler(const mask *m, const size_t lo[3], const size_t hi[3]);
+/* Tunnels through a mask.  O(voxels). */
+apsm_status mask_tunnels(const mask *m, long *tunnels) APSM_NODISCARD;
 
 #endif

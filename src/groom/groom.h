@@ -25,8 +25,8 @@ extern "C" {
          "a question")                                                                             \
     REAL(S, closing, -1, -1, 1,                                                                    \
          "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
-         "and gaps narrower than twice that are filled; 0: none; -1: where the surface has "       \
-         "handles, the least up to 0.12 that leaves fewest")                                       \
+         "and gaps narrower than twice that are filled; 0: none; -1: handles narrower than twice " \
+         "0.12 are filled or cut one by one, whichever takes fewer voxels")                        \
     REAL(S, smooth, 1, 0, 4, "smoothing of masks; less keeps nearer to the voxels, 0: none")       \
     BOOL(S, largest_component, true, "keep only the largest component of every shape")             \
     FIXED(S, double, fairing, 5.0,                                                                 \
@@ -57,8 +57,9 @@ typedef struct apsm_groom_report {
     size_t dropped_parts;       /* parts of the label not kept ... */
     size_t dropped_voxels;      /* ... and their voxels */
     size_t filled_voxels;       /* enclosed background filled */
-    double closing;             /* radius of the closing, 0: none ... */
-    size_t closed_voxels;       /* ... and what it filled */
+    double closing;             /* radius of the closing or of the widest handle mended, 0: none */
+    size_t closed_voxels;       /* what that filled ... */
+    size_t cut_voxels;          /* ... and what it cut */
     long handles_before;        /* genus without it */
     unsigned border;            /* the label touches the image's border: bits 0..5 for
                                    -i +i -j +j -k +k; the surface is closed there */

@@ -10,11 +10,11 @@
 #include "geometry/isosurface.h"
 #include "groom/agreement.h"
 #include "groom/antialias.h"
-#include "groom/closing.h"
 #include "groom/fair.h"
 #include "groom/groom.h"
 #include "groom/mask.h"
 #include "groom/repair.h"
+#include "groom/tunnels.h"
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
 static const double least_smoothing = 0.53, thick_slices = 3.0;
@@ -187,11 +187,11 @@ static apsm_volume in_unit(const apsm_volume *volume, double unit, double rest[3
 /* Back to the input's. */
 static void lengths_in_unit(apsm_groom_report *r, double unit)
 {
-    double *const lengths[] = {
-        &r->remesh.edge,          &r->remesh.forward_mean, &r->remesh.forward_max,
-        &r->remesh.backward_mean, &r->remesh.backward_max, &r->largest_cap_at[0],
-        &r->largest_cap_at[1],    &r->largest_cap_at[2],   &r->departure
-    };
+    double *const lengths[] = { &r->remesh.edge,         &r->remesh.forward_mean,
+                                &r->remesh.forward_max,  &r->remesh.backward_mean,
+                                &r->remesh.backward_max, &r->largest_cap_at[0],
+                                &r->largest_cap_at[1],   &r->largest_cap_at[2],
+                                &r->departure,           &r->closing };
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
 }
 
@@ -209,40 +209,59 @@ static apsm_status groom_mask(apsm_context *ctx, const char *name, const apsm_vo
     return status;
 }
 
-static void say_closing(apsm_context *ctx, const char *name, double unit,
-                        const apsm_groom_report *r)
+static void say_mended(apsm_context *ctx, const char *name, double unit, const apsm_groom_report *r)
 {
     apsm_log(
         ctx, APSM_LOG_WARNING,
-        "%s: the label closed by a radius of %.4g (%zu voxels filled) has %ld handle%s instead "
-        "of %ld; --closing 0 keeps them all",
-        name, unit * r->closing, r->closed_voxels, r->genus, r->genus == 1 ? "" : "s",
-        r->handles_before);
+        "%s: %ld handle%s: %zu voxels of tunnels filled and %zu of strands cut, none wider than "
+        "%.4g, %ld left; --closing 0 keeps them all",
+        name, r->handles_before, r->handles_before == 1 ? "" : "s", r->closed_voxels, r->cut_voxels,
+        2.0 * unit * r->closing, r->genus);
 }
 
-/* Handles, found on the surface, are closed if a moderate radius does that; mesh and report are
- * replaced if it leaves fewer. */
-static apsm_status close_handles(apsm_context *ctx, const char *name, const apsm_volume *grid,
-                                 const apsm_groom_options *opt, const mask *open, double unit,
-                                 apsm_mesh *mesh, apsm_groom_report *r)
+/* The surface of the mended mask m. */
+static apsm_status groom_mended(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                                const apsm_groom_options *opt, mask *m, apsm_mesh *mesh_out,
+                                apsm_groom_report *r)
 {
-    const double size = mask_size(grid, r->voxels);
-    double radius;
-    APSM_TRY(mask_choose_closing(open, grid->spacing, size, &radius));
-    if (!(radius > 0.0)) return APSM_OK;
-    apsm_groom_options closing = *opt;
-    apsm_groom_report closed = { .handles_before = r->genus };
+    apsm_mesh surface = { 0 };
+    antialias_input in = { .smoothing = opt->smooth * suitable_smoothing(grid) };
+    choose_refinement(grid, &in);
+    r->mask_volume = (double)r->voxels * voxel_volume(grid);
+    apsm_status status = extract(ctx, grid, m, &in, opt->fairing * opt->smooth, &surface, r);
+    if (status == APSM_OK) status = groom_surface(ctx, name, &surface, opt, mesh_out, r);
+    apsm_mesh_free(&surface);
+    return status == APSM_OK ? mask_agreement(grid, m, mesh_out, r) : status;
+}
+
+/* Handles, found on the surface, are filled or cut where they are narrow; mesh and report are
+ * replaced if that leaves fewer. */
+static apsm_status mend_handles(apsm_context *ctx, const char *name, const apsm_volume *grid,
+                                const apsm_groom_options *opt, mask *m, double unit,
+                                apsm_mesh *mesh, apsm_groom_report *r)
+{
+    tunnels_report t;
     apsm_mesh other = { 0 };
-    mask m = { .in = NULL };
-    closing.closing = radius / size;
-    apsm_status status = groom_mask(ctx, name, grid, &closing, &m, &other, &closed);
-    mask_free(&m);
-    if (status == APSM_OK && closed.genus < r->genus) {
-        const apsm_mesh t = *mesh;
+    APSM_TRY(mask_mend_tunnels(m, grid->spacing, mask_size(grid, r->voxels), &t));
+    if (t.filled + t.cut == 0) return APSM_OK;
+    apsm_groom_report mended = { .voxels = r->voxels + t.filled - t.cut,
+                                 .dropped_parts = r->dropped_parts,
+                                 .dropped_voxels = r->dropped_voxels,
+                                 .filled_voxels = r->filled_voxels,
+                                 .closing = t.radius,
+                                 .closed_voxels = t.filled,
+                                 .cut_voxels = t.cut,
+                                 .handles_before = r->genus,
+                                 .border = r->border };
+    memcpy(mended.border_normal, r->border_normal, sizeof mended.border_normal);
+    memcpy(mended.supersampling, r->supersampling, sizeof mended.supersampling);
+    const apsm_status status = groom_mended(ctx, name, grid, opt, m, &other, &mended);
+    if (status == APSM_OK && mended.genus < r->genus) {
+        const apsm_mesh given = *mesh;
         *mesh = other;
-        other = t;
-        *r = closed;
-        say_closing(ctx, name, unit, r);
+        other = given;
+        *r = mended;
+        say_mended(ctx, name, unit, r);
     }
     apsm_mesh_free(&other);
     return status;
@@ -255,7 +274,7 @@ static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_vo
     mask m = { .in = NULL };
     apsm_status status = groom_mask(ctx, name, grid, opt, &m, mesh_out, r);
     if (status == APSM_OK && opt->closing < 0.0 && r->genus > 0)
-        status = close_handles(ctx, name, grid, opt, &m, unit, mesh_out, r);
+        status = mend_handles(ctx, name, grid, opt, &m, unit, mesh_out, r);
     mask_free(&m);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
     return status;

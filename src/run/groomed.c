@@ -44,6 +44,7 @@ static int set_mask(json_t *o, const apsm_groom_report *r)
     failed |= json_object_set_new(o, "border", border_json(r->border));
     failed |= json_object_set_new(o, "closing", json_real(r->closing));
     failed |= set_count(o, "closed_voxels", r->closed_voxels);
+    failed |= set_count(o, "cut_voxels", r->cut_voxels);
     failed |=
         set_count(o, "handles_before", (size_t)(r->closing > 0 ? r->handles_before : r->genus));
     failed |= set_count(o, "dropped_parts", r->dropped_parts);
@@ -108,11 +109,14 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
                      100.0 * in->report[i].largest_cap);
             failed |= add_note(notes, name, text);
         }
-        if (in->report[i].closed_voxels > 0) {
-            snprintf(text, sizeof text,
-                     "closed by a radius of %.4g: %.2g %% of its voxels are filled",
-                     in->report[i].closing,
-                     100.0 * (double)in->report[i].closed_voxels / (double)in->report[i].voxels);
+        const apsm_groom_report *r = &in->report[i];
+        if (r->closed_voxels + r->cut_voxels > 0) {
+            snprintf(
+                text, sizeof text,
+                "handles or gaps narrower than %.4g closed: %.2g %% of its voxels filled, %.2g "
+                "%% cut",
+                2.0 * r->closing, 100.0 * (double)r->closed_voxels / (double)r->voxels,
+                100.0 * (double)r->cut_voxels / (double)r->voxels);
             failed |= add_note(notes, name, text);
         }
         if (!(in->cropped[i] > 0.0)) continue;

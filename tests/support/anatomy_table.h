@@ -16,6 +16,7 @@ typedef enum part_form {
     BALL,  /* add: centre, half-axes */
     HOLE,  /* carve: the same */
     ROD,   /* add: from, to, radius at either end */
+    BORE,  /* carve: the same */
     BELOW, /* keep what is below a plane: normal, height along it */
     PAIR_BALL,
     PAIR_ROD, /* the same, and its mirror image in x */
@@ -40,6 +41,8 @@ static inline double anatomy_join_part(const anatomy_part *part, const double x[
     case ROD:
     case PAIR_ROD:
         return solid_join(d, solid_rod(y, p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]), r);
+    case BORE:
+        return solid_carve(d, solid_rod(y, p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]), r);
     case BELOW:
     case PAIR_BELOW:
         return solid_round_max(d, p[0] * y[0] + p[1] * y[1] + p[2] * y[2] - p[3], r);
@@ -397,6 +400,23 @@ static const anatomy_table anatomy_tables[] = {
         { PULL, 3, 4, { 0, 1, 0, -4, 14, 18, -2, 18, 8, 14 } },
         { PULL, 4, 4, { 0, -1, 0, 2, -15, 4, -2, 18, 8, 14 } },
         { PULL, 5, 4, { 0, 0, 1, 10, 0, 30, -2, 18, 8, 14 } } } },
+    { "sinus", /* a kidney whose sinus goes deep and branches */
+      { -36, -28, -8 },
+      { 34, 28, 116 },
+      1.8,
+      3.5,
+      28,
+      { { BALL, 0, { 0, 0, 54, 27, 20, 54 } },
+        { BALL, 8, { 8, 0, 30, 20, 18, 22 } },
+        { HOLE, 4, { -30, 2, 54, 16, 10, 17 } },
+        { BORE, 2, { -20, 2, 54, 4, 1, 54, 6, 4 } },
+        { BORE, 2, { -14, 2, 54, 0, 3, 80, 5, 3 } },
+        { BORE, 2, { -14, 2, 54, 2, 0, 28, 5, 3 } },
+        { BORE, 2, { -12, 2, 54, -2, 9, 64, 4, 2.5 } },
+        { BORE, 2, { -12, 2, 54, 4, -8, 44, 4, 2.5 } } },
+      { { CURVE, 0, 0.2, { 10, 100, -1 / 90.0, 0, 0 } },
+        { PULL, 1, 6, { 0, 0, 1, 0, 0, 0, 10, 100 } },
+        { PULL, 2, 2.5, { 0, 1, 0, 0, 0, 0, -18, 18 } } } },
 };
 
 enum { ANATOMY_TABLES = sizeof anatomy_tables / sizeof *anatomy_tables };

@@ -14,7 +14,8 @@
  * to the truth's, are drawn from fine to coarse), landmarks (so many true ones, to
  * OUT_DIR/landmarks.csv), noise (standard deviation of what they are moved by, on shapes other than
  * the first), x, y, z (write masks with this spacing), mixed (spacings differ by up to this
- * factor), crop (voxels of the mask lost beyond the borders of its image). */
+ * factor), crop (voxels of the mask lost beyond the borders of its image), tunnels (as many tunnels
+ * through masks, and strands across their gaps, as up to this). */
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -45,16 +46,18 @@ enum {
     MIXED,
     CROP,
     ROUGH,
+    TUNNELS,
     OPEN,
     LANDMARKS,
     NOISE,
     PAINT,
     OPTIONS
 };
-static const char *const names[OPTIONS] = { "count",  "seed", "strength",  "turn",   "size",
-                                            "mirror", "cut",  "mess",      "coarse", "fine",
-                                            "x",      "y",    "z",         "mixed",  "crop",
-                                            "rough",  "open", "landmarks", "noise",  "paint" };
+static const char *const names[OPTIONS] = { "count",  "seed",    "strength", "turn",      "size",
+                                            "mirror", "cut",     "mess",     "coarse",    "fine",
+                                            "x",      "y",       "z",        "mixed",     "crop",
+                                            "rough",  "tunnels", "open",     "landmarks", "noise",
+                                            "paint" };
 
 typedef struct job {
     apsm_context *ctx;
@@ -77,6 +80,9 @@ static apsm_status write_mask(const job *j, const char *path, const apsm_mesh *m
     }
     apsm_volume volume = mesh_mask(mesh, spacing);
     if (j->v[MESS] > 0) mask_mess(&volume, mesh, rng, (int)j->v[MESS]);
+    if (j->v[TUNNELS] > 0)
+        for (size_t k = apsm_random_below(rng, (size_t)j->v[TUNNELS]) + 1; k > 0; k--)
+            mask_tunnel(&volume, mesh, rng, k % 3 == 0);
     if (j->v[CROP] >= 0) mask_crop(&volume, (size_t)j->v[CROP]);
     const apsm_status status = apsm_write_volume(j->ctx, path, &volume);
     apsm_volume_free(&volume);

@@ -138,6 +138,27 @@ static inline void mask_mess(apsm_volume *v, const apsm_mesh *mesh, apsm_random 
     }
 }
 
+/* Tunnels (label 0) or strands (label 1) of half to one and a half voxels' radius between points of
+ * the surface not far from each other: what a threshold leaves of a sinus. */
+static inline void mask_tunnel(apsm_volume *v, const apsm_mesh *mesh, apsm_random *rng,
+                               int32_t label)
+{
+    const double size = sqrt(apsm_mesh_area(mesh)), *a, *b;
+    double d;
+    do {
+        a = mesh->V + 3 * apsm_random_below(rng, mesh->nv);
+        b = mesh->V + 3 * apsm_random_below(rng, mesh->nv);
+        d = sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                 (a[2] - b[2]) * (a[2] - b[2]));
+    } while (d < 0.05 * size || d > 0.25 * size);
+    const double h = v->spacing[0], radius = h * (0.5 + apsm_random_uniform(rng));
+    for (double s = -2 * h; s <= d + 2 * h; s += 0.5 * h) {
+        double x[3];
+        for (int c = 0; c < 3; c++) x[c] = a[c] + (b[c] - a[c]) * s / d;
+        if (label == 0 || (s >= 0 && s <= d)) mask_blob(v, x, radius, label);
+    }
+}
+
 /* Cut to the label's own box, `less` voxels less on every side: the label touches all borders. */
 static inline void mask_crop(apsm_volume *v, size_t less)
 {
