@@ -19,7 +19,6 @@
 #include "groom/registration.h"
 
 #include <math.h>
-#include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -28,7 +27,7 @@
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"
 
-enum { CENTRES = 128, SCALES = 3, ROUNDS = 50, COARSE_ROUNDS = 25, COARSE = 280 };
+enum { CENTRES = 128, SCALES = 3, ROUNDS = 50 };
 
 static const double reach[SCALES] = { 1.0, 0.5, 0.25 };     /* b_s */
 static const double size_of[SCALES] = { 0.12, 0.05, 0.02 }; /* a_s */
@@ -200,10 +199,10 @@ static size_t padded(size_t n)
 typedef struct job {
     const apsm_registration *r;
     const apsm_cloud *shape;
-    size_t M, K;   /* points in use: the first ones, fewer while sigma is large */
+    size_t M, K;   /* points of the reference and of the shape */
     size_t stride; /* M, padded */
     double sigma, kappa;
-    double *z, *wk;           /* K x 3; K: weights */
+    double *z;                /* K x 3 */
     double *x, *n, *u;        /* M x 3, M x 3, 4M x 3 */
     double *target;           /* M x 3 */
     double *A, *b, *weighted; /* p x p, p x 3, M x p */
@@ -217,15 +216,15 @@ typedef struct job {
 size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
 {
     const size_t m = padded(r->M), p = r->p, floats = 13 * m + n * m + padded(n);
-    return 4 * n + 21 * r->M + p * p + 3 * p + r->M * p + floats / 2;
+    return 3 * n + 21 * r->M + p * p + 3 * p + r->M * p + floats / 2;
 }
 
 static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
 {
     const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
-    job j = { .r = r, .shape = shape };
-    double **const array[] = { &j.z, &j.wk, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted };
-    const size_t size[] = { 3 * K, K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p };
+    job j = { .r = r, .shape = shape, .M = M, .K = K, .stride = m };
+    double **const array[] = { &j.z, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];
@@ -238,43 +237,13 @@ static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *w
         *single[k] = next;
         next += count[k];
     }
+    memset(j.xs, 0, 3 * m * sizeof *j.xs);
+    memset(j.ns, 0, 3 * m * sizeof *j.ns);
+    for (size_t k = 0; k < m; k++) {
+        j.ws[k] = k < M ? (float)r->w[k] : 0.0f;
+        j.per_w[k] = k < M ? 1.0f / (float)r->w[k] : 0.0f;
+    }
     return j;
-}
-
-/* w (n) <- shares of the surface that the first n of all points x stand for: each hands its own
- * share to the nearest of them. */
-static void share_weights(size_t all, const double *x, const double *share, size_t n, double *w)
-{
-    memcpy(w, share, n * sizeof *w);
-    for (size_t k = n; k < all; k++) {
-        size_t nearest = 0;
-        double least = INFINITY;
-        for (size_t m = 0; m < n; m++) {
-            const double d2 = vec3_distance2(x + 3 * k, x + 3 * m);
-            if (d2 < least) least = d2, nearest = m;
-        }
-        w[nearest] += share[k];
-    }
-}
-
-/* The first `most` points of both surfaces, or all, are used from here on. */
-static void use_points(job *j, size_t most)
-{
-    const apsm_registration *r = j->r;
-    j->M = r->M < most ? r->M : most;
-    j->K = j->shape->n < most ? j->shape->n : most;
-    j->stride = padded(j->M);
-    memset(j->xs, 0, 3 * j->stride * sizeof *j->xs);
-    memset(j->ns, 0, 3 * j->stride * sizeof *j->ns);
-    memset(j->ws, 0, j->stride * sizeof *j->ws);
-    memset(j->per_w, 0, j->stride * sizeof *j->per_w);
-    share_weights(j->shape->n, j->z, j->shape->w, j->K, j->wk);
-    double *w = j->target;
-    share_weights(r->M, r->y, r->w, j->M, w);
-    for (size_t m = 0; m < j->M; m++) {
-        j->ws[m] = (float)w[m];
-        j->per_w[m] = 1.0f / (float)w[m];
-    }
 }
 
 static void move_reference(job *j)
@@ -299,7 +268,7 @@ typedef struct shape_point {
 
 static shape_point point_of(const job *j, size_t k)
 {
-    shape_point p = { .weight = (float)j->wk[k] };
+    shape_point p = { .weight = (float)j->shape->w[k] };
     for (size_t c = 0; c < 3; c++) {
         p.z[c] = (float)j->z[3 * k + c];
         p.normal[c] = (float)j->shape->normal[3 * k + c];
@@ -427,8 +396,6 @@ apsm_status apsm_registration_move(const apsm_registration *r, const apsm_cloud 
         const double t = (double)round / (ROUNDS - 1);
         j.sigma = first_sigma * pow(end / first_sigma, t);
         j.kappa = first_kappa + t * (last_kappa - first_kappa);
-        if (round == 0 || round == COARSE_ROUNDS)
-            use_points(&j, round < COARSE_ROUNDS ? COARSE : SIZE_MAX);
         move_reference(&j);
         match_softly(&j);
         find_targets(&j);
