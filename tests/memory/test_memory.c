@@ -18,6 +18,7 @@
 #include "apsm/run.h"
 #include "apsm/statistics.h"
 #include "folder.h"
+#include "groom/groom.h"
 #include "synthetic.h"
 
 /* ---- the allocator that fails ---- */
@@ -175,6 +176,29 @@ static apsm_status job_in_memory(void)
     return status;
 }
 
+/* A block with a tunnel of two by two voxels, which is filled. */
+static apsm_status mend(void)
+{
+    enum { N = 26 };
+    static int32_t label[N * N * N];
+    for (int k = 0; k < N * N * N; k++) {
+        const int x = k % N, y = k / N % N, z = k / N / N;
+        label[k] =
+            x > 2 && x < 21 && y > 2 && y < 21 && z > 2 && z < 21 && !(x / 2 == 5 && y / 2 == 6);
+    }
+    const apsm_volume volume = { .n = { N, N, N },
+                                 .spacing = { 1, 1, 1 },
+                                 .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 },
+                                 .label = label };
+    apsm_groom_options o = apsm_groom_defaults();
+    apsm_groom_report r;
+    apsm_mesh mesh;
+    o.remesh = false;
+    APSM_TRY(apsm_groom_segmentation(ctx, "block", &volume, &o, &mesh, &r));
+    apsm_mesh_free(&mesh);
+    return r.handles_before == 1 && r.genus == 0 ? APSM_OK : APSM_ERR_GEOMETRY;
+}
+
 /* Lets allocations of a step fail, one a try: the first forty, and some of the rest.  The last try
  * is left alone. */
 static void fail_each(const char *name, apsm_status (*what)(void))
@@ -212,6 +236,7 @@ STEP(report)
 STEP(verify)
 STEP(check)
 STEP(job_in_memory)
+STEP(mend)
 
 /* The first time makes a folder, and so takes more. */
 static void measure_reports_want_of_memory(void **state)
@@ -266,6 +291,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(measure_reports_want_of_memory),
         cmocka_unit_test(check_reports_want_of_memory),
         cmocka_unit_test(job_in_memory_reports_want_of_memory),
+        cmocka_unit_test(mend_reports_want_of_memory),
     };
     return cmocka_run_group_tests_name("memory", tests, set_up, tear_down);
 }
