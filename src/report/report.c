@@ -254,11 +254,13 @@ static json_t *compose(composing *c, const char *title)
         apsm_json_vector(m->model.modes, m->model.variance), "mean", json_mean(c), "shapes",
         json_shapes(c), "evaluation", m->evaluation, "certificate", m->certificate, "manifest",
         json_manifest(m->manifest));
-    json_object_set_new(root, "more_scores", json_more_scores(c));
     const char *unit = manifest_unit(m->manifest);
-    json_object_set_new(root, "unit", unit ? json_string(unit) : json_null());
-    json_object_set_new(root, "axes", json_axes(m));
-    return root;
+    const int failed = json_object_set_new(root, "more_scores", json_more_scores(c)) |
+                       json_object_set_new(root, "unit", unit ? json_string(unit) : json_null()) |
+                       json_object_set_new(root, "axes", json_axes(m));
+    if (!failed) return root;
+    json_decref(root);
+    return NULL;
 }
 
 /* ---- the page ---- */
@@ -282,7 +284,7 @@ static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
     json_t *root = compose(c, title), *answers = NULL;
     free(title);
     apsm_status status = answers_read(ctx, c->m, &answers);
-    if (answers) json_object_set_new(root, "answers", answers);
+    if (answers && json_object_set_new(root, "answers", answers) != 0) status = APSM_ERR_MEMORY;
     if (status == APSM_OK) status = page_write(ctx, path, root, &c->bytes);
     json_decref(root);
     return status;

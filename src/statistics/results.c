@@ -11,22 +11,26 @@ char *results_folder(const char *model_folder, const char *out)
     return out ? strdup(out) : apsm_path_join(model_folder, "statistics");
 }
 
-static bool has(const char *folder, const char *name)
+static apsm_status look(const char *folder, const char *name, bool *there)
 {
     char *path = apsm_path_join(folder, name);
-    const bool there = path && (apsm_file_exists(path) || apsm_is_folder(path));
+    if (!path) return APSM_ERR_MEMORY;
+    *there = apsm_file_exists(path) || apsm_is_folder(path);
     free(path);
-    return there;
+    return APSM_OK;
 }
 
-static bool is_ours(apsm_context *ctx, const char *path, const char *format)
+/* What cannot be read as JSON is not ours; want of memory is told. */
+static apsm_status read_format(apsm_context *ctx, const char *path, const char *format, bool *ours)
 {
     json_t *root = NULL;
-    if (apsm_json_read(ctx, path, &root) != APSM_OK) return false;
+    *ours = false;
+    const apsm_status status = apsm_json_read(ctx, path, &root);
+    if (status == APSM_ERR_MEMORY) return status;
     const char *found = json_string_value(json_object_get(root, "format"));
-    const bool ours = found && strcmp(found, format) == 0;
+    *ours = found && strcmp(found, format) == 0;
     json_decref(root);
-    return ours;
+    return APSM_OK;
 }
 
 static apsm_status refuse(apsm_context *ctx, const char *folder, const char *name)
@@ -37,18 +41,27 @@ static apsm_status refuse(apsm_context *ctx, const char *folder, const char *nam
                      folder, name);
 }
 
+static apsm_status claim_json(apsm_context *ctx, const char *folder, const char *json,
+                              const char *format)
+{
+    bool ours;
+    char *path = apsm_path_join(folder, json);
+    const apsm_status status = path ? read_format(ctx, path, format, &ours) : APSM_ERR_MEMORY;
+    free(path);
+    APSM_TRY(status);
+    return ours ? APSM_OK : refuse(ctx, folder, json);
+}
+
 apsm_status results_claim(apsm_context *ctx, const char *folder, const char *json,
                           const char *format, size_t n, const char *const *others)
 {
-    if (has(folder, json)) {
-        char *path = apsm_path_join(folder, json);
-        if (!path) return APSM_ERR_MEMORY;
-        const bool ours = is_ours(ctx, path, format);
-        free(path);
-        return ours ? APSM_OK : refuse(ctx, folder, json);
+    bool there;
+    APSM_TRY(look(folder, json, &there));
+    if (there) return claim_json(ctx, folder, json, format);
+    for (size_t k = 0; k < n; k++) {
+        APSM_TRY(look(folder, others[k], &there));
+        if (there) return refuse(ctx, folder, others[k]);
     }
-    for (size_t k = 0; k < n; k++)
-        if (has(folder, others[k])) return refuse(ctx, folder, others[k]);
     return APSM_OK;
 }
 
