@@ -214,7 +214,7 @@ static void say_mended(apsm_context *ctx, const char *name, double unit, const a
     apsm_log(
         ctx, APSM_LOG_WARNING,
         "%s: %ld handle%s: %zu voxels of tunnels filled and %zu of strands cut, none wider than "
-        "%.4g, %ld left; --closing 0 keeps them all",
+        "%.4g, %ld left; --closing 0 keeps them all, --closing 0.1 fills narrow sinuses as well",
         name, r->handles_before, r->handles_before == 1 ? "" : "s", r->closed_voxels, r->cut_voxels,
         2.0 * unit * r->closing, r->genus);
 }
