@@ -47,7 +47,9 @@ expect 0 "csv of again" export again --to csv -o tables
 expect 0 "excluded: 1" exclude again "$(sed -n '4s/,.*//p' model/scores.csv)"
 expect 1 "holds a model already" import model/project.swproj -o again
 expect 0 "imported: 7" import model/particles/*_local.particles model/groomed/*.ply -o local
-expect 1 "are not on it" import model/particles/*_world.particles $(ls -r model/groomed/*.ply) -o mixed
+mkdir elsewhere # another frame
+for i in 0 1 2 3 4 5 6; do "$synthetic" model/groomed/s$i.ply elsewhere/s$i.ply shift 30; done
+expect 1 "are not on it" import model/particles/*_world.particles elsewhere/*.ply -o mixed
 expect 2 "needs a mesh for each shape" import model/particles/*_world.particles -o bare
 expect 2 "needs a model folder" import model/project.swproj
 [ -e mixed ] || [ -e bare ] && fail "a refused import left a folder"
