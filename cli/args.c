@@ -468,6 +468,13 @@ apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args)
     return APSM_OK;
 }
 
+apsm_status cli_args_check_output(apsm_context *ctx, const cli_args *args, const char *path)
+{
+    if (args->overwrite || !apsm_file_exists(path)) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_STATE,
+                     "%s: is there already; give another name, or --overwrite to replace it", path);
+}
+
 void cli_args_free(cli_args *args)
 {
     cli_pairs_free(args->set, args->n_set);

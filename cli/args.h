@@ -105,6 +105,10 @@ typedef struct cli_args {
 apsm_status cli_args_parse(apsm_context *ctx, int argc, char **argv, cli_args *args) APSM_NODISCARD;
 /* Refuses inputs that do not exist, before a folder is made for their results. */
 apsm_status cli_args_check_inputs(apsm_context *ctx, const cli_args *args) APSM_NODISCARD;
+/* Refuses a file that is there already unless --overwrite was given: nobody but the user knows
+ * whose it is. */
+apsm_status cli_args_check_output(apsm_context *ctx, const cli_args *args,
+                                  const char *path) APSM_NODISCARD;
 void cli_args_free(cli_args *args);
 
 /* By its extension (apsm/points_file.h); .vtk and .vtp count as meshes. */

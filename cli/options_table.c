@@ -187,8 +187,9 @@ static const cli_option own[] = {
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "go on with an unfinished run in the model folder", NULL },
     { "overwrite", 0, CLI_FLAG_OVERWRITE, CLI_GROUP_RUN,
-      GROOMS | CLI_FIT | CLI_EXPORT | CLI_WARP | CLI_COMPARE, NULL, NULL, NULL,
-      "replace what is in the folder (export: the file) already", NULL },
+      GROOMS | CLI_FIT | CLI_EXPORT | CLI_WARP | CLI_COMPARE | CLI_CONVERT | CLI_RENDER |
+          CLI_CERTIFY,
+      NULL, NULL, NULL, "replace what is in the folder (or the file of -o) already", NULL },
     { "dry-run", 0, CLI_FLAG_DRY_RUN, CLI_GROUP_RUN, GROOMS, NULL, NULL, NULL,
       "tell what would be done, write nothing", NULL },
     { "progress", 0, CLI_PROGRESS, CLI_GROUP_RUN, ALL, "MODE", NULL, NULL,

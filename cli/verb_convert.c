@@ -38,9 +38,9 @@ static bool is_input(const conversion *c, const char *path)
     return false;
 }
 
-static apsm_status refuse_input(const conversion *c, const char *path)
+static apsm_status check_output(const conversion *c, const char *path)
 {
-    if (!is_input(c, path)) return APSM_OK;
+    if (!is_input(c, path)) return cli_args_check_output(c->ctx, c->args, path);
     return apsm_fail(c->ctx, APSM_ERR_ARG,
                      "%s is an input and would be replaced; give another output", path);
 }
@@ -74,7 +74,7 @@ static apsm_status write_file(const conversion *c, const char *path)
                          ".npy, .mrk.json, .vtk, .vtp, .swproj or .xlsx, or name a folder and "
                          "--to EXT",
                          path);
-    APSM_TRY(refuse_input(c, path));
+    APSM_TRY(check_output(c, path));
     if (c->in.n == 1 && !(c->in.cohort && strcmp(extension, ".npy") == 0)) {
         APSM_TRY(apsm_points_write(c->ctx, path, c->in.sets[0].n, c->in.sets[0].P));
         apsm_log(c->ctx, APSM_LOG_INFO, "%s: %zu particles", path, c->in.sets[0].n);
@@ -116,7 +116,7 @@ static apsm_status check_path(const conversion *c, const cli_set *set, const cha
         if (strcmp(other->name, set->name) == 0)
             return apsm_fail(c->ctx, APSM_ERR_ARG,
                              "two inputs would be written to %s; rename one of them", path);
-    return refuse_input(c, path);
+    return check_output(c, path);
 }
 
 static apsm_status write_set(const conversion *c, const cli_set *set, const char *path)
@@ -158,6 +158,7 @@ static apsm_status rewrite_project(const conversion *c, const char *from)
         in.st_ino == out.st_ino)
         return apsm_fail(c->ctx, APSM_ERR_ARG,
                          "%s is an input and would be replaced; give another output", path);
+    APSM_TRY(cli_args_check_output(c->ctx, c->args, path));
     APSM_TRY(apsm_project_read(c->ctx, from, &project));
     char *folder = apsm_path_folder(path);
     apsm_status status = folder ? apsm_project_rebase(&project, folder) : APSM_ERR_MEMORY;

@@ -309,6 +309,7 @@ static apsm_status certify(files_work *w, const char *path, cli_ui *ui)
 apsm_status apsm_cli_certify(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     files_work w = { .ctx = ctx };
+    if (args->out_dir) APSM_TRY(cli_args_check_output(ctx, args, args->out_dir));
     apsm_status status = read_operands(&w, args);
     if (status == APSM_OK) status = gather(&w);
     if (status == APSM_OK) status = read_meshes(&w);

@@ -72,6 +72,7 @@ static apsm_status take_options(apsm_context *ctx, const cli_args *args, apsm_re
 static apsm_status render_one(apsm_context *ctx, const cli_args *args, const apsm_render_options *o,
                               const char *path, cli_ui *ui)
 {
+    if (args->out_dir) APSM_TRY(cli_args_check_output(ctx, args, path)); /* else it is our folder */
     APSM_TRY(apsm_render(ctx, args->inputs[0], o, path));
     cli_say(ui, "picture: %s", path);
     return APSM_OK;
@@ -81,6 +82,18 @@ static bool is_png(const char *path)
 {
     const size_t n = strlen(path);
     return n > 4 && strcmp(path + n - 4, ".png") == 0;
+}
+
+/* Before anything is drawn. */
+static apsm_status check_into(apsm_context *ctx, const cli_args *args, const apsm_render_options *o,
+                              const char *folder)
+{
+    char name[32];
+    snprintf(name, sizeof name, "%s.png", apsm_picture_name(o->what));
+    char *path = apsm_path_join(folder, name);
+    const apsm_status status = path ? cli_args_check_output(ctx, args, path) : APSM_ERR_MEMORY;
+    free(path);
+    return status;
 }
 
 static apsm_status render_into(apsm_context *ctx, const cli_args *args,
@@ -113,6 +126,10 @@ static apsm_status render_folder(apsm_context *ctx, const cli_args *args,
     if (is_png(folder))
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "-o %s: four pictures need a folder; choose one by --what", folder);
+    for (int k = 0; args->out_dir && !args->what && k < APSM_PICTURE_COUNT; k++) {
+        const apsm_render_options one = { .what = (apsm_picture)k };
+        APSM_TRY(check_into(ctx, args, &one, folder));
+    }
     APSM_TRY(apsm_make_folder(ctx, folder));
     return args->what ? render_into(ctx, args, o, folder, ui)
                       : render_all(ctx, args, *o, folder, ui);

@@ -43,4 +43,7 @@ grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be 
 "$apsm" certify slips/project.swproj -o ends.json >out 2>log || fail "certify long bones: $(cat log)"
 [ "$(grep -o 'miss a part of the surface' ends.json | wc -l)" -ge 5 ] ||
     fail "missed ends are not seen: $(cat log)"
+echo mine >mine.json
+"$apsm" certify model/project.swproj -o mine.json >out 2>log && fail "certify replaced a file"
+[ "$(cat mine.json)" = mine ] || fail "certify replaced a file"
 exit $bad

@@ -137,4 +137,13 @@ refuse "one project or model folder only" model many/p.swproj -o none.xlsx
 refuse "not a format of particles" start.particles -o none.json
 refuse "none.ply" none.ply -o none.csv
 [ "$(find . | sort)" = "$(sort <<<"$before")" ] || fail "something was left behind"
+
+# What is there already is not replaced unasked.
+echo mine >mine.csv && mkdir -p theirs && echo mine >theirs/start.csv
+refuse "mine.csv: is there already" start.particles -o mine.csv
+refuse "start.csv: is there already" start.particles -o theirs --to csv
+refuse "p.xlsx: is there already" many/p.swproj -o elsewhere/p.xlsx
+[ "$(cat mine.csv theirs/start.csv)" = "$(printf 'mine\nmine')" ] || fail "a file was replaced"
+convert start.particles -o mine.csv --overwrite
+grep -q mine mine.csv && fail "--overwrite does not replace"
 exit $failed

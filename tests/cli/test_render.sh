@@ -78,4 +78,9 @@ cp -r model/project.swproj groomed_only
 refuse 1 "there is no model yet" groomed_only --what mean -o x.png
 [ "$(find . -not -name said -not -path './groomed_only*' | sort)" = "$before" ] ||
     fail "something was left behind"
+
+echo mine >mine.png && mkdir mine && echo mine >mine/shape.png
+refuse 1 "mine.png: is there already" model --what mean -o mine.png
+refuse 1 "shape.png: is there already" model -o mine
+[ "$(ls mine)" = shape.png ] && [ "$(cat mine.png mine/shape.png | tr -d '\n')" = minemine ] || fail "a picture was replaced"
 exit $failed
