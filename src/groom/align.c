@@ -711,7 +711,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->residual = malloc(n * sizeof *a->out->residual);
     a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
-    a->out->mirrored = malloc(n * sizeof *a->out->mirrored);
+    a->out->mirrored = calloc(n, sizeof *a->out->mirrored);
     a->out->ambiguous = calloc(n, sizeof *a->out->ambiguous);
     a->out->stranger = calloc(n, sizeof *a->out->stranger);
     a->out->unfit = calloc(n, sizeof *a->out->unfit);
