@@ -237,7 +237,9 @@ static void tell_distances(const judge *j)
 
 static void tell_model(const judge *j, const char *name, const double *P, const char *end)
 {
-    const apsm_evaluate_input in = { .I = j->I, .J = j->J, .P = P, .specificity_modes = 1 };
+    const apsm_evaluate_input in = {
+        .I = j->I, .J = j->J, .P = P, .options = { .specificity_modes = 1 }
+    };
     apsm_evaluation e;
     must(j->ctx, apsm_evaluate(j->ctx, &in, &e));
     printf("\"%s\": {\"G\": %.4g, \"S\": %.4g, \"C\": %.4g}%s", name, e.generalization[0],
