@@ -142,19 +142,12 @@ apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *u
     return do_step(ctx, args, apsm_run_evaluate);
 }
 
-/* A folder that fit has left. */
-static bool holds_fits(const char *folder)
-{
-    char *path = apsm_path_join(folder, "fit.json");
-    const bool holds = path && apsm_file_exists(path);
-    free(path);
-    return holds;
-}
-
 apsm_status apsm_cli_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    APSM_TRY(holds_fits(args->out_dir) ? apsm_fit_report_write(ctx, args->out_dir)
-                                       : do_step(ctx, args, apsm_run_report));
+    bool fits; /* a folder that fit has left */
+    APSM_TRY(apsm_folder_holds(args->out_dir, "fit.json", &fits));
+    APSM_TRY(fits ? apsm_fit_report_write(ctx, args->out_dir)
+                  : do_step(ctx, args, apsm_run_report));
     cli_say(ui, "report: %s/report.html", args->out_dir);
     return APSM_OK;
 }

@@ -11,6 +11,7 @@
 
 #include "apsm/report.h"
 #include "files/files.h"
+#include "fit/fit_folder.h"
 #include "fit/parts.h"
 #include "fit/rigid.h"
 #include "fit/tail.h"
@@ -26,11 +27,9 @@ static void object(joint_subject_fit *s, apsm_fit_verdict verdict, const char *f
     APSM_PRINTF(3, 4);
 static void object(joint_subject_fit *s, apsm_fit_verdict verdict, const char *format, ...)
 {
-    if (verdict <= s->verdict) return;
     va_list args;
     va_start(args, format);
-    s->verdict = verdict;
-    vsnprintf(s->reason, sizeof s->reason, format, args);
+    fit_worsen(&s->verdict, s->reason, verdict, format, args);
     va_end(args);
 }
 
@@ -391,37 +390,20 @@ static apsm_status match_parts(apsm_context *ctx, fitting *f)
     return APSM_OK;
 }
 
-static bool has(const char *folder, const char *name)
-{
-    char *path = apsm_path_join(folder, name);
-    const bool there = path && (apsm_file_exists(path) || apsm_is_folder(path));
-    free(path);
-    return there;
-}
-
 static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
 {
-    static const char *const made[] = { "particles", "meshes" };
-    const bool ours = has(o->folder, JOINT_FIT_JSON);
-    if (has(o->folder, "manifest.json") || has(o->folder, "project.swproj"))
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: is a model folder; give fits a folder of their own", o->folder);
-    if (ours && !o->overwrite)
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: holds fits already; give another folder, or --overwrite", o->folder);
-    for (size_t k = 0; k < 3; k++) {
-        const char *name = k < 2 ? made[k] : JOINT_FIT_CSV;
-        if (has(o->folder, name) && !ours)
-            return apsm_fail(ctx, APSM_ERR_STATE,
-                             "%s: holds %s that no finished fit has left; give another folder",
-                             o->folder, name);
-        if (k == 2) break;
-        char *path = apsm_path_join(o->folder, name);
-        const apsm_status status = path ? apsm_make_folder(ctx, path) : APSM_ERR_MEMORY;
-        free(path);
-        APSM_TRY(status);
-    }
-    return APSM_OK;
+    static const char *const files[] = { JOINT_FIT_CSV };
+    static const char *const folders[] = { "particles", "meshes" };
+    const fit_folder f = { .path = o->folder,
+                           .what = "fits",
+                           .maker = "fit",
+                           .marker = JOINT_FIT_JSON,
+                           .files = 1,
+                           .file = files,
+                           .folders = 2,
+                           .folder = folders,
+                           .overwrite = o->overwrite };
+    return fit_folder_claim(ctx, &f);
 }
 
 /* --parts of the model's own making, unless they were its project's domains or are given. */

@@ -60,6 +60,9 @@ apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);
 
+/* *holds: whether the folder has a file or folder of that name.  APSM_ERR_MEMORY: not known. */
+apsm_status apsm_folder_holds(const char *folder, const char *name, bool *holds) APSM_NODISCARD;
+
 apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes) APSM_NODISCARD;
 
 /* All return malloc'ed text, NULL only if out of memory. */

@@ -20,6 +20,15 @@ bool apsm_file_exists(const char *path)
     return stat(path, &info) == 0 && !S_ISDIR(info.st_mode);
 }
 
+apsm_status apsm_folder_holds(const char *folder, const char *name, bool *holds)
+{
+    char *path = apsm_path_join(folder, name);
+    if (!path) return APSM_ERR_MEMORY;
+    *holds = apsm_file_exists(path) || apsm_is_folder(path);
+    free(path);
+    return APSM_OK;
+}
+
 apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes)
 {
     struct stat info;

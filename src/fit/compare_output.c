@@ -6,17 +6,10 @@
 #include "apsm/formats.h"
 #include "files/files.h"
 #include "fit/compare.h"
+#include "fit/fit_folder.h"
 #include "geometry/affine.h"
 #include "geometry/bvh.h"
 #include "geometry/vec3.h"
-
-static bool has(const char *folder, const char *name)
-{
-    char *path = apsm_path_join(folder, name);
-    const bool there = path && apsm_file_exists(path);
-    free(path);
-    return there;
-}
 
 /* A compare.json of ours stands for all three. */
 static apsm_status check_ours(apsm_context *ctx, const char *folder)
@@ -34,22 +27,16 @@ static apsm_status check_ours(apsm_context *ctx, const char *folder)
 apsm_status compare_check_folder(apsm_context *ctx, const apsm_compare_settings *o)
 {
     static const char *const name[] = { COMPARE_JSON, COMPARE_CSV, COMPARE_PLY };
-    const bool done = has(o->folder, COMPARE_JSON);
-    if (has(o->folder, "project.swproj") || has(o->folder, "manifest.json"))
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: is a model folder; give the comparison a folder of its own",
-                         o->folder);
-    for (size_t k = 0; k < sizeof name / sizeof *name; k++) {
-        if (!has(o->folder, name[k])) continue;
-        if (!done)
-            return apsm_fail(ctx, APSM_ERR_STATE,
-                             "%s: holds a %s that no comparison has left; give another folder",
-                             o->folder, name[k]);
-        if (!o->overwrite)
-            return apsm_fail(ctx, APSM_ERR_STATE,
-                             "%s: holds a comparison already; give another folder, or --overwrite",
-                             o->folder);
-    }
+    const fit_folder f = { .path = o->folder,
+                           .what = "a comparison",
+                           .maker = "comparison",
+                           .marker = COMPARE_JSON,
+                           .files = 3,
+                           .file = name,
+                           .overwrite = o->overwrite };
+    bool done;
+    APSM_TRY(fit_folder_claim(ctx, &f));
+    APSM_TRY(apsm_folder_holds(o->folder, COMPARE_JSON, &done));
     return done ? check_ours(ctx, o->folder) : APSM_OK;
 }
 

@@ -7,50 +7,19 @@
 #include <string.h>
 
 #include "fit/parts.h"
-#include "geometry/vec3.h"
 #include "groom/common_ends.h"
 #include "groom/groom.h"
 
 enum { ROUNDS = 3 };
 static const double least_share = 0.02; /* of the surface: less beyond the planes is no matter */
 
-/* The template's flat ends as planes in the frame of a shape with the pose M: n.(M x) <= d. */
-static size_t planes_of(const apsm_fit_model *m, const double M[16],
-                        double plane[APSM_MOST_CUTS][4])
+/* The template's flat ends, in the world. */
+static apsm_common_ends ends_of(const apsm_fit_model *m)
 {
-    for (size_t k = 0; k < m->cloud.cuts; k++) {
-        const double *n = m->cloud.cut[k];
-        double p[3] = { 0 }, d = n[3];
-        for (size_t r = 0; r < 3; r++) {
-            d -= n[r] * M[4 * r + 3];
-            for (size_t c = 0; c < 3; c++) p[c] += n[r] * M[4 * r + c];
-        }
-        const double scale = vec3_normalise(p);
-        memcpy(plane[k], p, sizeof p);
-        plane[k][3] = d / scale;
-    }
-    return m->cloud.cuts;
-}
-
-/* Share of the surface, by whole faces, that lies beyond one of the planes. */
-static double share_beyond(const apsm_mesh *mesh, size_t n, double plane[APSM_MOST_CUTS][4])
-{
-    double beyond = 0, all = 0;
-    for (size_t f = 0; f < mesh->nf; f++) {
-        double x[3] = { 0 }, normal[3];
-        const double *corner[3];
-        for (size_t c = 0; c < 3; c++) {
-            corner[c] = mesh->V + 3 * (size_t)mesh->F[3 * f + c];
-            vec3_add_scaled(x, 1.0 / 3, corner[c]);
-        }
-        vec3_triangle(corner[0], corner[1], corner[2], normal);
-        const double area = vec3_norm(normal);
-        bool out = false;
-        for (size_t k = 0; k < n; k++) out |= vec3_dot(plane[k], x) > plane[k][3];
-        all += area;
-        beyond += out ? area : 0;
-    }
-    return all > 0 ? beyond / all : 0;
+    apsm_common_ends ends = { .n = m->cloud.cuts };
+    for (size_t k = 0; k < ends.n; k++)
+        memcpy(ends.end[k].plane, m->cloud.cut[k], sizeof ends.end[k].plane);
+    return ends;
 }
 
 /* The pose of what is left; the hand stays. */
@@ -73,14 +42,15 @@ apsm_status fit_crop(apsm_context *ctx, fit_job *job, const apsm_mesh *given)
 {
     const apsm_fit_model *m = job->m;
     const apsm_groom_options options = m->options.groom;
-    double S[16], plane[APSM_MOST_CUTS][4], before = 0;
+    const apsm_common_ends ends = ends_of(m);
+    double S[16], plane[APSM_MOST_ENDS][4], before = 0;
     memcpy(S, job->pose.M, sizeof S);
     for (int r = 0; m->cropped && r < ROUNDS; r++) {
         apsm_mesh cropped = { 0 };
-        const size_t n = planes_of(m, S, plane);
-        const double share = share_beyond(given, n, plane);
+        const double share = apsm_common_ends_loss(given, S, &ends);
         if (share < least_share || fabs(share - before) < least_share / 4) break;
-        APSM_TRY(apsm_crop_mesh(ctx, job->name, given, n, (const double(*)[4])plane, &options,
+        apsm_common_ends_planes(&ends, S, plane);
+        APSM_TRY(apsm_crop_mesh(ctx, job->name, given, ends.n, (const double(*)[4])plane, &options,
                                 &cropped));
         apsm_mesh_free(&job->out->cropped);
         job->out->cropped = cropped;

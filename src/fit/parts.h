@@ -2,6 +2,8 @@
 #ifndef APSM_FIT_PARTS_H
 #define APSM_FIT_PARTS_H
 
+#include <stdarg.h>
+
 #include "fit/fit_model.h"
 #include "fit/pose.h"
 
@@ -42,6 +44,9 @@ apsm_status fit_certify(fit_job *job) APSM_NODISCARD;
 
 /* The verdict so far worsens to this, with a reason unless a worse one is known. */
 void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...) APSM_PRINTF(3, 4);
+/* The same for a verdict and reason that stand elsewhere. */
+void fit_worsen(apsm_fit_verdict *worst, char reason[APSM_FIT_REASON], apsm_fit_verdict verdict,
+                const char *format, va_list args);
 /* What size and pose say, before particles are looked for. */
 void fit_judge_pose(fit_job *job);
 /* What can be said of a part. */

@@ -5,6 +5,7 @@
 
 #include "apsm/particles.h"
 #include "files/files.h"
+#include "fit/fit_folder.h"
 #include "fit/outputs.h"
 #include "fit/reading.h"
 #include "landmarks/landmark_file.h"
@@ -155,41 +156,20 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
 
 /* ---- the folder ---- */
 
-static bool has(const char *folder, const char *name)
-{
-    char *path = apsm_path_join(folder, name);
-    const bool there = path && (apsm_file_exists(path) || apsm_is_folder(path));
-    free(path);
-    return there;
-}
-
 static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
 {
-    static const char *const part[] = { "particles", "meshes", "shapes" };
-    if (has(o->folder, "project.swproj") || has(o->folder, "manifest.json"))
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: is a model folder; give fits a folder of their own", o->folder);
-    if (has(o->folder, FIT_JSON) && !o->overwrite)
-        return apsm_fail(ctx, APSM_ERR_STATE,
-                         "%s: holds fits already; give another folder, or --overwrite", o->folder);
-    static const char *const ours[] = { FIT_CSV, "report.html" };
-    for (size_t k = 0; k < 2; k++)
-        if (has(o->folder, ours[k]) && !has(o->folder, FIT_JSON))
-            return apsm_fail(ctx, APSM_ERR_STATE,
-                             "%s: holds a %s that no fit has left; give another folder", o->folder,
-                             ours[k]);
-    for (size_t k = 0; k < 3; k++) {
-        if (has(o->folder, part[k]) && !has(o->folder, FIT_JSON) && !o->overwrite)
-            return apsm_fail(ctx, APSM_ERR_STATE,
-                             "%s: holds %s that no finished fit has left; give another folder, or "
-                             "--overwrite",
-                             o->folder, part[k]);
-        char *path = apsm_path_join(o->folder, part[k]);
-        const apsm_status status = path ? apsm_make_folder(ctx, path) : APSM_ERR_MEMORY;
-        free(path);
-        APSM_TRY(status);
-    }
-    return APSM_OK;
+    static const char *const files[] = { FIT_CSV, "report.html" };
+    static const char *const folders[] = { "particles", "meshes", "shapes" };
+    const fit_folder f = { .path = o->folder,
+                           .what = "fits",
+                           .maker = "fit",
+                           .marker = FIT_JSON,
+                           .files = 2,
+                           .file = files,
+                           .folders = 3,
+                           .folder = folders,
+                           .overwrite = o->overwrite };
+    return fit_folder_claim(ctx, &f);
 }
 
 /* ---- which inputs ---- */

@@ -25,13 +25,19 @@ const char *apsm_fit_verdict_text(apsm_fit_verdict verdict)
     return text[verdict];
 }
 
+void fit_worsen(apsm_fit_verdict *worst, char reason[APSM_FIT_REASON], apsm_fit_verdict verdict,
+                const char *format, va_list args)
+{
+    if (verdict <= *worst) return;
+    *worst = verdict;
+    vsnprintf(reason, APSM_FIT_REASON, format, args);
+}
+
 void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...)
 {
-    if (verdict <= out->verdict) return;
     va_list args;
     va_start(args, format);
-    out->verdict = verdict;
-    vsnprintf(out->reason, sizeof out->reason, format, args);
+    fit_worsen(&out->verdict, out->reason, verdict, format, args);
     va_end(args);
 }
 

@@ -111,6 +111,22 @@ double apsm_common_ends_loss(const apsm_mesh *mesh, const double M[16],
     return lost / all;
 }
 
+void apsm_common_ends_planes(const apsm_common_ends *ends, const double M[16],
+                             double plane[APSM_MOST_ENDS][4])
+{
+    for (size_t k = 0; k < ends->n; k++) {
+        const double *n = ends->end[k].plane;
+        double m[3] = { 0 }, d = n[3];
+        for (size_t r = 0; r < 3; r++) {
+            d -= n[r] * M[4 * r + 3];
+            for (size_t c = 0; c < 3; c++) m[c] += n[r] * M[4 * r + c];
+        }
+        const double scale = vec3_normalise(m);
+        memcpy(plane[k], m, sizeof m);
+        plane[k][3] = d / scale;
+    }
+}
+
 static void find_losses(size_t n, const apsm_mesh *const *meshes, const apsm_alignment *a,
                         apsm_common_ends *ends)
 {

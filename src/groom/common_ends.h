@@ -52,6 +52,11 @@ void apsm_find_common_ends(size_t n, const apsm_mesh *const *meshes,
 double apsm_common_ends_loss(const apsm_mesh *mesh, const double M[16],
                              const apsm_common_ends *ends);
 
+/* plane (ends->n, out): the world's planes in the frame of a shape with the pose M, n.(M x) <= d.
+ */
+void apsm_common_ends_planes(const apsm_common_ends *ends, const double M[16],
+                             double plane[APSM_MOST_ENDS][4]);
+
 /* clipped (owned by the caller, overwritten): what of mesh lies where n.x <= d, open at the plane.
  * O(nf). */
 apsm_status apsm_mesh_clip(const apsm_mesh *mesh, const double plane[4],

@@ -26,29 +26,12 @@ static const char *name_of(const groom_inputs *in, size_t i)
     return in->list.cases[i].name;
 }
 
-/* The world's planes in the frame of a shape: n.(M x) <= d. */
-static void planes_of(const apsm_common_ends *ends, const double M[16],
-                      double plane[APSM_MOST_ENDS][4])
-{
-    for (size_t k = 0; k < ends->n; k++) {
-        const double *n = ends->end[k].plane;
-        double m[3] = { 0 }, d = n[3];
-        for (size_t r = 0; r < 3; r++) {
-            d -= n[r] * M[4 * r + 3];
-            for (size_t c = 0; c < 3; c++) m[c] += n[r] * M[4 * r + c];
-        }
-        const double scale = vec3_normalise(m);
-        memcpy(plane[k], m, sizeof m);
-        plane[k][3] = d / scale;
-    }
-}
-
 static apsm_status crop_task(apsm_context *ctx, size_t i, int worker, void *user)
 {
     const cropping *c = user;
     double plane[APSM_MOST_ENDS][4];
     (void)worker;
-    planes_of(c->ends, c->alignment->sized + 16 * i, plane);
+    apsm_common_ends_planes(c->ends, c->alignment->sized + 16 * i, plane);
     c->status[i] = apsm_crop_mesh(ctx, c->in->list.cases[i].path, &c->in->mesh[i], c->ends->n,
                                   (const double(*)[4])plane, &c->in->options, &c->mesh[i]);
     if (c->status[i] == APSM_OK) return APSM_OK;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "apsm/formats.h"
+#include "files/project_columns.h"
 #include "geometry/affine.h"
 #include "groom/align.h"
 #include "model/template_choice.h"
@@ -223,13 +224,8 @@ static apsm_status make_folder(const apsm_run *run, const char *name)
 static apsm_status describe_reflection(const groom_work *w, size_t i, apsm_subject *s)
 {
     char text[16 * APSM_NUMBER_LENGTH];
-    size_t used = 0;
     if (!w->in.reflected[i]) return apsm_subject_set_column(s, "reflection", NULL);
-    for (int k = 0; k < 16; k++) {
-        char number[APSM_NUMBER_LENGTH];
-        apsm_format_number(w->in.reflection[i][k], number);
-        used += (size_t)snprintf(text + used, sizeof text - used, "%s%s", k ? " " : "", number);
-    }
+    apsm_transform_text(w->in.reflection[i], text);
     return apsm_subject_set_column(s, "reflection", text);
 }
 

@@ -7,6 +7,7 @@
 
 #include "apsm/fit.h"
 #include "apsm/formats.h"
+#include "files/project_columns.h"
 #include "geometry/affine.h"
 #include "run/features.h"
 #include "run/groom_inputs.h"
@@ -205,13 +206,8 @@ static apsm_status write_groomed(adding *a, size_t i)
 static apsm_status describe_reflection(const adding *a, size_t i, apsm_subject *s)
 {
     char text[16 * APSM_NUMBER_LENGTH];
-    size_t used = 0;
     if (!a->in.reflected[i]) return APSM_OK;
-    for (int k = 0; k < 16; k++) {
-        char number[APSM_NUMBER_LENGTH];
-        apsm_format_number(a->in.reflection[i][k], number);
-        used += (size_t)snprintf(text + used, sizeof text - used, "%s%s", k ? " " : "", number);
-    }
+    apsm_transform_text(a->in.reflection[i], text);
     return apsm_subject_set_column(s, "reflection", text);
 }
 

@@ -11,15 +11,6 @@ char *results_folder(const char *model_folder, const char *out)
     return out ? strdup(out) : apsm_path_join(model_folder, "statistics");
 }
 
-static apsm_status look(const char *folder, const char *name, bool *there)
-{
-    char *path = apsm_path_join(folder, name);
-    if (!path) return APSM_ERR_MEMORY;
-    *there = apsm_file_exists(path) || apsm_is_folder(path);
-    free(path);
-    return APSM_OK;
-}
-
 /* What cannot be read as JSON is not ours; want of memory is told. */
 static apsm_status read_format(apsm_context *ctx, const char *path, const char *format, bool *ours)
 {
@@ -56,10 +47,10 @@ apsm_status results_claim(apsm_context *ctx, const char *folder, const char *jso
                           const char *format, size_t n, const char *const *others)
 {
     bool there;
-    APSM_TRY(look(folder, json, &there));
+    APSM_TRY(apsm_folder_holds(folder, json, &there));
     if (there) return claim_json(ctx, folder, json, format);
     for (size_t k = 0; k < n; k++) {
-        APSM_TRY(look(folder, others[k], &there));
+        APSM_TRY(apsm_folder_holds(folder, others[k], &there));
         if (there) return refuse(ctx, folder, others[k]);
     }
     return APSM_OK;

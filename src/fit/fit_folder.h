@@ -1,0 +1,29 @@
+/* fit_folder.h -- the folder that a verb of this room writes into: made, if nothing of anybody
+ * else's would be replaced. */
+#ifndef APSM_FIT_FIT_FOLDER_H
+#define APSM_FIT_FIT_FOLDER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "apsm/context.h"
+
+/* All borrowed. */
+typedef struct fit_folder {
+    const char *path;
+    const char *what;   /* "fits": what is in it when it is whole, */
+    const char *maker;  /* "fit": and what makes one */
+    const char *marker; /* the file that is written last, and says that the rest is ours */
+    size_t files;
+    const char *const *file; /* others: without the marker they are somebody's */
+    size_t folders;
+    const char *const *folder; /* made here; without the marker they may be of a call that did not
+                                  end, and are taken if asked to overwrite */
+    bool overwrite;
+} fit_folder;
+
+/* APSM_ERR_STATE, with a line, if it is a model folder, holds files that nothing of ours has left,
+ * or is whole and not to be overwritten. */
+apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
+
+#endif
