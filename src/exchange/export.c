@@ -61,6 +61,25 @@ apsm_status exporting_file(exporting *e, char **path, const char *format, ...)
     return status;
 }
 
+apsm_status exporting_table(exporting *e, const char *name, apsm_writer **w)
+{
+    char *path = NULL;
+    apsm_status status = exporting_file(e, &path, "%s", name);
+    if (status == APSM_OK) status = apsm_writer_open(e->ctx, path, w);
+    free(path);
+    return status;
+}
+
+apsm_status exporting_json(exporting *e, const char *name, json_t *root)
+{
+    char *path = NULL;
+    apsm_status status = exporting_file(e, &path, "%s", name);
+    if (status == APSM_OK) status = apsm_json_write(e->ctx, path, root);
+    json_decref(root);
+    free(path);
+    return status;
+}
+
 static apsm_status prepare_file(const exporting *e)
 {
     const char *path = e->settings->path;

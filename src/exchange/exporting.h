@@ -21,6 +21,10 @@ typedef struct exporting {
 apsm_status exporting_file(exporting *e, char **path, const char *format, ...) APSM_NODISCARD
     APSM_PRINTF(3, 4);
 
+/* A table of that name, opened; and a JSON file (root is taken over; NULL: out of memory). */
+apsm_status exporting_table(exporting *e, const char *name, apsm_writer **w) APSM_NODISCARD;
+apsm_status exporting_json(exporting *e, const char *name, struct json_t *root) APSM_NODISCARD;
+
 /* Each writes what its format holds. */
 apsm_status export_meshes(exporting *e) APSM_NODISCARD;
 apsm_status export_scene(exporting *e) APSM_NODISCARD; /* of the meshes that are there */

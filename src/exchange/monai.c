@@ -19,7 +19,6 @@ static apsm_status write_surface(exporting *e, const apsm_shape_model *pca)
 static apsm_status write_components(exporting *e, const apsm_shape_model *pca, double *share)
 {
     const size_t modes = e->modes < pca->modes ? e->modes : pca->modes;
-    char *path = NULL;
     double all = 0;
     for (size_t k = 0; k < pca->modes; k++) all += pca->variance[k];
     for (size_t k = 0; k < modes; k++) share[k] = pca->variance[k] / all;
@@ -27,11 +26,7 @@ static apsm_status write_components(exporting *e, const apsm_shape_model *pca, d
         json_pack("{s:o, s:o, s:o}", "explained_variance_ratio", apsm_json_vector(modes, share),
                   "eigenvalues", apsm_json_vector(modes, pca->variance), "components",
                   apsm_json_matrix(modes, 3 * pca->J, pca->mode));
-    apsm_status status = exporting_file(e, &path, "pca_model.json");
-    if (status == APSM_OK) status = apsm_json_write(e->ctx, path, root);
-    json_decref(root);
-    free(path);
-    return status;
+    return exporting_json(e, "pca_model.json", root);
 }
 
 apsm_status export_monai(exporting *e)

@@ -8,15 +8,6 @@
 #include "exchange/exporting.h"
 #include "geometry/vec3.h"
 
-static apsm_status open_table(exporting *e, const char *name, apsm_writer **w)
-{
-    char *path = NULL;
-    apsm_status status = exporting_file(e, &path, "%s", name);
-    if (status == APSM_OK) status = apsm_writer_open(e->ctx, path, w);
-    free(path);
-    return status;
-}
-
 static void put_cell(apsm_writer *w, double x)
 {
     apsm_writer_printf(w, ",");
@@ -27,7 +18,7 @@ static apsm_status write_mean(exporting *e)
 {
     const apsm_shape_model *m = &e->dense.folder.model;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "meanShape.csv", &w));
+    APSM_TRY(exporting_table(e, "meanShape.csv", &w));
     apsm_writer_printf(w, ",X,Y,Z\n");
     for (size_t j = 0; j < m->J; j++) {
         apsm_writer_printf(w, "LM %zu", j + 1);
@@ -40,7 +31,7 @@ static apsm_status write_mean(exporting *e)
 static apsm_status write_values(exporting *e)
 {
     apsm_writer *w;
-    APSM_TRY(open_table(e, "eigenvalues.csv", &w));
+    APSM_TRY(exporting_table(e, "eigenvalues.csv", &w));
     for (size_t k = 0; k < e->modes; k++) {
         apsm_writer_printf(w, "PC %zu", k + 1);
         put_cell(w, e->dense.folder.model.variance[k]);
@@ -60,7 +51,7 @@ static apsm_status write_vectors(exporting *e)
 {
     const apsm_shape_model *m = &e->dense.folder.model;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "eigenvector.csv", &w));
+    APSM_TRY(exporting_table(e, "eigenvector.csv", &w));
     put_header(w, "", e->modes);
     for (size_t x = 0; x < 3 * m->J; x++) {
         apsm_writer_printf(w, "LM %zu_%c", x / 3 + 1, "XYZ"[x % 3]);
@@ -74,7 +65,7 @@ static apsm_status write_scores(exporting *e)
 {
     const model_folder *m = &e->dense.folder;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "pcScores.csv", &w));
+    APSM_TRY(exporting_table(e, "pcScores.csv", &w));
     put_header(w, "Sample_name", e->modes);
     for (size_t i = 0; i < m->I; i++) {
         apsm_writer_csv(w, m->names[i]);
@@ -103,7 +94,7 @@ static apsm_status write_shapes(exporting *e)
 {
     const model_folder *m = &e->dense.folder;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "outputData.csv", &w));
+    APSM_TRY(exporting_table(e, "outputData.csv", &w));
     apsm_writer_printf(w, "Sample_name,proc_dist,centroid");
     for (size_t x = 0; x < 3 * m->J; x++)
         apsm_writer_printf(w, ",LM %zu_%c", x / 3 + 1, "XYZ"[x % 3]);
@@ -137,7 +128,6 @@ static apsm_status write_landmarks(exporting *e, json_t *files)
 /* No date, and paths from the folder on: the same model gives the same bytes. */
 static apsm_status write_log(exporting *e, json_t *files)
 {
-    char *path = NULL;
     json_t *log = json_pack("{s:s, s:s, s:s, s:s, s:O, s:s, s:I, s:[], s:[], s:b}", "Date", "",
                             "Time", "", "InputPath", "landmarks", "OutputPath", ".", "Files", files,
                             "LMFormat", ".mrk.json", "NumberLM", (json_int_t)e->dense.folder.J,
@@ -152,11 +142,7 @@ static apsm_status write_log(exporting *e, json_t *files)
                              "https://raw.githubusercontent.com/slicermorph/slicermorph/master/GPA/"
                              "Resources/Schema/GPALog-schema-v1.0.0.json#",
                              "GPALog", log);
-    apsm_status status = exporting_file(e, &path, "analysis.json");
-    if (status == APSM_OK) status = apsm_json_write(e->ctx, path, root);
-    json_decref(root);
-    free(path);
-    return status;
+    return exporting_json(e, "analysis.json", root);
 }
 
 apsm_status export_slicermorph(exporting *e)

@@ -5,15 +5,6 @@
 #include "exchange/exporting.h"
 #include "folder/model_json.h"
 
-static apsm_status open_table(exporting *e, const char *name, apsm_writer **w)
-{
-    char *path = NULL;
-    apsm_status status = exporting_file(e, &path, "%s", name);
-    if (status == APSM_OK) status = apsm_writer_open(e->ctx, path, w);
-    free(path);
-    return status;
-}
-
 /* x (n rows of m), each followed by its own. */
 static void put_row(apsm_writer *w, size_t m, const double *x)
 {
@@ -27,7 +18,7 @@ static void put_row(apsm_writer *w, size_t m, const double *x)
 static apsm_status write_mean(exporting *e)
 {
     apsm_writer *w;
-    APSM_TRY(open_table(e, "mean.csv", &w));
+    APSM_TRY(exporting_table(e, "mean.csv", &w));
     apsm_writer_printf(w, "x,y,z\n");
     for (size_t v = 0; v < e->dense.mean.nv; v++) put_row(w, 3, e->dense.mean.V + 3 * v);
     return apsm_writer_commit(w);
@@ -37,7 +28,7 @@ static apsm_status write_faces(exporting *e)
 {
     const apsm_mesh *mean = &e->dense.mean;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "faces.csv", &w));
+    APSM_TRY(exporting_table(e, "faces.csv", &w));
     apsm_writer_printf(w, "a,b,c\n");
     for (size_t f = 0; f < mean->nf; f++)
         apsm_writer_printf(w, "%u,%u,%u\n", mean->F[3 * f], mean->F[3 * f + 1], mean->F[3 * f + 2]);
@@ -66,7 +57,7 @@ static apsm_status write_modes(exporting *e)
     double *Y = malloc((e->modes * n + 1) * sizeof *Y);
     if (!Y) return apsm_fail(e->ctx, APSM_ERR_MEMORY, "out of memory; give fewer --modes");
     for (size_t k = 0; k < e->modes; k++) dense_model_mode(&e->dense, k, Y + k * n);
-    apsm_status status = open_table(e, "modes.csv", &w);
+    apsm_status status = exporting_table(e, "modes.csv", &w);
     if (status == APSM_OK) {
         put_modes(w, e, Y);
         status = apsm_writer_commit(w);
@@ -80,7 +71,7 @@ static apsm_status write_variances(exporting *e)
     const apsm_shape_model *m = &e->dense.folder.model;
     double all = 0;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "variances.csv", &w));
+    APSM_TRY(exporting_table(e, "variances.csv", &w));
     apsm_writer_printf(w, "mode,variance,share\n");
     for (size_t k = 0; k < m->modes; k++) all += m->variance[k];
     for (size_t k = 0; k < e->modes; k++) {
@@ -94,7 +85,7 @@ static apsm_status write_particles(exporting *e)
 {
     const model_folder *m = &e->dense.folder;
     apsm_writer *w;
-    APSM_TRY(open_table(e, "particles.csv", &w));
+    APSM_TRY(exporting_table(e, "particles.csv", &w));
     apsm_writer_printf(w, "name");
     for (size_t j = 0; j < m->J; j++) apsm_writer_printf(w, ",x_%zu,y_%zu,z_%zu", j, j, j);
     apsm_writer_printf(w, "\n");

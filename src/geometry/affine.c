@@ -228,3 +228,14 @@ void apsm_affine_fit(size_t n, const double *x, const double *y, const double *w
         M[4 * r + 3] = my[r] - vec3_dot(M + 4 * r, mx);
     }
 }
+
+void apsm_principal_axes(size_t n, const double *x, double c[3], double V[9])
+{
+    double C[9] = { 0 }, U[9], s[3];
+    c[0] = c[1] = c[2] = 0.0;
+    for (size_t k = 0; k < 3 * n; k++) c[k % 3] += x[k] / (double)n;
+    for (size_t k = 0; k < n; k++)
+        for (size_t a = 0; a < 9; a++)
+            C[a] += (x[3 * k + a / 3] - c[a / 3]) * (x[3 * k + a % 3] - c[a % 3]);
+    apsm_svd3(C, U, s, V);
+}

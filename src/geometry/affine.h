@@ -26,6 +26,10 @@ void apsm_affine_apply_normals(const double M[16], size_t n, const double *x, do
 void apsm_affine_fit(size_t n, const double *x, const double *y, const double *w, int scale,
                      double M[16]);
 
+/* Centre c of n points x (n x 3), and as columns of V the principal axes of their second moments
+ * about it, by decreasing variance. */
+void apsm_principal_axes(size_t n, const double *x, double c[3], double V[9]);
+
 /* SVD of a 3 x 3 row-major A = U diag(s) V^T, s descending, U and V orthogonal (det may be -1).
  * One-sided Jacobi. */
 void apsm_svd3(const double A[9], double U[9], double s[3], double V[9]);

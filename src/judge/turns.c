@@ -42,13 +42,8 @@ static void cube_turn(size_t k, double S[9])
 /* Centre c and principal axes A (rows) of n points. */
 static void frame(size_t n, const double *x, double c[3], double A[9])
 {
-    double C[9] = { 0 }, U[9], s[3], V[9];
-    c[0] = c[1] = c[2] = 0.0;
-    for (size_t k = 0; k < 3 * n; k++) c[k % 3] += x[k] / (double)n;
-    for (size_t k = 0; k < n; k++)
-        for (size_t a = 0; a < 9; a++)
-            C[a] += (x[3 * k + a / 3] - c[a / 3]) * (x[3 * k + a % 3] - c[a % 3]);
-    apsm_svd3(C, U, s, V);
+    double V[9];
+    apsm_principal_axes(n, x, c, V);
     for (size_t a = 0; a < 9; a++) A[a] = V[3 * (a % 3) + a / 3];
 }
 

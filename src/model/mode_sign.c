@@ -12,23 +12,11 @@
 
 #include "geometry/affine.h"
 
-/* Columns of V: principal axes of the points about c. */
-static void principal_axes(size_t J, const double *x, double c[3], double V[9])
-{
-    double C[9] = { 0 }, U[9], s[3];
-    c[0] = c[1] = c[2] = 0.0;
-    for (size_t k = 0; k < 3 * J; k++) c[k % 3] += x[k] / (double)J;
-    for (size_t j = 0; j < J; j++)
-        for (size_t a = 0; a < 9; a++)
-            C[a] += (x[3 * j + a / 3] - c[a / 3]) * (x[3 * j + a % 3] - c[a % 3]);
-    apsm_svd3(C, U, s, V);
-}
-
 void apsm_mode_changes(size_t J, const double *mean, const double *mode, double tiny,
                        double change[APSM_MODE_CHANGES])
 {
     double c[3], V[9], size2[APSM_MODE_CHANGES] = { 0 };
-    principal_axes(J, mean, c, V);
+    apsm_principal_axes(J, mean, c, V);
     for (size_t a = 0; a < APSM_MODE_CHANGES; a++) change[a] = 0.0;
     for (size_t j = 0; j < J; j++)
         for (size_t a = 0; a < 3; a++) {

@@ -120,7 +120,8 @@ static apsm_status run_fold(apsm_context *ctx, size_t f, int worker, void *user)
 
 /* Share of pairs that are in the right order, and its variance by DeLong: of each shape the share
  * of the other group that it is on the right side of. */
-static void judge(size_t N, const size_t *group, const double *score, apsm_classification *r)
+void apsm_judge_scores(size_t N, const size_t *group, const double *score, double threshold,
+                       apsm_classification *r)
 {
     double n[2] = { 0, 0 }, right[2] = { 0, 0 }, sum[2] = { 0, 0 }, square[2] = { 0, 0 };
     for (size_t i = 0; i < N; i++) n[group[i]]++;
@@ -135,7 +136,7 @@ static void judge(size_t N, const size_t *group, const double *score, apsm_class
         wins /= n[1 - g];
         sum[g] += wins;
         square[g] += wins * wins;
-        right[g] += g == 1 ? score[i] > 0 : score[i] <= 0;
+        right[g] += g == 1 ? score[i] > threshold : score[i] <= threshold;
     }
     r->auc = sum[1] / n[1];
     r->accuracy = 0.5 * (right[0] / n[0] + right[1] / n[1]);
@@ -163,7 +164,7 @@ apsm_status apsm_classify(apsm_context *ctx, size_t N, size_t J, const double *P
     memset(score, 0, N * sizeof *score);
     deal(N, group, result->folds, c.fold);
     const apsm_status status = apsm_parallel_for(ctx, result->folds, run_fold, &c, NULL);
-    if (status == APSM_OK) judge(N, group, score, result);
+    if (status == APSM_OK) apsm_judge_scores(N, group, score, 0, result);
     free(c.fold);
     return status;
 }

@@ -20,4 +20,9 @@ apsm_status apsm_classify(apsm_context *ctx, size_t N, size_t J, const double *P
                           const size_t *group, size_t folds, double *score,
                           apsm_classification *result) APSM_NODISCARD;
 
+/* Accuracy, AUC and its interval of scores (N) that were made without the shapes they are of; those
+ * above the threshold are said to be of group 1.  O(N^2). */
+void apsm_judge_scores(size_t N, const size_t *group, const double *score, double threshold,
+                       apsm_classification *result);
+
 #endif

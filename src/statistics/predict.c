@@ -13,6 +13,7 @@
 #include "folder/model_folder.h"
 #include "folder/names.h"
 #include "model/warp.h"
+#include "statistics/classify.h"
 #include "statistics/particle_files.h"
 #include "statistics/results.h"
 #include "statistics/ridge.h"
@@ -180,17 +181,17 @@ static apsm_status bootstrap(predicting *w)
     return status;
 }
 
-/* Share of pairs of both groups in the right order. */
-static double area_under_curve(const predicting *w)
+/* Area under the ROC curve of two groups, told from 0 and 1. */
+static apsm_status area_under_curve(predicting *w)
 {
-    double right = 0, pairs = 0;
-    for (size_t i = 0; i < w->N; i++)
-        for (size_t k = 0; k < w->N; k++) {
-            if (!(w->y[i] > w->y[k])) continue;
-            pairs++;
-            right += (w->left_out[i] > w->left_out[k]) + 0.5 * (w->left_out[i] == w->left_out[k]);
-        }
-    return pairs > 0 ? right / pairs : NAN;
+    apsm_classification c = { 0 };
+    size_t *group = malloc(w->N * sizeof *group);
+    if (!group) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < w->N; i++) group[i] = w->y[i] > 0.5;
+    apsm_judge_scores(w->N, group, w->left_out, 0.5, &c);
+    free(group);
+    w->auc = c.auc;
+    return APSM_OK;
 }
 
 /* Half width of the interval that holds a new shape's value with 95 % probability, whatever the
@@ -219,9 +220,10 @@ static apsm_status sum_up(predicting *w)
     w->rmse = sqrt(w->rmse);
     w->correlation = a > 0 && b > 0 ? covariance / sqrt(a * b) : NAN;
     w->r2 = share_explained(w->N, w->y, w->left_out, NULL);
-    w->auc = w->of->category ? area_under_curve(w) : NAN;
+    w->auc = NAN;
     w->half = half_width(w, error);
     free(error);
+    if (w->of->category) APSM_TRY(area_under_curve(w));
     return bootstrap(w);
 }
 

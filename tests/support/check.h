@@ -1,4 +1,4 @@
-/* check.h -- comparisons and fixed random points for kernel tests.  Include after cmocka.h. */
+/* check.h -- comparisons and fixed random points for kernel tests. */
 #ifndef APSM_TEST_CHECK_H
 #define APSM_TEST_CHECK_H
 
@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cmocka_all.h"
 #include "core/random.h"
 
 /* A test without memory is no test. */

@@ -5,42 +5,10 @@ import { vertexNormals } from "./data.js";
 import { colourAt, cssGradient, palettes } from "./colors.js";
 import { agreement, colourScatter } from "./charts.js";
 import { saveButton, saveSvg } from "./save.js";
+import { weightsAt } from "./surface.js";
 
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7a1f1f", "#5b3a8c"];
 const pText = (p) => (p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
-
-// ---- from particles to the surface ----
-
-/** Weights of the eight nearest particles at every vertex, falling off with the spacing. */
-function weightsAt(V, P) {
-  const n = V.length / 3, J = P.length / 3, K = Math.min(8, J);
-  const index = new Uint32Array(n * K), weight = new Float32Array(n * K), d2 = new Float64Array(J);
-  const order = new Uint32Array(J);
-  for (let v = 0; v < n; v++) {
-    for (let j = 0; j < J; j++) {
-      const x = V[3 * v] - P[3 * j], y = V[3 * v + 1] - P[3 * j + 1], z = V[3 * v + 2] - P[3 * j + 2];
-      d2[j] = x * x + y * y + z * z;
-      order[j] = j;
-    }
-    for (let k = 0; k < K; k++) { // the K least, in place
-      let best = k;
-      for (let j = k + 1; j < J; j++) if (d2[order[j]] < d2[order[best]]) best = j;
-      [order[k], order[best]] = [order[best], order[k]];
-    }
-    const reach = 0.35 * d2[order[K - 1]] || 1;
-    let sum = 0;
-    for (let k = 0; k < K; k++) sum += weight[v * K + k] = Math.exp(-(d2[order[k]] - d2[order[0]]) / reach);
-    for (let k = 0; k < K; k++) { weight[v * K + k] /= sum; index[v * K + k] = order[k]; }
-  }
-  const spread = (values, width, out) => {
-    out.fill(0);
-    for (let v = 0; v < n; v++)
-      for (let k = 0; k < K; k++)
-        for (let c = 0; c < width; c++) out[v * width + c] += weight[v * K + k] * values[index[v * K + k] * width + c];
-    return out;
-  };
-  return { spread, nearest: (v) => index[v * K] };
-}
 
 // ---- one test ----
 

@@ -2,8 +2,8 @@
 // the mean, how sure that is, and its scores.  All figures come from the fits' own files.
 import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
 import { Packed, vertexNormals } from "./data.js";
-import { cssGradient, palettes } from "./colors.js";
 import * as gl from "./gl.js";
+import { legend, weightsAt } from "./surface.js";
 
 const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
 const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
@@ -18,45 +18,11 @@ export class Fits extends Packed {
   }
 }
 
-/** Weights of the six nearest particles at every vertex. */
-function spreader(V, P) {
-  const n = V.length / 3, J = P.length / 3, K = Math.min(6, J);
-  const index = new Uint32Array(n * K), weight = new Float32Array(n * K);
-  const near = [];
-  for (let v = 0; v < n; v++) {
-    near.length = 0;
-    for (let j = 0; j < J; j++) {
-      const d = (V[3 * v] - P[3 * j]) ** 2 + (V[3 * v + 1] - P[3 * j + 1]) ** 2 + (V[3 * v + 2] - P[3 * j + 2]) ** 2;
-      if (near.length < K || d < near[K - 1][0]) {
-        let at = near.length < K ? near.length : K - 1;
-        while (at > 0 && near[at - 1][0] > d) at--;
-        near.splice(at, 0, [d, j]);
-        if (near.length > K) near.pop();
-      }
-    }
-    const reach = 0.35 * near[K - 1][0] || 1;
-    let sum = 0;
-    near.forEach(([d], k) => (sum += weight[v * K + k] = Math.exp(-(d - near[0][0]) / reach)));
-    near.forEach(([, j], k) => { weight[v * K + k] /= sum; index[v * K + k] = j; });
-  }
-  return (values) => Float32Array.from({ length: n }, (_, v) => {
-    let sum = 0;
-    for (let k = 0; k < K; k++) sum += weight[v * K + k] * values[index[v * K + k]];
-    return sum;
-  });
-}
-
 function differences(model, V) {
   const out = new Float32Array(V.length / 3), { V0, N0 } = model;
   for (let k = 0; k < V.length; k += 3)
     out[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
   return out;
-}
-
-function legend(palette, texts) {
-  const strip = el("div", { class: "strip" });
-  strip.style.background = cssGradient(palettes[palette]);
-  return el("div", { class: "legend" }, strip, el("div", { class: "ends" }, texts.map((t) => el("span", {}, t))));
 }
 
 /** Bars of the scores in standard deviations; the band is where two thirds and 95 % of shapes lie. */
@@ -130,11 +96,12 @@ export function fillFits(model, { radius }) {
   const parts = (k) => {
     if (!made.has(k)) {
       const s = model.shown[k], V = model.array(s.vertices, "warped"), P = s.particles && model.array(s.particles, "positions");
-      const N = vertexNormals(V, model.F), spread = P && spreader(V, P);
+      const N = vertexNormals(V, model.F), at = P && weightsAt(V, P, 6);
       const values = { difference: differences(model, V) };
-      if (spread) {
+      if (at) {
+        const spread = (x) => at.spread(x, 1, new Float32Array(V.length / 3));
         values.deviation = spread(model.array(s.deviation, "distances"));
-        values.observed = spread(Float32Array.from(model.array(s.observed, "integers")));
+        values.observed = spread(model.array(s.observed, "integers"));
       }
       const tint = P && new Float32Array(P.length).fill(0.25);
       const geometry = Object.fromEntries(Object.entries(values).map(([name, value]) => [name, gl.surfaceGeometry(V, model.F, N, value)]));
@@ -199,18 +166,4 @@ export function fillFits(model, { radius }) {
     if (e.key === "n" || e.key === "p") choose((state.chosen + (e.key === "n" ? 1 : -1) + rows.length) % rows.length);
   });
   return { state, choose };
-}
-
-/** Where all shapes lie. */
-export function stageOf(model) {
-  const V = model.V0, c = [0, 0, 0];
-  for (let k = 0; k < V.length; k++) c[k % 3] += (3 * V[k]) / V.length;
-  let r = 0, xx = 0, xy = 0, yy = 0;
-  for (let k = 0; k < V.length; k += 3) {
-    const x = V[k] - c[0], y = V[k + 1] - c[1];
-    r = Math.max(r, Math.hypot(x, y, V[k + 2] - c[2]));
-    xx += x * x; xy += x * y; yy += y * y;
-  }
-  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
-  return { centre: c, radius: 1.02 * r, yaw: angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25 };
 }

@@ -1,7 +1,7 @@
 // Fills the page: one function a part of the report.
 import { byId, checkbox, choice, el, percent, plural, show, table } from "./dom.js";
 import { Model, median, normalsAt, outliers, readPage, vertexNormals } from "./data.js";
-import { cssGradient, palettes, particleColours } from "./colors.js";
+import { particleColours } from "./colors.js";
 import * as gl from "./gl.js";
 import { curve, histogram, scatter } from "./charts.js";
 import { fillAnswers } from "./answers.js";
@@ -10,7 +10,8 @@ import { length, setUnit, unitKnown, unitNote } from "./units.js";
 import { copyText, fileName, saveCsv, saveSvg, saveButton, saveTools } from "./save.js";
 import { modeBasis } from "./modes.js";
 import { readLink, writeLink } from "./link.js";
-import { Fits, fillFits, stageOf } from "./fits.js";
+import { Fits, fillFits } from "./fits.js";
+import { legend, stageOf } from "./surface.js";
 
 const state = {
   chosen: 0, // shape
@@ -109,12 +110,6 @@ function chooseShape(i, { go = false } = {}) {
   state.chosen = i;
   refresh.shape.forEach((f) => f());
   if (go) byId("fidelity").scrollIntoView({ behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "auto" : "smooth" });
-}
-
-function legend(palette, texts) {
-  const strip = el("div", { class: "strip" });
-  strip.style.background = cssGradient(palettes[palette]);
-  return el("div", { class: "legend" }, strip, el("div", { class: "ends" }, texts.map((t) => el("span", {}, t))));
 }
 
 /** Names without what all of them share, for narrow places. */
@@ -739,29 +734,15 @@ function hullOf(clouds, c) {
 
 /** Where all shapes lie, so that every view has the same scale. */
 function setStage() {
-  const P = model.array(model.mean.particles, "positions"), c = [0, 0, 0];
-  for (let k = 0; k < P.length; k++) c[k % 3] += (3 * P[k]) / P.length;
-  let r = 0;
-  const widen = (X) => {
-    for (let k = 0; k < X.length; k += 3) r = Math.max(r, Math.hypot(X[k] - c[0], X[k + 1] - c[1], X[k + 2] - c[2]));
-  };
-  widen(model.array(model.mean.vertices, "positions"));
-  for (let i = 0; i < model.I; i++) widen(particlesOf(i));
-  // The longest direction in the plane x, y: half the angle of the second moments.
-  let xx = 0, xy = 0, yy = 0;
-  for (let k = 0; k < P.length; k += 3) {
-    const x = P[k] - c[0], y = P[k + 1] - c[1];
-    xx += x * x; xy += x * y; yy += y * y;
-  }
-  const angle = 0.5 * Math.atan2(2 * xy, xx - yy);
   const clouds = [model.array(model.mean.vertices, "positions"), ...model.shapes.map((_, i) => particlesOf(i))];
-  gl.setStage(c, r, angle + (angle < -Math.PI / 4 ? Math.PI : 0) + 0.25, hullOf(clouds, c), model.axes);
-  return r;
+  const { centre, radius, yaw } = stageOf(model.array(model.mean.particles, "positions"), clouds);
+  gl.setStage(centre, radius, yaw, hullOf(clouds, centre), model.axes);
+  return radius;
 }
 
 function startFits(fits) {
   byId("link").hidden = true;
-  const stage = stageOf(fits);
+  const stage = stageOf(fits.V0, [fits.V0]);
   gl.setStage(stage.centre, stage.radius, stage.yaw);
   tryGraphics();
   const page = fillFits(fits, { radius: 0.02 * stage.radius });
