@@ -230,7 +230,6 @@ static apsm_status fit_part(apsm_context *ctx, const fitting *f, size_t d, const
     apsm_fit_options o = f->o->options;
     APSM_TRY(fit_read_surface(ctx, &f->reading[d], c, &mesh, &o.extent));
     o.hand = c->reflect ? APSM_HAND_OTHER : hand;
-    o.aligned = false;
     const apsm_status status = apsm_fit_surface(ctx, f->m.part[d], c->path, &mesh, &o, fit);
     apsm_mesh_free(&mesh);
     return status;
@@ -424,13 +423,17 @@ static apsm_status open_fitting(apsm_context *ctx, fitting *f, const char *parts
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a joint model; landmarks alone are fitted by models of one part",
                          o->model);
+    if (o->options.aligned)
+        return apsm_fail(
+            ctx, APSM_ERR_UNSUPPORTED,
+            "--aligned: the parts of a joint are searched for one by one; leave it out");
     js->parts = parts_of(&f->m, parts);
     js->run.folder = o->model;
     js->run.n_inputs = o->n_inputs;
     js->run.inputs = o->inputs;
-    const char *const keys[] = { "exclude", "reflect_match" };
-    const char *const values[] = { o->exclude, o->reflect_match };
-    for (size_t k = 0; k < 2; k++) {
+    const char *const keys[] = { "exclude", "reflect_match", "labels" };
+    const char *const values[] = { o->exclude, o->reflect_match, o->labels };
+    for (size_t k = 0; k < 3; k++) {
         if (!values[k] || !*values[k]) continue;
         set[js->run.n_set][0] = keys[k];
         set[js->run.n_set++][1] = values[k];
@@ -478,7 +481,7 @@ apsm_status apsm_joint_fit(apsm_context *ctx, const apsm_fit_settings *settings,
         return apsm_fail(ctx, APSM_ERR_ARG, "apsm_joint_fit: an argument is NULL");
     fitting f = { .o = settings };
     apsm_joint_settings js = { 0 };
-    const char *set[2][2];
+    const char *set[3][2];
     *totals = (apsm_fit_totals){ 0 };
     apsm_status status = open_fitting(ctx, &f, parts, &js, set);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, f.job.subjects, fit_subject, &f, "fit");

@@ -118,6 +118,11 @@ off=$(paste f1/particles/n1_ball_original.particles f3/particles/n1_ball_origina
 awk -v d="$off" 'BEGIN { exit !(d < 30) }' || fail "the completed ball is $off away" # the cohort's swing by 50
 "$apsm" fit fitted new -o f1 --quiet >said 2>&1 && fail "fits were replaced"
 "$apsm" fit fitted new -o fitted --quiet >said 2>&1 && fail "fits went into a model"
+said=$("$apsm" fit fitted new -o f4 --aligned 2>&1) && fail "--aligned was dropped"
+grep -q -- '--aligned: the parts' <<<"$said" || fail "aligned joints: $said"
+said=$("$apsm" fit fitted new -o f4 --parts cup=1,ball=2 --label 3 2>&1) && fail "--label was dropped"
+grep -q 'the parts are labels' <<<"$said" || fail "labels twice: $said"
+[ -e f4 ] && fail "a refused fit made a folder"
 said=$("$apsm" fit fitted new -o f4 --parts cop=_cup,ball=_ball 2>&1) && fail "a part that is none"
 grep -q "has no part 'cop'" <<<"$said" || fail "wrong part: $said"
 

@@ -172,6 +172,10 @@ grep -q '"cropped":' bones/a/manifest.json || fail "the manifest does not tell w
 expect 0 "" run bones/shapes -o bones/b "${quick[@]}" --threads 4 --memory 64M
 same_particles bones/a bones/b "cropped, threads and --memory"
 diff -rq bones/a/groomed bones/b/groomed || fail "cropped meshes depend on threads or --memory"
+# New bones are cropped as those of the model were, and not refused for their length.
+expect 0 "refused: 0; failed: 0" fit bones/a bones/shapes -o bones/fits
+[ "$(grep -c '"cropped_share": 0\.[0-9]' bones/fits/fit.json)" -ge 2 ] || fail "new bones are not cropped"
+rm -r bones/fits
 expect 0 "" groom bones/shapes -o bones/b "${quick[@]}" --cuts keep --overwrite
 grep -q "cropped" said && fail "--cuts keep says that it crops"
 grep -qE '"cropped": 0*\.0*[1-9]' bones/b/manifest.json && fail "--cuts keep crops"

@@ -14,9 +14,9 @@ export function paintScale(flat, { width, height, density, ink, perPixel }) {
   flat.moveTo(x, y - tick); flat.lineTo(x, y); flat.lineTo(x + w, y); flat.lineTo(x + w, y - tick);
   flat.stroke();
   flat.font = font(density);
-  flat.textAlign = "center";
+  flat.textAlign = "right"; // a long label stays in the view
   flat.textBaseline = "bottom";
-  flat.fillText(`${Number(bar.toPrecision(2))}${unitKnown() ? unitTail() : " (unit not known)"}`, x + w / 2, y - tick);
+  flat.fillText(`${Number(bar.toPrecision(2))}${unitKnown() ? unitTail() : " (unit not known)"}`, x + w, y - tick);
 }
 
 const LETTERS = [["L", "R"], ["P", "A"], ["S", "I"]];
