@@ -110,6 +110,11 @@ diff -r f1 f2 >/dev/null || fail "threads change fits of joints"
     fail "hands of new joints: $(cut -d, -f1-4 f1/joint_fit.csv)"
 awk -v a="$(cell f1/joint_fit.csv n1 mahalanobis)" -v b="$(cell f1/joint_fit.csv n2 mahalanobis)" \
     'BEGIN { exit !(a > 0 && (a - b) ^ 2 < 0.04) }' || fail "the mirror image fits otherwise: $(cut -d, -f1-8 f1/joint_fit.csv)"
+centre() { awk '{ for (k = 1; k <= 3; k++) c[k] += $k } END { print c[1] / NR, c[2] / NR, c[3] / NR }' "$1"; }
+for part in cup ball; do # in the frames of the inputs, where n2 is the mirror image of n1
+    echo "$(centre f1/particles/n1_${part}_original.particles) $(centre f1/particles/n2_${part}_original.particles)" |
+        awk '{ exit !(($1 + $4)^2 + ($2 - $5)^2 + ($3 - $6)^2 < 1) }' || fail "the mirrored $part does not lie where its input is"
+done
 "$apsm" fit fitted alone -o f3 --quiet >said 2>&1 || fail "fit of one part: $(tail -n 2 said)"
 grep -q '"verdict": "missing"' f3/joint_fit.json || fail "nothing said of the missing ball"
 [ "$(wc -l <f3/particles/n1_ball_original.particles)" -eq 32 ] || fail "the missing ball is not completed"

@@ -109,6 +109,8 @@ awk -v s="$share" 'BEGIN { exit !(s > 0.5) }' || fail "what the shape shows is n
 want=$(awk -F, '$2 == "left out" { d = $3 - $4; r += d * d; s += $3; q += $3 * $3; n++ }
     END { print 1 - r / (q - s * s / n) }' p1/reach_prediction.csv)
 awk -v g="$share" -v w="$want" 'BEGIN { d = g - w; exit !(d * d < 1e-8) }' || fail "share $share is not $want"
+awk -F, 'NR == FNR { known[$1] = $2; next } $2 == "left out" { n++; d = known[$1] - $3; if (d * d > 1e-12) bad = 1 }
+    END { exit bad || n < 8 }' reach.csv p1/reach_prediction.csv || fail "values of other subjects: $(cat p1/reach_prediction.csv)"
 refuse_file() {
     mkdir -p theirs && echo mine >"theirs/$1"
     shift
