@@ -1,29 +1,6 @@
 #!/bin/bash
 # Contours as shapes.  $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-expect() { # expect CODE WORDS ARGUMENT...
-    local code=$1 words=$2
-    shift 2
-    timeout 60 "$apsm" "$@" >said 2>&1 </dev/null
-    local got=$?
-    if [ $got -ne "$code" ]; then
-        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
-    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
-        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
-    fi
-}
+. "$(dirname "$0")/head.sh"
 
 mkdir in
 for i in 0 1 2 3 4; do "$synthetic" supershape in/s$i.vtk index $i count 5 || exit 1; done

@@ -1,27 +1,6 @@
 #!/bin/bash
 # apsm import and warp from outside.  $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-# expect CODE WORDS ARGUMENT...
-expect() {
-    local code=$1 words=$2
-    shift 2
-    "$apsm" "$@" >said 2>&1
-    local got=$?
-    [ $got -eq "$code" ] || fail "$*: exit code $got, not $code: $(cat said)"
-    grep -qF -- "$words" said || fail "$* does not say '$words': $(cat said)"
-}
+. "$(dirname "$0")/head.sh"
 
 # far FILE FILE: largest difference of numbers in the same places.
 far() {

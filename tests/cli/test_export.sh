@@ -1,19 +1,8 @@
 #!/bin/bash
 # apsm export --to: every format, read by other readers than ours where they are installed.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-readers=$(cd "$(dirname "$0")" && pwd)/read_exports.py
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
+readers=$here/read_exports.py
 
 # export CODE WORDS ARGUMENT...
 export_() {

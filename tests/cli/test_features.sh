@@ -1,32 +1,10 @@
 #!/bin/bash
 # Features: fields of the surface that must correspond, and are sampled at the particles.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
+. "$(dirname "$0")/head.sh"
+limit=120
 quick=(-J 48 --faces 900 --align none --stage1-epochs 2 --stage2-epochs 3 --fidelity-rounds 6
     --specificity-samples 10 --other-templates 0 --threads 2 --template e0)
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-expect() { # expect CODE WORDS ARGUMENT...
-    local code=$1 words=$2
-    shift 2
-    timeout 120 "$apsm" "$@" >said 2>&1 </dev/null
-    local got=$?
-    if [ $got -ne "$code" ]; then
-        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
-    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
-        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
-    fi
-}
 
 # Equal ellipsoids, on which a warm patch sits elsewhere.
 mkdir in bare

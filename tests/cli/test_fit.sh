@@ -1,17 +1,6 @@
 #!/bin/bash
 # apsm fit and export from outside.  $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
 
 # fit CODE WORDS ARGUMENT...
 fit() {

@@ -1,17 +1,7 @@
 #!/bin/bash
 # A joint of two balls-and-sockets of known pose: two parts a subject, one of them mirrored in half of the
 # subjects, one subject without a part.  $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
 run() { "$apsm" run --quiet "$@" >said 2>&1 || fail "run $*: $(tail -n 2 said)"; }
 refuse() { # CODE WORDS ARGUMENT...
     local code=$1 words=$2 said

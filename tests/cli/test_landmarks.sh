@@ -1,33 +1,10 @@
 #!/bin/bash
 # Landmarks: they judge what they had no part in, align, and draw the correspondence to them.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-here=$(cd "$(dirname "$0")" && pwd)
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
+. "$(dirname "$0")/head.sh"
+limit=120
 quick=(-J 32 --faces 900 --stage1-epochs 2 --stage2-epochs 2 --fidelity-rounds 6 --specificity-samples 10
     --other-templates 0 --threads 2 --template slide_00)
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-expect() { # expect CODE WORDS ARGUMENT...
-    local code=$1 words=$2
-    shift 2
-    timeout 120 "$apsm" "$@" >said 2>&1 </dev/null
-    local got=$?
-    if [ $got -ne "$code" ]; then
-        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
-    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
-        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
-    fi
-}
 
 mean() { # mean FOLDER: of the landmarks, in thousandths
     sed -n '/"landmarks": {/,/"judged"/s/.*"mean": \([0-9.e-]*\),.*/\1/p' "$1/evaluation.json" |

@@ -1,18 +1,7 @@
 #!/bin/bash
 # What people type and what their files hold: answered in one plain line, in time.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
 
 # expect CODE WORDS ARGUMENT...: exit code, and words in what the program says (both streams).
 expect() {

@@ -1,34 +1,9 @@
 #!/bin/bash
 # Nothing that a project says is lost: every key and column is used, kept, or refused by name.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-here=$(cd "$(dirname "$0")" && pwd)
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
+. "$(dirname "$0")/head.sh"
 quick=(-J 16 --faces 200 --stage1-epochs 2 --stage2-epochs 2 --fidelity-rounds 2
     --specificity-samples 10 --threads 2)
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-# expect CODE WORDS ARGUMENT...: exit code, and words in what the program says (both streams).
-expect() {
-    local code=$1 words=$2
-    shift 2
-    timeout 60 "$apsm" "$@" >said 2>&1 </dev/null
-    local got=$?
-    if [ $got -ne "$code" ]; then
-        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
-    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
-        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
-    fi
-}
 
 # has FILE WORDS...: each is in it.
 has() {

@@ -1,16 +1,6 @@
 #!/bin/bash
 # From a cohort with a planted difference to its answer.  $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
 refuse_verb() { # VERB CODE WORDS ARGUMENT...
     local verb=$1 code=$2 words=$3 said
     shift 3

@@ -1,18 +1,7 @@
 #!/bin/bash
 # apsm verify tells every disagreement between a model folder, its inputs and its manifest.
 # $1 is the program, $2 make_synthetic.
-set -u
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
-trap 'rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
+. "$(dirname "$0")/head.sh"
 
 # verify CODE WORDS [FOLDER]: exit code, and words in what is said (both streams).
 verify() {
