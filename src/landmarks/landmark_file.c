@@ -183,15 +183,21 @@ static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list
     return status;
 }
 
-apsm_status landmark_list_read(apsm_context *ctx, const char *path, landmark_list *l)
+/* A list without points is none; nothing is left of one that could not be read. */
+static apsm_status finish(apsm_context *ctx, const char *path, apsm_status status, landmark_list *l)
 {
-    *l = (landmark_list){ 0 };
-    apsm_status status =
-        ends_in(path, ".mrk.json") ? read_markups(ctx, path, l) : read_table(ctx, path, l);
     if (status == APSM_OK && l->n == 0)
         status = apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds no points", path);
     if (status != APSM_OK) landmark_list_free(l);
     return status;
+}
+
+apsm_status landmark_list_read(apsm_context *ctx, const char *path, landmark_list *l)
+{
+    *l = (landmark_list){ 0 };
+    const apsm_status status =
+        ends_in(path, ".mrk.json") ? read_markups(ctx, path, l) : read_table(ctx, path, l);
+    return finish(ctx, path, status, l);
 }
 
 /* ---- points without names ---- */
@@ -229,10 +235,7 @@ apsm_status landmark_list_read_plain(apsm_context *ctx, const char *path, size_t
         status = add_plain(ctx, path, number, at, l->n < n ? names[l->n] : own, l);
     }
     free(text);
-    if (status == APSM_OK && l->n == 0)
-        status = apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds no points", path);
-    if (status != APSM_OK) landmark_list_free(l);
-    return status;
+    return finish(ctx, path, status, l);
 }
 
 /* ---- writing ---- */
