@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <time.h>
 
+#include "align/align.h"
 #include "core/random.h"
 #include "geometry/affine.h"
-#include "groom/align.h"
 #include "shapes.h"
 
 static double wall_seconds(void)

@@ -1,7 +1,7 @@
 /* Geodesic neighbourhoods of all particles (up to twice the closest) and a pass of Algorithm 1,
  * with every particle in its place and with one in 16 up to 2 h off: bench_neighbourhoods [J ...].
  * Limit: the vertices within those radii at the rate of one search over the whole surface. */
-#include "optimize/geodesic_correspondence.h"
+#include "correspond/geodesic_correspondence.h"
 #include "surface_scene.h"
 
 typedef struct bench {

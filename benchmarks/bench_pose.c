@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "apsm/formats.h"
 #include "core/random.h"
 #include "geometry/affine.h"
-#include "groom/align.h"
 #include "input/input.h"
 
 enum { POINTS = 400 };

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <time.h>
 
-#include "optimize/psm.h"
+#include "psm/psm.h"
 #include "synthetic.h"
 
 enum { I = 8, LEVEL = 4 };

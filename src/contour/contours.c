@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "groom/align.h"
 
 enum { N = CONTOUR_POINTS, ROUNDS = 4 };
 

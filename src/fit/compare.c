@@ -7,13 +7,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "evaluate/surface_distance.h"
 #include "files/files.h"
 #include "fit/compare.h"
 #include "fit/model_file.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "groom/align.h"
 #include "model/subspaces.h"
 
 enum { POINTS = 1000, FOLDS = 10 };

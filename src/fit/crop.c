@@ -1,4 +1,4 @@
-/* A model of shapes that were cropped to what all of them hold (groom/common_ends.h) knows nothing
+/* A model of shapes that were cropped to what all of them hold (align/common_ends.h) knows nothing
  * of what lies beyond: a new shape that is longer is cropped at the same places, which are the flat
  * ends of the template.  As for the cohort, the planes are laid in the shape with its size made the
  * template's, and the pose is then that of what is left. */
@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/common_ends.h"
 #include "fit/parts.h"
-#include "groom/common_ends.h"
 #include "groom/groom.h"
 
 enum { ROUNDS = 3 };

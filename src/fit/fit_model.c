@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/icp.h"
 #include "fit/pose.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "groom/icp.h"
 #include "optimize/fidelity_shape.h"
 
 const double fit_placing = 0.1;

@@ -3,10 +3,10 @@
 #ifndef APSM_FIT_FIT_MODEL_H
 #define APSM_FIT_FIT_MODEL_H
 
+#include "align/align.h"
+#include "align/registration.h"
 #include "apsm/fit.h"
 #include "fit/posterior.h"
-#include "groom/align.h"
-#include "groom/registration.h"
 #include "initialize/cohort.h"
 #include "model/shape_model.h"
 #include "optimize/fidelity.h"

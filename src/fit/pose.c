@@ -1,4 +1,4 @@
-/* As src/groom/align.c does for the shapes of a cohort: search with size removed, on a sample;
+/* As src/align/align.c does for the shapes of a cohort: search with size removed, on a sample;
  * where the cohort came in one orientation, the pose near that if it fits about as well; then
  * registration to rest on all vertices (13). */
 #include "fit/pose.h"
@@ -7,9 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/icp.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "groom/icp.h"
 
 enum { ROUGH_POINTS = 150, RESTING = 12 };
 static const double rough = 1e-3, at_rest = 1e-6;

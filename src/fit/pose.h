@@ -1,5 +1,5 @@
 /* pose.h -- where a new shape lies in the model's world: the search and registration of grooming
- * (groom/align.h) against the model's template. */
+ * (align/align.h) against the model's template. */
 #ifndef APSM_FIT_POSE_H
 #define APSM_FIT_POSE_H
 

@@ -5,9 +5,9 @@
 #include <stdarg.h>
 #include <stdio.h>
 
+#include "correspond/certificate.h"
 #include "fit/parts.h"
 #include "fit/tail.h"
-#include "optimize/certificate.h"
 
 static const double other_size = 1.35;      /* beyond the cohort's sizes by this factor */
 static const double pose_refused = 0.25;    /* of the radius: another shape altogether */

@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "correspond/certificate.h"
 #include "fit/parts.h"
 #include "geometry/vec3.h"
 #include "initialize/projection.h"
-#include "optimize/certificate.h"
 #include "optimize/fidelity_shape.h"
 
 /* Template and shape as a cohort of two, and a view of the model's stage on it. */

@@ -3,9 +3,9 @@
 #ifndef APSM_PROJECTION_H
 #define APSM_PROJECTION_H
 
+#include "align/registration.h"
 #include "core/option.h"
 #include "geometry/bvh.h"
-#include "groom/registration.h"
 
 #ifdef __cplusplus
 extern "C" {

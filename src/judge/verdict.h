@@ -8,7 +8,7 @@
 enum { APSM_LEAST_JUDGED = 5 };
 
 /* What is graded.  Of neighbours and surface the certificate of the correspondence tells
- * (optimize/certificate.h). */
+ * (correspond/certificate.h). */
 #define APSM_ASPECT_LIST(X)                                                                        \
     X(APSM_ASPECT_NEIGHBOURS, "neighbours")                                                        \
     X(APSM_ASPECT_SURFACE, "surface")                                                              \

@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
+#include "align/registration.h"
 #include "geometry/bvh.h"
 #include "geometry/vec3.h"
-#include "groom/align.h"
-#include "groom/registration.h"
 #include "initialize/projection.h"
 #include "model/warp.h"
 

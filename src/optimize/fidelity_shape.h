@@ -2,8 +2,8 @@
 #ifndef APSM_OPTIMIZE_FIDELITY_SHAPE_H
 #define APSM_OPTIMIZE_FIDELITY_SHAPE_H
 
+#include "correspond/certificate.h"
 #include "model/warp.h"
-#include "optimize/certificate.h"
 #include "optimize/fidelity.h"
 
 struct apsm_fidelity {

@@ -10,8 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/registration.h"
 #include "geometry/vec3.h"
-#include "groom/registration.h"
 #include "linalg/linalg.h"
 #include "optimize/fidelity_shape.h"
 

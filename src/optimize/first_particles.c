@@ -5,9 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
+#include "align/registration.h"
 #include "core/deal.h"
-#include "groom/align.h"
-#include "groom/registration.h"
 #include "initialize/anchors.h"
 #include "initialize/assignment.h"
 #include "initialize/farthest_point.h"

@@ -2,7 +2,7 @@
 
 #include <stdlib.h>
 
-#include "optimize/geodesic_correspondence.h"
+#include "correspond/geodesic_correspondence.h"
 
 typedef struct pass {
     const apsm_cohort *cohort;

@@ -2,11 +2,11 @@
 #ifndef APSM_OPTIMIZE_OPTIONS_H
 #define APSM_OPTIMIZE_OPTIONS_H
 
+#include "correspond/geodesic_correspondence.h"
 #include "initialize/projection.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/eigenshape_loss.h"
 #include "optimize/fidelity.h"
-#include "optimize/geodesic_correspondence.h"
 #include "optimize/rbf_shape.h"
 #include "optimize/sampling_loss.h"
 #include "optimize/schedule.h"

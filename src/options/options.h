@@ -2,10 +2,10 @@
 #ifndef APSM_OPTIONS_OPTIONS_H
 #define APSM_OPTIONS_OPTIONS_H
 
+#include "align/common_ends.h"
 #include "evaluate/metrics.h"
 #include "files/project.h"
 #include "folder/writing.h"
-#include "groom/common_ends.h"
 #include "groom/groom.h"
 #include "initialize/cohort.h"
 #include "landmarks/landmark_table.h"

@@ -2,9 +2,9 @@
 #ifndef APSM_RUN_CERTIFY_H
 #define APSM_RUN_CERTIFY_H
 
+#include "correspond/certificate.h"
 #include "initialize/cohort.h"
 #include "judge/verdict.h"
-#include "optimize/certificate.h"
 
 struct json_t;
 

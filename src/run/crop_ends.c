@@ -3,9 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/common_ends.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "groom/common_ends.h"
 #include "run/manifest.h"
 
 /* More than this share of its surface no shape gives away. */

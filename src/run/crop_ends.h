@@ -2,7 +2,7 @@
 #ifndef APSM_RUN_CROP_ENDS_H
 #define APSM_RUN_CROP_ENDS_H
 
-#include "groom/align.h"
+#include "align/align.h"
 #include "run/groom_inputs.h"
 
 /* Crops the groomed, aligned meshes to what all of them hold, if they were cut off at different

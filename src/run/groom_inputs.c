@@ -4,11 +4,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "core/deal.h"
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
-#include "groom/align.h"
 #include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"

@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "apsm/formats.h"
 #include "files/project_columns.h"
 #include "geometry/affine.h"
-#include "groom/align.h"
 #include "model/template_choice.h"
 #include "run/compare_inputs.h"
 #include "run/crop_ends.h"

@@ -3,7 +3,7 @@
 #ifndef APSM_RUN_GROOMED_H
 #define APSM_RUN_GROOMED_H
 
-#include "groom/align.h"
+#include "align/align.h"
 #include "run/groom_inputs.h"
 
 struct json_t;

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "optimize/psm.h"
+#include "psm/psm.h"
 #include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"

@@ -5,8 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/landmark_pose.h"
 #include "files/project_columns.h"
-#include "groom/landmark_pose.h"
 #include "initialize/anchors.h"
 #include "run/source.h"
 

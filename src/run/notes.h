@@ -4,7 +4,7 @@
 #ifndef APSM_RUN_NOTES_H
 #define APSM_RUN_NOTES_H
 
-#include "groom/align.h"
+#include "align/align.h"
 
 struct json_t;
 

@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "optimize/particle_search.h"
-#include "optimize/psm.h"
+#include "psm/psm.h"
 #include "run/guard.h"
 #include "run/manifest.h"
 #include "run/session.h"

@@ -5,10 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/cut_region.h"
 #include "files/constraints_file.h"
 #include "files/project_columns.h"
 #include "geometry/affine.h"
-#include "groom/cut_region.h"
 
 /* Carried constraints do not fit if the region misses the surface by more than this, in radii ...
  */

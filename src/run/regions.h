@@ -2,7 +2,7 @@
 #ifndef APSM_RUN_REGIONS_H
 #define APSM_RUN_REGIONS_H
 
-#include "groom/align.h"
+#include "align/align.h"
 #include "run/groom_inputs.h"
 
 /* Reads the constraints of the shapes listed: option constraints, a file or a folder, goes before

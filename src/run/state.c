@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "files/checkpoint_file.h"
-#include "optimize/psm.h"
+#include "psm/psm.h"
 #include "run/landmarks.h"
 #include "run/session.h"
 #include "run/settings.h"

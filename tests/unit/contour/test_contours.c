@@ -3,10 +3,10 @@
 #include <math.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "cmocka_all.h"
 #include "contour/contours.h"
 #include "geometry/affine.h"
-#include "groom/align.h"
 
 enum { I = 6, POINTS = 300, J = 40, N = CONTOUR_POINTS };
 

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "optimize/certificate.h"
+#include "correspond/certificate.h"
 #include "optimize/correspondence_loss.h"
 #include "shapes.h"
 

@@ -1,0 +1,268 @@
+/* Points that stand for a surface: drawn uniformly by area, stratified in the order of the faces,
+ * then thinned by farthest-point selection (Gonzalez, Theor. Comput. Sci. 38, 1985).  Both depend
+ * on areas and distances alone: the points of a moved mesh are the moved points.  Each point's
+ * weight is the share of the drawn points that are closest to it. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "align/align.h"
+#include "align/icp.h"
+#include "core/random.h"
+#include "geometry/affine.h"
+#include "geometry/face.h"
+
+enum {
+    DRAWN = 8, /* points drawn per point kept */
+    MOST_VERTICES = 16384
+};
+
+static void draw_on_face(const apsm_mesh *mesh, size_t f, apsm_random *rng, double x[3])
+{
+    const double r = sqrt(apsm_random_uniform(rng)), t = apsm_random_uniform(rng);
+    const apsm_surface_point p = { .face = (uint32_t)f,
+                                   .weight = { 1.0 - r, r * (1.0 - t), r * t } };
+    apsm_surface_position(mesh, &p, x);
+}
+
+/* One point in each of n equal shares of the area; X is n x 3, face is n. */
+static void draw_points(const apsm_mesh *mesh, double area, size_t n, apsm_random *rng, double *X,
+                        size_t *face)
+{
+    size_t f = 0;
+    double below = 0.0, here = face_area(mesh, 0);
+    for (size_t k = 0; k < n; k++) {
+        const double at = ((double)k + apsm_random_uniform(rng)) / (double)n * area;
+        while (f + 1 < mesh->nf && below + here <= at) {
+            below += here;
+            here = face_area(mesh, ++f);
+        }
+        draw_on_face(mesh, f, rng, X + 3 * k);
+        face[k] = f;
+    }
+}
+
+/* pick: the n of the points X (N x 3) that are farthest from those before, `first` first; owner
+ * (N): which of them each point is closest to.  d2 (N) is scratch. */
+static void pick_farthest(size_t N, const double *X, size_t first, size_t n, size_t *pick,
+                          double *d2, size_t *owner)
+{
+    for (size_t i = 0; i < N; i++) d2[i] = INFINITY;
+    size_t farthest = first;
+    for (size_t k = 0; k < n; k++) {
+        pick[k] = farthest;
+        farthest = 0;
+        for (size_t i = 0; i < N; i++) {
+            const double d = vec3_distance2(X + 3 * i, X + 3 * pick[k]);
+            if (d < d2[i]) {
+                d2[i] = d;
+                owner[i] = k;
+            }
+            if (d2[i] > d2[farthest]) farthest = i;
+        }
+    }
+}
+
+/* The same from the first point, with w: the share of X closest to each. */
+static void thin(size_t N, const double *X, size_t n, size_t *pick, double *w, double *d2,
+                 size_t *owner)
+{
+    pick_farthest(N, X, 0, n, pick, d2, owner);
+    for (size_t k = 0; k < n; k++) w[k] = 0.0;
+    for (size_t i = 0; i < N; i++) w[owner[i]] += 1.0 / (double)N;
+}
+
+/* Turns the principal axes (columns of V, as rows of A) to where the third moment is positive and
+ * makes them right-handed. */
+static void orient_axes(size_t N, const double *X, const double c[3], const double V[9],
+                        double A[9])
+{
+    for (size_t a = 0; a < 2; a++) {
+        double m3 = 0.0;
+        for (size_t b = 0; b < 3; b++) A[3 * a + b] = V[3 * b + a];
+        for (size_t i = 0; i < N; i++) {
+            double x[3];
+            vec3_sub(X + 3 * i, c, x);
+            const double t = vec3_dot(A + 3 * a, x);
+            m3 += t * t * t;
+        }
+        if (m3 < 0.0)
+            for (size_t b = 0; b < 3; b++) A[3 * a + b] = -A[3 * a + b];
+    }
+    vec3_cross(A, A + 3, A + 6);
+}
+
+/* Centre, radius and principal axes of N equally weighted points. */
+static void moments(size_t N, const double *X, apsm_cloud *cloud)
+{
+    double *c = cloud->centre, S[9] = { 0 }, U[9], s[3], V[9];
+    c[0] = c[1] = c[2] = 0.0;
+    for (size_t i = 0; i < 3 * N; i++) c[i % 3] += X[i] / (double)N;
+    for (size_t i = 0; i < N; i++)
+        for (size_t a = 0; a < 3; a++)
+            for (size_t b = 0; b < 3; b++)
+                S[3 * a + b] += (X[3 * i + a] - c[a]) * (X[3 * i + b] - c[b]) / (double)N;
+    cloud->radius = sqrt(S[0] + S[4] + S[8]);
+    apsm_svd3(S, U, s, V);
+    orient_axes(N, X, c, V, cloud->axes);
+}
+
+/* X: 4 N doubles, index: 2 N + n, both scratch. */
+static void sample(const apsm_mesh *mesh, double area, size_t N, apsm_random *rng, double *X,
+                   size_t *index, apsm_cloud *cloud)
+{
+    size_t *face = index, *owner = index + N, *pick = index + 2 * N;
+    draw_points(mesh, area, N, rng, X, face);
+    moments(N, X, cloud);
+    thin(N, X, cloud->n, pick, cloud->w, X + 3 * N, owner);
+    for (size_t k = 0; k < cloud->n; k++) {
+        memcpy(cloud->x + 3 * k, X + 3 * pick[k], 3 * sizeof *cloud->x);
+        face_vector(mesh, face[pick[k]], cloud->normal + 3 * k);
+        vec3_normalise(cloud->normal + 3 * k);
+    }
+}
+
+apsm_status apsm_cloud_sample(const apsm_mesh *mesh, size_t n, uint64_t seed, uint64_t index,
+                              apsm_cloud *cloud)
+{
+    *cloud = (apsm_cloud){ .n = n };
+    if (n < 4) return APSM_ERR_ARG;
+    const double area = apsm_mesh_area(mesh);
+    if (!(area > 0.0) || !isfinite(area)) return APSM_ERR_GEOMETRY;
+    const size_t N = DRAWN * n;
+    double *X = malloc(4 * N * sizeof *X);
+    size_t *scratch = malloc((2 * N + n) * sizeof *scratch);
+    cloud->x = malloc(3 * n * sizeof *cloud->x);
+    cloud->normal = malloc(3 * n * sizeof *cloud->normal);
+    cloud->w = malloc(n * sizeof *cloud->w);
+    const bool enough = X && scratch && cloud->x && cloud->normal && cloud->w;
+    if (enough) {
+        apsm_random rng = apsm_random_stream(seed, APSM_STREAM_ALIGN, index, 0);
+        sample(mesh, area, N, &rng, X, scratch, cloud);
+    } else {
+        apsm_cloud_free(cloud);
+    }
+    free(X);
+    free(scratch);
+    return enough ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static size_t stride(const apsm_mesh *mesh)
+{
+    return (mesh->nv + MOST_VERTICES - 1) / MOST_VERTICES;
+}
+
+size_t apsm_cloud_vertices(const apsm_mesh *mesh)
+{
+    const size_t every = stride(mesh);
+    return every > 0 ? (mesh->nv + every - 1) / every : 0;
+}
+
+apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                   apsm_cloud *cloud)
+{
+    const size_t every = stride(mesh);
+    *cloud = *sample;
+    cloud->n = apsm_cloud_vertices(mesh);
+    cloud->normal = NULL;
+    cloud->x = malloc(3 * cloud->n * sizeof *cloud->x);
+    cloud->w = calloc(cloud->n, sizeof *cloud->w);
+    if (!cloud->x || !cloud->w) {
+        apsm_cloud_free(cloud);
+        return APSM_ERR_MEMORY;
+    }
+    for (size_t k = 0; k < cloud->n; k++)
+        memcpy(cloud->x + 3 * k, mesh->V + 3 * k * every, 3 * sizeof *cloud->x);
+    for (size_t h = 0; h < 3 * mesh->nf; h++)
+        if (mesh->F[h] % every == 0) cloud->w[mesh->F[h] / every] += face_area(mesh, h / 3);
+    return APSM_OK;
+}
+
+/* ---- spread over the vertices ---- */
+
+/* N vertices X (N x 3) with the area w (N) and the sum of face vectors m (N x 3) around each. */
+static void gather_vertices(const apsm_mesh *mesh, size_t N, double *X, double *w, double *m)
+{
+    const size_t every = stride(mesh);
+    memset(w, 0, N * sizeof *w);
+    memset(m, 0, 3 * N * sizeof *m);
+    for (size_t k = 0; k < N; k++) memcpy(X + 3 * k, mesh->V + 3 * k * every, 3 * sizeof *X);
+    for (size_t h = 0; h < 3 * mesh->nf; h++) {
+        double n[3];
+        if (mesh->F[h] % every != 0) continue;
+        face_vector(mesh, h / 3, n);
+        w[mesh->F[h] / every] += vec3_norm(n);
+        vec3_add_scaled(m + 3 * (mesh->F[h] / every), 1.0, n);
+    }
+}
+
+/* Centre and radius of weighted points; the first point to pick is the farthest from the centre. */
+static size_t weighted_moments(size_t N, const double *X, const double *w, apsm_cloud *cloud)
+{
+    double sum = 0.0, d2_sum = 0.0, most = -1.0;
+    size_t farthest = 0;
+    for (size_t k = 0; k < N; k++) {
+        sum += w[k];
+        vec3_add_scaled(cloud->centre, w[k], X + 3 * k);
+    }
+    for (size_t c = 0; c < 3; c++) cloud->centre[c] /= sum;
+    for (size_t k = 0; k < N; k++) {
+        const double d2 = vec3_distance2(X + 3 * k, cloud->centre);
+        d2_sum += w[k] * d2;
+        if (d2 > most) most = d2, farthest = k;
+    }
+    cloud->radius = sqrt(d2_sum / sum);
+    return farthest;
+}
+
+/* X .. d2: as above and scratch (N). */
+static void spread(size_t N, const double *X, const double *w, const double *m, double *d2,
+                   size_t *owner, size_t *pick, apsm_cloud *cloud)
+{
+    double sum = 0.0;
+    const size_t first = weighted_moments(N, X, w, cloud);
+    pick_farthest(N, X, first, cloud->n, pick, d2, owner);
+    memset(cloud->w, 0, cloud->n * sizeof *cloud->w);
+    for (size_t i = 0; i < N; i++) {
+        cloud->w[owner[i]] += w[i];
+        sum += w[i];
+    }
+    for (size_t k = 0; k < cloud->n; k++) {
+        cloud->w[k] /= sum;
+        memcpy(cloud->x + 3 * k, X + 3 * pick[k], 3 * sizeof *cloud->x);
+        memcpy(cloud->normal + 3 * k, m + 3 * pick[k], 3 * sizeof *cloud->normal);
+        vec3_normalise(cloud->normal + 3 * k);
+    }
+}
+
+apsm_status apsm_cloud_spread(const apsm_mesh *mesh, size_t n, apsm_cloud *cloud)
+{
+    const size_t N = apsm_cloud_vertices(mesh);
+    *cloud = (apsm_cloud){ .n = n < N ? n : N };
+    const double area = apsm_mesh_area(mesh);
+    if (!(area > 0.0) || !isfinite(area)) return APSM_ERR_GEOMETRY;
+    double *X = malloc(8 * N * sizeof *X);
+    size_t *index = malloc((N + cloud->n) * sizeof *index);
+    cloud->x = malloc(3 * cloud->n * sizeof *cloud->x);
+    cloud->normal = malloc(3 * cloud->n * sizeof *cloud->normal);
+    cloud->w = malloc(cloud->n * sizeof *cloud->w);
+    const bool enough = X && index && cloud->x && cloud->normal && cloud->w;
+    if (enough) {
+        double *w = X + 3 * N, *m = X + 4 * N, *d2 = X + 7 * N;
+        gather_vertices(mesh, N, X, w, m);
+        spread(N, X, w, m, d2, index, index + N, cloud);
+    } else {
+        apsm_cloud_free(cloud);
+    }
+    free(X);
+    free(index);
+    return enough ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+void apsm_cloud_free(apsm_cloud *cloud)
+{
+    free(cloud->x);
+    free(cloud->normal);
+    free(cloud->w);
+    *cloud = (apsm_cloud){ 0 };
+}

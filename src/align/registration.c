@@ -1,0 +1,406 @@
+/* Non-rigid registration by soft correspondence both ways, under a Gaussian process prior.  Numbers
+ * are those of docs/method.md.
+ *
+ * Lengths are divided by the reference's radius.  y_m, n_m: M points of the reference with normals;
+ * z_k, o_k: points of the shape.  The displacement u of the reference is a Gaussian process
+ *   cov u(y) u(y') = a^2 (1 + y.y') + sum_s a_s^2 exp(-|y - y'|^2 / 2 b_s^2)              (14)
+ * (affine maps, and smooth ones of three reaches), restricted to its largest modes by the points of
+ * a subset C (Nystroem):
+ *   u(y) = sum_k b_k phi_k(y),  phi = K(y, C) Q / sqrt(eigenvalue),  b_k ~ N(0, 1).
+ * In turns, with x_m = y_m + u(y_m), n_m turned along, and sigma falling:
+ *   S_mk = exp(-|x_m - z_k|^2 / 2 sigma^2 - kappa (1 - n_m.o_k))                          (15)
+ *   A_mk = M w_m w_k S_mk / 2 (1 / (e + sum_m w_m S_mk) + 1 / (e + sum_k w_k S_mk))       (16)
+ *   b    = argmin sum_mk A_mk |x_m - z_k|^2 / 2 sigma^2 + |b|^2 / 2                       (17)
+ *
+ * (15) and (17) are coherent point drift (Myronenko & Song 2010) with another prior, with normals,
+ * so that the sides of a sheet stay apart, and annealed instead of estimated; the two terms of (16)
+ * ask that every point of the shape is reached and that every point of the reference arrives: tips
+ * go to tips.  e lets points without a partner go. */
+#include "align/registration.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "core/exp.h"
+#include "core/kernel.h"
+#include "geometry/vec3.h"
+#include "linalg/linalg.h"
+
+enum { CENTRES = 128, SCALES = 3, ROUNDS = 50 };
+
+static const double reach[SCALES] = { 1.0, 0.5, 0.25 };     /* b_s */
+static const double size_of[SCALES] = { 0.12, 0.05, 0.02 }; /* a_s */
+static const double affine_size = 0.3;                      /* a */
+static const double outlier = 0.01;                         /* e, in weights of a point */
+static const double first_sigma = 0.2, last_sigma = 0.5;    /* the last in spacings of the points */
+static const double first_kappa = 2.0, last_kappa = 5.0;
+static const double least_eigenvalue = 1e-5; /* relative to the largest */
+
+struct apsm_registration {
+    size_t M, C, p;
+    double centre[3], radius, spacing;
+    double *y, *n, *w; /* M x 3, M x 3, M */
+    double *B;         /* C x p: from modes to weights of the kernel's centres, y[0..C) */
+    double *Phi;       /* 4M x p: phi_k, then its derivatives along the axes, at every y_m */
+};
+
+void apsm_registration_free(apsm_registration *r)
+{
+    if (!r) return;
+    free(r->y);
+    free(r->n);
+    free(r->w);
+    free(r->B);
+    free(r->Phi);
+    free(r);
+}
+
+/* ---- the prior (14) ---- */
+
+/* k[0]: covariance of y and c; k[1..3]: its derivatives by y. */
+static void covariance(const double y[3], const double c[3], double k[4])
+{
+    const double d2 = vec3_distance2(y, c), a2 = affine_size * affine_size;
+    double slope = 0;
+    k[0] = a2 * (1 + vec3_dot(y, c));
+    for (int s = 0; s < SCALES; s++) {
+        const double b2 = reach[s] * reach[s];
+        const double g = size_of[s] * size_of[s] * apsm_exp(-0.5 * d2 / b2);
+        k[0] += g;
+        slope -= g / b2;
+    }
+    for (int a = 0; a < 3; a++) k[1 + a] = a2 * c[a] + slope * (y[a] - c[a]);
+}
+
+void apsm_registration_covariance(size_t n, const double *y, double *K)
+{
+    for (size_t a = 0; a < n; a++)
+        for (size_t b = 0; b < n; b++) {
+            double k[4];
+            covariance(y + 3 * a, y + 3 * b, k);
+            K[a * n + b] = k[0];
+        }
+}
+
+/* K (4n x C): rows 4m to 4m + 3 belong to y_m. */
+static void covariances(const apsm_registration *r, size_t n, const double *y, double *K)
+{
+    for (size_t m = 0; m < n; m++)
+        for (size_t c = 0; c < r->C; c++) {
+            double k[4];
+            covariance(y + 3 * m, r->y + 3 * c, k);
+            for (size_t a = 0; a < 4; a++) K[(4 * m + a) * r->C + c] = k[a];
+        }
+}
+
+/* B from the eigenvectors of the centres' covariance. */
+static apsm_status find_modes(apsm_registration *r, double *K, double *eigen)
+{
+    const size_t C = r->C;
+    double *value = eigen, *Q = eigen + C;
+    apsm_registration_covariance(C, r->y, K);
+    APSM_TRY(apsm_symmetric_eigen(C, K, value, Q));
+    r->p = 0;
+    while (r->p < C && value[r->p] > least_eigenvalue * value[0]) r->p++;
+    for (size_t c = 0; c < C; c++)
+        for (size_t k = 0; k < r->p; k++) r->B[c * r->p + k] = Q[k * C + c] / sqrt(value[k]);
+    return APSM_OK;
+}
+
+static apsm_status make_prior(apsm_registration *r)
+{
+    const size_t C = r->C, rows = 4 * r->M;
+    double *K = malloc((rows + 1) * C * sizeof *K), *eigen = malloc((C + 1) * C * sizeof *eigen);
+    r->B = malloc(C * C * sizeof *r->B);
+    apsm_status status = K && eigen && r->B ? find_modes(r, K, eigen) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        r->Phi = malloc(rows * r->p * sizeof *r->Phi);
+        status = r->Phi ? APSM_OK : APSM_ERR_MEMORY;
+    }
+    if (status == APSM_OK) {
+        covariances(r, r->M, r->y, K);
+        apsm_gemm(0, 0, rows, r->p, C, 1, K, C, r->B, r->p, 0, r->Phi, r->p);
+    }
+    free(K);
+    free(eigen);
+    return status;
+}
+
+/* ---- the reference ---- */
+
+/* To lengths in radii about the reference's centre. */
+static void normalise(const apsm_registration *r, size_t n, const double *x, double *y)
+{
+    for (size_t k = 0; k < 3 * n; k++) y[k] = (x[k] - r->centre[k % 3]) / r->radius;
+}
+
+apsm_status apsm_registration_new(const apsm_cloud *cloud, apsm_registration **registration)
+{
+    *registration = NULL;
+    if (!(cloud->radius > 0)) return APSM_ERR_GEOMETRY;
+    apsm_registration *r = calloc(1, sizeof *r);
+    if (!r) return APSM_ERR_MEMORY;
+    r->M = cloud->n;
+    r->C = cloud->n < CENTRES ? cloud->n : CENTRES;
+    r->radius = cloud->radius;
+    memcpy(r->centre, cloud->centre, sizeof r->centre);
+    r->y = malloc(3 * r->M * sizeof *r->y);
+    r->n = malloc(3 * r->M * sizeof *r->n);
+    r->w = malloc(r->M * sizeof *r->w);
+    apsm_status status = r->y && r->n && r->w ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        normalise(r, r->M, cloud->x, r->y);
+        memcpy(r->n, cloud->normal, 3 * r->M * sizeof *r->n);
+        memcpy(r->w, cloud->w, r->M * sizeof *r->w);
+        r->spacing = vec3_mean_spacing(r->M, r->y);
+        status = make_prior(r);
+    }
+    if (status != APSM_OK) {
+        apsm_registration_free(r);
+        return status;
+    }
+    *registration = r;
+    return APSM_OK;
+}
+
+/* ---- moving points ---- */
+
+/* x <- y + u and n <- the normal there, for u and its derivatives U (4 x 3). */
+static void move_point(const double *U, const double y[3], const double n[3], double x[3],
+                       double turned[3])
+{
+    double F[3][3], cross[3]; /* columns of the map's derivative: F[a] = d x / d y_a */
+    double sum[3] = { 0 };
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c < 3; c++) F[a][c] = (a == c ? 1 : 0) + U[3 * (a + 1) + c];
+    for (int a = 0; a < 3; a++) { /* areas change by the cofactors */
+        vec3_cross(F[(a + 1) % 3], F[(a + 2) % 3], cross);
+        vec3_add_scaled(sum, n[a], cross);
+    }
+    vec3_normalise(sum);
+    for (int c = 0; c < 3; c++) {
+        x[c] = y[c] + U[c];
+        turned[c] = sum[c];
+    }
+}
+
+enum { LANES = 16 };
+
+static size_t padded(size_t n)
+{
+    return (n + LANES - 1) / LANES * LANES;
+}
+
+/* Everything a registration works on.  x, n: where the reference's points are, M of them; in lists
+ * by coordinate (xs, ns, sums) and by point (ws, per_w, arrived, D, rows of S) they are padded to a
+ * whole number of LANES with points of no weight.  The weights of (16) are in single precision:
+ * they say which points attract which, to 1e-6. */
+typedef struct job {
+    const apsm_registration *r;
+    const apsm_cloud *shape;
+    size_t M, K;   /* points of the reference and of the shape */
+    size_t stride; /* M, padded */
+    double sigma, kappa;
+    double *z;                /* K x 3 */
+    double *x, *n, *u;        /* M x 3, M x 3, 4M x 3 */
+    double *target;           /* M x 3 */
+    double *A, *b, *weighted; /* p x p, p x 3, M x p */
+    float *xs, *ns;           /* 3 x M */
+    float *ws, *per_w;        /* M: weights, and one over them */
+    float *S;                 /* K x M */
+    float *reached, *arrived; /* K, M: the sums in (16) */
+    float *D, *sums;          /* M, 3 x M */
+} job;
+
+size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
+{
+    const size_t m = padded(r->M), p = r->p, floats = 13 * m + n * m + padded(n);
+    return 3 * n + 21 * r->M + p * p + 3 * p + r->M * p + floats / 2;
+}
+
+static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
+{
+    const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
+    job j = { .r = r, .shape = shape, .M = M, .K = K, .stride = m };
+    double **const array[] = { &j.z, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p };
+    for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
+        *array[k] = work;
+        work += size[k];
+    }
+    float **const single[] = { &j.xs,      &j.ns,      &j.ws, &j.per_w, &j.S,
+                               &j.reached, &j.arrived, &j.D,  &j.sums };
+    const size_t count[] = { 3 * m, 3 * m, m, m, K * m, padded(K), m, m, 3 * m };
+    float *next = (float *)work;
+    for (size_t k = 0; k < sizeof count / sizeof *count; k++) {
+        *single[k] = next;
+        next += count[k];
+    }
+    memset(j.xs, 0, 3 * m * sizeof *j.xs);
+    memset(j.ns, 0, 3 * m * sizeof *j.ns);
+    for (size_t k = 0; k < m; k++) {
+        j.ws[k] = k < M ? (float)r->w[k] : 0.0f;
+        j.per_w[k] = k < M ? 1.0f / (float)r->w[k] : 0.0f;
+    }
+    return j;
+}
+
+static void move_reference(job *j)
+{
+    const apsm_registration *r = j->r;
+    apsm_gemm(0, 0, 4 * j->M, 3, r->p, 1, r->Phi, r->p, j->b, 3, 0, j->u, 3);
+    for (size_t m = 0; m < j->M; m++) {
+        move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
+        for (size_t c = 0; c < 3; c++) {
+            j->xs[c * j->stride + m] = (float)j->x[3 * m + c];
+            j->ns[c * j->stride + m] = (float)j->n[3 * m + c];
+        }
+    }
+}
+
+/* ---- the two halves of a round ---- */
+
+/* One point of the shape, as the kernels see it. */
+typedef struct shape_point {
+    float z[3], normal[3], weight;
+} shape_point;
+
+static shape_point point_of(const job *j, size_t k)
+{
+    shape_point p = { .weight = (float)j->shape->w[k] };
+    for (size_t c = 0; c < 3; c++) {
+        p.z[c] = (float)j->z[3 * k + c];
+        p.normal[c] = (float)j->shape->normal[3 * k + c];
+    }
+    return p;
+}
+
+/* S (M) <- w_m w_k S_mk, arrived (M) += w_k S_mk; returns sum_m w_m S_mk.  Sums run in LANES, so
+ * that they are the same whatever the processor's registers. */
+APSM_KERNEL static float soft_row(size_t M, const float *restrict x, const float *restrict n,
+                                  const float *restrict w, const float *restrict per_w,
+                                  const shape_point *p, float steep, float kappa, float *restrict S,
+                                  float *restrict arrived)
+{
+    float lane[LANES] = { 0 }, sum = 0;
+    for (size_t m = 0; m < M; m += LANES) {
+#pragma omp simd
+        for (size_t l = 0; l < LANES; l++) {
+            const size_t i = m + l;
+            const float a = x[i] - p->z[0], b = x[M + i] - p->z[1], c = x[2 * M + i] - p->z[2];
+            const float cosine =
+                n[i] * p->normal[0] + n[M + i] * p->normal[1] + n[2 * M + i] * p->normal[2];
+            const float s =
+                w[i] * apsm_expf(-steep * (a * a + b * b + c * c) - kappa * (1.0f - cosine));
+            lane[l] += s;
+            S[i] = p->weight * s;
+            arrived[i] += S[i] * per_w[i];
+        }
+    }
+    for (size_t l = 0; l < LANES; l++) sum += lane[l];
+    return sum;
+}
+
+/* (15) and the sums in (16); S_mk w_m w_k in S. */
+static void match_softly(job *j)
+{
+    const float steep = (float)(0.5 / (j->sigma * j->sigma)), kappa = (float)j->kappa;
+    const float e = (float)(outlier / (double)j->M);
+    for (size_t m = 0; m < j->stride; m++) j->arrived[m] = e;
+    for (size_t k = 0; k < j->K; k++) {
+        const shape_point p = point_of(j, k);
+        j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, kappa,
+                                     j->S + k * j->stride, j->arrived);
+    }
+}
+
+/* D (M) += A_mk, sums (3 x M) += A_mk z_k for one k.  per_arrived: M, over the sums in (16). */
+APSM_KERNEL static void add_row(size_t M, const float *restrict S, float per_reached,
+                                const float *restrict per_arrived, float half, const float z[3],
+                                float *restrict D, float *restrict sums)
+{
+#pragma omp simd
+    for (size_t m = 0; m < M; m++) {
+        const float A = half * S[m] * (per_reached + per_arrived[m]);
+        D[m] += A;
+        sums[m] += A * z[0];
+        sums[M + m] += A * z[1];
+        sums[2 * M + m] += A * z[2];
+    }
+}
+
+/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m).  Overwrites arrived. */
+static void find_targets(job *j)
+{
+    const apsm_registration *r = j->r;
+    const size_t M = j->stride;
+    memset(j->D, 0, M * sizeof *j->D);
+    memset(j->sums, 0, 3 * M * sizeof *j->sums);
+    for (size_t m = 0; m < M; m++) j->arrived[m] = 1.0f / j->arrived[m];
+    for (size_t k = 0; k < j->K; k++) {
+        const shape_point p = point_of(j, k);
+        add_row(M, j->S + k * M, 1.0f / j->reached[k], j->arrived, 0.5f * (float)j->M, p.z, j->D,
+                j->sums);
+    }
+    for (size_t m = 0; m < j->M; m++)
+        for (size_t c = 0; c < 3; c++)
+            j->target[3 * m + c] = (double)j->sums[c * M + m] - (double)j->D[m] * r->y[3 * m + c];
+}
+
+/* (17): (sigma^2 I + Phi' D Phi) b = Phi' target. */
+static apsm_status fit(job *j)
+{
+    const apsm_registration *r = j->r;
+    const size_t p = r->p;
+    for (size_t m = 0; m < j->M; m++) {
+        const double root = sqrt((double)j->D[m]);
+        for (size_t k = 0; k < p; k++) j->weighted[m * p + k] = root * r->Phi[4 * m * p + k];
+    }
+    apsm_syrk(p, j->M, j->weighted, 0, j->A);
+    for (size_t k = 0; k < p; k++) j->A[k * p + k] += j->sigma * j->sigma;
+    apsm_gemm(1, 0, p, 3, j->M, 1, r->Phi, 4 * p, j->target, 3, 0, j->b, 3);
+    APSM_TRY(apsm_cholesky(p, j->A));
+    apsm_cholesky_solve(p, j->A, 3, j->b);
+    return APSM_OK;
+}
+
+/* J points of the reference follow the modes b. */
+static void move_points(const job *j, size_t J, double *X, double *N)
+{
+    const apsm_registration *r = j->r;
+    double *W = j->weighted; /* C x 3 */
+    apsm_gemm(0, 0, r->C, 3, r->p, 1, r->B, r->p, j->b, 3, 0, W, 3);
+    for (size_t i = 0; i < J; i++) {
+        double y[3], n[3], x[3], U[12] = { 0 };
+        normalise(r, 1, X + 3 * i, y);
+        memcpy(n, N + 3 * i, sizeof n);
+        for (size_t c = 0; c < r->C; c++) {
+            double k[4];
+            covariance(y, r->y + 3 * c, k);
+            for (size_t a = 0; a < 4; a++) vec3_add_scaled(U + 3 * a, k[a], W + 3 * c);
+        }
+        move_point(U, y, n, x, N + 3 * i);
+        for (size_t c = 0; c < 3; c++) X[3 * i + c] = r->centre[c] + r->radius * x[c];
+    }
+}
+
+apsm_status apsm_registration_move(const apsm_registration *r, const apsm_cloud *shape, size_t J,
+                                   double *X, double *N, double *work)
+{
+    job j = job_in(r, shape, work);
+    const double end = last_sigma * r->spacing;
+    normalise(r, shape->n, shape->x, j.z);
+    memset(j.b, 0, 3 * r->p * sizeof *j.b);
+    for (int round = 0; round < ROUNDS; round++) {
+        const double t = (double)round / (ROUNDS - 1);
+        j.sigma = first_sigma * pow(end / first_sigma, t);
+        j.kappa = first_kappa + t * (last_kappa - first_kappa);
+        move_reference(&j);
+        match_softly(&j);
+        find_targets(&j);
+        APSM_TRY(fit(&j));
+    }
+    move_points(&j, J, X, N);
+    return APSM_OK;
+}
