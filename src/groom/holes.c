@@ -4,8 +4,8 @@
  * p_i..p_k:  W(i,k) = min over i < m < k of W(i,m) + W(m,k) + area(p_i, p_m, p_k)
  * (Barequet & Sharir, "Filling gaps in the boundary of a polyhedron", 1995): O(n^3) time, O(n^2)
  * memory.  Longer loops first lose corners, always the one whose ear has the shortest base.  A
- * new edge may not join vertices that are joined already: it would get a third face.  The
- * remesher refines what comes out; a bone cut flat gets a flat end. */
+ * new edge may not join vertices that are joined already: it would get a third face.  What
+ * comes out gets vertices of its own (caps.c); a bone cut flat gets a flat end. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -294,8 +294,10 @@ apsm_status repair_holes(repair *r)
             if (t.twin[h] == APSM_NONE) from[m->F[h % 3 == 2 ? h - 2 : h + 1]] = h;
         status = close_loops(r, &t, from, loop, &all);
     }
+    const size_t first = m->nf;
     if (status == APSM_OK) status = append(m, &all);
-    r->report->hole_faces += all.nf;
+    if (status == APSM_OK && all.nf) status = repair_caps(r, first);
+    r->report->hole_faces += m->nf - first;
     apsm_topology_free(&t);
     free(from);
     free(loop);

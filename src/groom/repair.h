@@ -28,6 +28,8 @@ apsm_status repair_orient(repair *r) APSM_NODISCARD;
 apsm_status repair_parts(repair *r) APSM_NODISCARD;
 /* Closes openings. */
 apsm_status repair_holes(repair *r) APSM_NODISCARD;
+/* Gives the caps, which are the faces from `first` on, vertices of their own. */
+apsm_status repair_caps(repair *r, size_t first) APSM_NODISCARD;
 /* Edits away faces without area. */
 apsm_status repair_slivers(repair *r) APSM_NODISCARD;
 

@@ -200,6 +200,34 @@ apsm_status surgery_split(surgery *s, uint32_t h, const double x[3], uint32_t *m
     return APSM_OK;
 }
 
+apsm_status surgery_insert(surgery *s, uint32_t f, const double x[3], uint32_t *made)
+{
+    APSM_TRY(reserve(s, s->nv + 1, s->nf + 2));
+    /* (a,b,c)  ->  (a,b,m), (b,c,m), (c,a,m) */
+    const uint32_t a = s->F[3 * f], b = s->F[3 * f + 1], c = s->F[3 * f + 2];
+    const uint32_t bc = s->twin[3 * f + 1], ca = s->twin[3 * f + 2];
+    const uint32_t m = (uint32_t)s->nv++, f1 = (uint32_t)s->nf, f2 = f1 + 1;
+    s->nf += 2;
+    s->live_f += 2;
+    memcpy(s->V + 3 * m, x, 3 * sizeof *x);
+    s->size[m] = (s->size[a] + s->size[b] + s->size[c]) / 3.0;
+    s->mark[m] = 0;
+    s->F[3 * f + 2] = m;
+    set_face(s, f1, b, c, m);
+    set_face(s, f2, c, a, m);
+    join(s, 3 * f1, bc);
+    join(s, 3 * f2, ca);
+    join(s, 3 * f + 1, 3 * f1 + 2);
+    join(s, 3 * f1 + 1, 3 * f2 + 2);
+    join(s, 3 * f2 + 1, 3 * f + 2);
+    s->out[m] = 3 * f + 2;
+    s->out[a] = 3 * f;
+    s->out[b] = 3 * f1;
+    s->out[c] = 3 * f2;
+    *made = m;
+    return APSM_OK;
+}
+
 void surgery_flip(surgery *s, uint32_t h)
 {
     /* (a,b,c), (b,a,d)  ->  (d,c,a), (c,d,b) */

@@ -97,6 +97,10 @@ bool surgery_joined(const surgery *s, uint32_t a, uint32_t b);
  * Half-edge h becomes (a, new). */
 apsm_status surgery_split(surgery *s, uint32_t h, const double x[3], uint32_t *made) APSM_NODISCARD;
 
+/* Puts a vertex at x into face f; returns it.  As surgery_split. */
+apsm_status surgery_insert(surgery *s, uint32_t f, const double x[3],
+                           uint32_t *made) APSM_NODISCARD;
+
 /* Turns edge h = (a, b) between triangles (a,b,c), (b,a,d) into (d, c).  Only if c and d are not
  * joined and a, b have more than three neighbours. */
 void surgery_flip(surgery *s, uint32_t h);
