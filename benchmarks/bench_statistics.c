@@ -40,7 +40,7 @@ static void parametric(const scene *s, size_t n, const size_t *row, const double
         memcpy(Y + i * s->J * 3, s->Y + row[i] * s->J * 3, s->J * 3 * sizeof *Y);
     }
     bench_must(apsm_design_make(s->ctx, n, 1, Z, 1, T, &design));
-    const apsm_permutation_input in = { &design, Y, s->J, 3, NULL, 1, 0, NULL };
+    const apsm_permutation_input in = { &design, Y, s->J, 3, NULL, 1, 0, NULL, 0, 0 };
     bench_must(apsm_permutation_test(s->ctx, &in, &r));
     for (size_t j = 0; j < s->J; j++) /* F = T^2 (n - 4) / (3 (n - 2)) with 3 and n - 4 */
         p[j] = fit_tail_f(r.statistic[j] * ((double)n - 4) / 3, 3, (double)n - 4);
@@ -116,7 +116,8 @@ static void test_set(const scene *s, const double *group, bool with_covariate, u
         if (with_covariate) Z[i * width + 1] = x[i];
     }
     bench_must(apsm_design_make(s->ctx, N, width, Z, 1, group, &design));
-    const apsm_permutation_input in = { &design, s->Y, s->J, 3, NULL, s->permutations, 6, s->near };
+    const apsm_permutation_input in = { &design,         s->Y, s->J,    3, NULL,
+                                        s->permutations, 6,    s->near, 0, 0 };
     apsm_context_set_seed(s->ctx, set);
     bench_must(apsm_permutation_test(s->ctx, &in, r));
     parametric(s, N, row, group, s->p_parametric);
@@ -138,14 +139,47 @@ static void draw_groups(const scene *s, size_t n1, uint64_t set, double *group)
     }
 }
 
-static void null_sets(scene *s, size_t sets, double share, bool with_covariate, bool peers)
+/* A way of making sets without an effect. */
+typedef struct null_kind {
+    const char *name;
+    double share;        /* of the shapes in the first group */
+    double spread;       /* what deviations of that group from the mean are multiplied with */
+    bool with_covariate; /* size is allowed for */
+} null_kind;
+
+static const null_kind null_kinds[] = {
+    { "half and half", 0.5, 1, false },
+    { "30 % against 70 %", 0.3, 1, false },
+    { "half and half, size allowed for", 0.5, 1, true },
+    { "30 % against 70 %, size allowed for", 0.3, 1, true },
+    { "half and half, one group spread 1.5 times", 0.5, 1.5, false },
+    { "30 % spread 1.5 times", 0.3, 1.5, false },
+    { "70 % spread 1.5 times", 0.7, 1.5, false },
+    { "30 % spread 1.5 times, size allowed for", 0.3, 1.5, true },
+};
+enum { NULL_KINDS = sizeof null_kinds / sizeof *null_kinds };
+
+/* Y <- the shapes, those of the first group with wider deviations from the mean of all. */
+static void spread_group(scene *s, const double *group, double spread)
+{
+    const size_t width = s->J * 3;
+    double *mean = bench_doubles(width);
+    for (size_t k = 0; k < width; k++) mean[k] = 0;
+    for (size_t i = 0; i < s->N * width; i++) mean[i % width] += s->P[i] / (double)s->N;
+    for (size_t i = 0; i < s->N * width; i++)
+        s->Y[i] =
+            group[i / width] > 0 ? mean[i % width] + spread * (s->P[i] - mean[i % width]) : s->P[i];
+    free(mean);
+}
+
+static void null_sets(scene *s, const null_kind *kind, size_t sets, bool peers)
 {
     double *group = bench_doubles(s->N), alarms[RULES] = { 0 };
-    memcpy(s->Y, s->P, s->N * s->J * 3 * sizeof *s->Y);
     for (size_t set = 0; set < sets; set++) {
         apsm_permutation_result r = { 0 };
-        draw_groups(s, (size_t)(share * (double)s->N), set, group);
-        test_set(s, group, with_covariate, set, peers, &r);
+        draw_groups(s, (size_t)(kind->share * (double)s->N), set, group);
+        spread_group(s, group, kind->spread);
+        test_set(s, group, kind->with_covariate, set, peers, &r);
         for (int k = 0; k < RULES; k++) {
             bool any = false;
             for (size_t j = 0; j < s->J; j++) any = any || alarm(s, &r, k, j);
@@ -154,10 +188,10 @@ static void null_sets(scene *s, size_t sets, double share, bool with_covariate, 
         apsm_permutation_result_free(&r);
     }
     for (int k = 0; k < RULES - !peers; k++)
-        printf("{\"null\": \"%.0f %% in a group%s\", \"shapes\": %zu, \"sets\": %zu, \"rule\": "
-               "\"%s\", \"sets_with_an_alarm\": %.4f}\n",
-               100 * share, with_covariate ? ", size allowed for" : "", s->N, sets, rules[k],
-               alarms[k] / (double)sets);
+        printf("{\"null\": \"%s\", \"shapes\": %zu, \"sets\": %zu, \"rule\": \"%s\", "
+               "\"sets_with_an_alarm\": %.4f}\n",
+               kind->name, s->N, sets, rules[k], alarms[k] / (double)sets);
+    fflush(stdout);
     free(group);
 }
 
@@ -214,6 +248,35 @@ static void deviations(scene *s)
     }
 }
 
+/* 10,000 orders of 100 shapes with 1,024 particles and a covariate: noise, and a planted shift. */
+static void time_orders(apsm_context *ctx, double shift, double risk)
+{
+    enum { N = 100, J = 1024 };
+    double *Y = bench_doubles(N * J * 3), Z[2 * N], T[N];
+    uint32_t *near = bench_alloc(J * 6 * sizeof *near);
+    apsm_random rng = apsm_random_stream(1, APSM_STREAM_TEST, 0, 0);
+    for (size_t k = 0; k < N * J * 3; k++) Y[k] = apsm_random_normal(&rng);
+    for (uint32_t k = 0; k < J * 6; k++) near[k] = (k / 6 + k % 6 + 1) % J;
+    for (size_t i = 0; i < N; i++) {
+        Z[2 * i] = 1;
+        Z[2 * i + 1] = apsm_random_normal(&rng);
+        T[i] = i < N / 2;
+        for (size_t k = 0; k < 3 * 40 && i < N / 2; k += 3) Y[i * J * 3 + k] += shift;
+    }
+    apsm_design design = { 0 };
+    apsm_permutation_result r = { 0 };
+    bench_must(apsm_design_make(ctx, N, 2, Z, 1, T, &design));
+    const apsm_permutation_input in = { &design, Y, J, 3, NULL, 10000, 6, near, risk, level };
+    const double start = bench_now();
+    bench_must(apsm_permutation_test(ctx, &in, &r));
+    printf("{\"time\": \"%g sd over 40 particles\", \"stop_risk\": %g, \"orders\": %zu, "
+           "\"cpu_seconds\": %.2f}\n",
+           shift, risk, r.permutations, bench_now() - start);
+    apsm_permutation_result_free(&r);
+    apsm_design_free(&design);
+    free(Y), free(near);
+}
+
 int main(int argc, char **argv)
 {
     const size_t sets = argc > 2 ? strtoul(argv[2], NULL, 10) : 200;
@@ -221,9 +284,12 @@ int main(int argc, char **argv)
     scene s = { .ctx = apsm_context_new(),
                 .permutations = argc > 3 ? strtoul(argv[3], NULL, 10) : 499 };
     if (argc < 2 || !s.ctx) {
-        fprintf(stderr, "usage: bench_statistics MODEL_DIR [SETS PERMUTATIONS]\n");
+        fprintf(stderr, "usage: bench_statistics MODEL_DIR [SETS PERMUTATIONS], or time\n");
         return 2;
     }
+    for (int k = 0; k < 4 && strcmp(argv[1], "time") == 0; k++)
+        time_orders(s.ctx, k < 2 ? 0 : 2, k % 2 ? 0.001 : 0);
+    if (strcmp(argv[1], "time") == 0) return 0;
     if (model_folder_read(s.ctx, argv[1], FOLDER_PARTICLES | FOLDER_EVALUATED, &m) != APSM_OK) {
         fprintf(stderr, "bench_statistics: %s\n", apsm_error_text(s.ctx));
         return 1;
@@ -238,10 +304,8 @@ int main(int argc, char **argv)
     s.near = bench_alloc(s.J * 6 * sizeof *s.near);
     bench_must(apsm_neighbours6(s.J, m.model.mean, s.near));
     deviations(&s);
-    null_sets(&s, sets, 0.5, false, false);
-    null_sets(&s, sets, 0.3, false, false);
-    null_sets(&s, sets, 0.5, true, false);
-    null_sets(&s, sets / 10 + 1, 0.5, false, true);
+    for (size_t k = 0; k < NULL_KINDS; k++) null_sets(&s, &null_kinds[k], sets, false);
+    null_sets(&s, &null_kinds[0], sets / 10 + 1, true);
     planted_sets(&s, sets / 10 + 1, 1.0);
     planted_sets(&s, sets / 10 + 1, 1.5);
     model_folder_free(&m);

@@ -32,7 +32,8 @@ typedef enum cli_verb {
     CLI_IMPORT = 1 << 11,
     CLI_WARP = 1 << 12,
     CLI_PREDICT = 1 << 23,
-    CLI_CERTIFY = 1 << 27
+    CLI_CERTIFY = 1 << 27,
+    CLI_ASYMMETRY = 1 << 28
 } cli_verb;
 
 struct cli_args;
@@ -81,8 +82,8 @@ typedef struct cli_args {
     const char *parts, *align_parts, *shared; /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width;  /* of render, as given; NULL if not */
     const char *hand, *extent;                /* of fit, as given; NULL if not */
-    const char *subjects, *formula, *of, *at, *on, *within, *permutations,
-        *bootstraps;        /* of test */
+    const char *subjects, *formula, *of, *at, *on, *within, *permutations, *bootstraps,
+        *stop_risk;         /* of test */
     const char *landmarks;  /* of fit: the file; NULL if not */
     const char *model;      /* of export: the file; NULL if not */
     const char *modes, *sd; /* of export, as given; NULL if not */

@@ -11,7 +11,8 @@ enum {
     STEPS = CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_OPTIMIZE | CLI_EVALUATE,
     GROOMS = CLI_RUN | CLI_GROOM,
     READS = GROOMS | CLI_CHECK | CLI_FIT,
-    STATISTICS = CLI_TEST | CLI_MEASURE | CLI_NORM | CLI_PREDICT,
+    TESTS = CLI_TEST | CLI_ASYMMETRY,
+    STATISTICS = TESTS | CLI_MEASURE | CLI_NORM | CLI_PREDICT,
     ALL = STEPS | CLI_CHECK | CLI_INFO | CLI_REPORT | CLI_CONVERT | CLI_RENDER | CLI_VERIFY |
           CLI_FIT | CLI_EXPORT | CLI_EXCLUDE | CLI_ADD | STATISTICS | CLI_CERTIFY | CLI_COMPARE |
           CLI_LANDMARKS_VERB | CLI_IMPORT | CLI_WARP
@@ -65,27 +66,33 @@ static const cli_option own[] = {
       "what the shapes depend on, \"~ group + age + group:age\": columns of the table, of the "
       "project, or centroid_size",
       NULL },
-    { "of", 0, CLI_OF, CLI_GROUP_INPUT, CLI_TEST | CLI_PREDICT, "TERM", NULL, NULL,
+    { "of", 0, CLI_OF, CLI_GROUP_INPUT, TESTS | CLI_PREDICT, "TERM", NULL, NULL,
       "the term that is tested, the others being allowed for (default: the first); predict: the "
-      "column",
+      "column; asymmetry: the column of the sides",
       NULL },
     { "at", 0, CLI_AT, CLI_GROUP_INPUT, CLI_PREDICT, "X,Y", NULL, NULL,
       "values of the column for which the shape to be expected is written as a mesh", NULL },
     { "subjects", 0, CLI_SUBJECTS, CLI_GROUP_INPUT, STATISTICS, "FILE", NULL, NULL,
       "table of the subjects (.csv, .tsv): a header, then a line each, first the shape's name",
       NULL },
-    { "on", 0, CLI_ON, CLI_GROUP_INPUT, CLI_TEST, "WORD", NULL, NULL,
+    { "on", 0, CLI_ON, CLI_GROUP_INPUT, TESTS, "WORD", NULL, NULL,
       "form (shape and size), shape (size taken out), size, modes, or a column of numbers such as "
       "a "
       "measurement (default form)",
       NULL },
-    { "within", 0, CLI_WITHIN, CLI_GROUP_INPUT, CLI_TEST, "COLUMN", NULL, NULL,
-      "who was measured repeatedly: compares within each of its levels only", NULL },
-    { "permutations", 0, CLI_PERMUTATIONS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
+    { "within", 0, CLI_WITHIN, CLI_GROUP_INPUT, TESTS, "COLUMN", NULL, NULL,
+      "who was measured repeatedly: compares within each of its levels only; asymmetry: the column "
+      "of the subjects",
+      NULL },
+    { "permutations", 0, CLI_PERMUTATIONS, CLI_GROUP_RUN, TESTS, "N", NULL, NULL,
       "orders of the subjects to go through; all there are, if they are not more (default 10000)",
       NULL },
-    { "bootstraps", 0, CLI_BOOTSTRAPS, CLI_GROUP_RUN, CLI_TEST, "N", NULL, NULL,
+    { "bootstraps", 0, CLI_BOOTSTRAPS, CLI_GROUP_RUN, TESTS, "N", NULL, NULL,
       "draws for the 95 % bands of effects; 0: no bands (default 1000)", NULL },
+    { "stop-risk", 0, CLI_STOP_RISK, CLI_GROUP_RUN, TESTS, "X", NULL, NULL,
+      "end early when it is known which p and q are below 5 %, with at most this probability that "
+      "more orders would say otherwise of any, such as 0.001 (default 0: go through all)",
+      NULL },
     { "landmarks", 0, CLI_LANDMARKS, CLI_GROUP_INPUT, CLI_FIT | GROOMS | CLI_CHECK, "PATH",
       "landmarks", NULL,
       "landmarks of the shapes: a folder with NAME.mrk.json, NAME.fcsv or NAME.csv (name,x,y,z) "
@@ -168,8 +175,8 @@ static const cli_option own[] = {
       NULL },
     { "set", 0, CLI_SET_PAIR, CLI_GROUP_MODEL, STEPS, "KEY=VALUE", NULL, NULL,
       "any option of the method (see --help-all)", NULL },
-    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | CLI_TEST | CLI_NORM | CLI_PREDICT, "N", "seed",
-      NULL, "seed of all random numbers (default 0); the result depends on it, not on the threads",
+    { "seed", 0, CLI_SETS, CLI_GROUP_RUN, STEPS | TESTS | CLI_NORM | CLI_PREDICT, "N", "seed", NULL,
+      "seed of all random numbers (default 0); the result depends on it, not on the threads",
       NULL },
     { "threads", 0, CLI_THREADS, CLI_GROUP_RUN,
       STEPS | CLI_CHECK | CLI_REPORT | CLI_RENDER | CLI_VERIFY | CLI_IMPORT | CLI_WARP | CLI_FIT |

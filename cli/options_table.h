@@ -31,6 +31,7 @@ typedef enum cli_action {
     CLI_WITHIN,
     CLI_PERMUTATIONS,
     CLI_BOOTSTRAPS,
+    CLI_STOP_RISK,
     CLI_EXTENT,
     CLI_LANDMARKS, /* fit: a text of its own; else as CLI_SETS */
     CLI_MODEL,

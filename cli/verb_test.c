@@ -1,6 +1,7 @@
 /* test, measure, landmarks, norm, predict: from a model to answers. */
 #include <stdint.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "apsm/statistics.h"
 #include "files/files.h"
@@ -22,26 +23,51 @@ static apsm_status take_count(apsm_context *ctx, const char *option, const char 
                      text, least, most);
 }
 
-apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+static apsm_status take_risk(apsm_context *ctx, const char *text, double *risk)
+{
+    if (!text) return APSM_OK;
+    if (apsm_parse_number(text, strlen(text), risk) && *risk >= 0 && *risk < 0.5) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG, "--stop-risk '%s': give a probability below 0.5, or 0",
+                     text);
+}
+
+/* What test and asymmetry share. */
+static apsm_status take_settings(apsm_context *ctx, const cli_args *args, apsm_test_settings *s)
 {
     enum { MOST = 10000000 };
-    (void)ui;
     const char *seed = cli_args_get(args, "seed");
+    *s = (apsm_test_settings){ .folder = args->inputs[0],
+                               .subjects = args->subjects,
+                               .formula = args->formula,
+                               .of = args->of,
+                               .out = args->out_dir,
+                               .on = args->on,
+                               .within = args->within };
+    APSM_TRY(take_count(ctx, "permutations", args->permutations, 1, MOST, &s->permutations));
+    APSM_TRY(take_count(ctx, "bootstraps", args->bootstraps, 0, MOST, &s->bootstraps));
+    APSM_TRY(take_risk(ctx, args->stop_risk, &s->stop_risk));
+    if (args->bootstraps && s->bootstraps == 0) s->bootstraps = SIZE_MAX;
+    if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
+    return APSM_OK;
+}
+
+apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    apsm_test_settings settings;
     if (!args->formula)
         return apsm_fail(ctx, APSM_ERR_ARG, "test needs a formula: apsm test %s",
                          args->verb->operands);
-    apsm_test_settings settings = { .folder = args->inputs[0],
-                                    .subjects = args->subjects,
-                                    .formula = args->formula,
-                                    .of = args->of,
-                                    .out = args->out_dir,
-                                    .on = args->on,
-                                    .within = args->within };
-    APSM_TRY(take_count(ctx, "permutations", args->permutations, 1, MOST, &settings.permutations));
-    APSM_TRY(take_count(ctx, "bootstraps", args->bootstraps, 0, MOST, &settings.bootstraps));
-    if (args->bootstraps && settings.bootstraps == 0) settings.bootstraps = SIZE_MAX;
-    if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
+    APSM_TRY(take_settings(ctx, args, &settings));
     return apsm_statistics_test(ctx, &settings);
+}
+
+apsm_status apsm_cli_asymmetry(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    (void)ui;
+    apsm_test_settings settings;
+    APSM_TRY(take_settings(ctx, args, &settings));
+    return apsm_statistics_asymmetry(ctx, &settings);
 }
 
 apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui)

@@ -21,6 +21,7 @@ apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_convert(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_verify(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui);
+apsm_status apsm_cli_asymmetry(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui);
 apsm_status apsm_cli_landmarks(apsm_context *ctx, const cli_args *args, cli_ui *ui);

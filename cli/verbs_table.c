@@ -71,6 +71,15 @@ static const cli_verb_info verbs[] = {
       "statistics/ "
       "in the model folder, or to the folder of -o.",
       .first = "one model folder", .most = 1, .call = apsm_cli_test },
+    { CLI_ASYMMETRY, "asymmetry", "MODEL_DIR --of SIDE --within SUBJECT [--subjects FILE]",
+      "do left and right differ, always or by chance",
+      "Compares left and right of the same subjects (mirrored: run --reflect-match) by Procrustes "
+      "analysis of variance: directional asymmetry, the same in all, by changing sides within "
+      "subjects; and if sides were measured repeatedly fluctuating asymmetry, beyond the error of "
+      "measurement. Tells every subject's amount, as columns for test. Writes asymmetry_ON.json, "
+      "asymmetry_ON_subjects.csv and both tests to statistics/ in the model folder, or to the "
+      "folder of -o.",
+      .first = "one model folder", .most = 1, .call = apsm_cli_asymmetry },
     { CLI_MEASURE, "measure", "MODEL_DIR DEFINITION.json [PARTICLES|FIT...]",
       "distances, angles, diameters, areas of every shape",
       "Evaluates what DEFINITION.json defines once on the template (distance, angle, "

@@ -23,12 +23,22 @@ typedef struct apsm_test_settings {
     const char *within;   /* column whose levels were measured repeatedly; NULL: none */
     size_t permutations;  /* default 10,000; all there are, if they are not more */
     size_t bootstraps;    /* default 1,000; SIZE_MAX: none */
+    double stop_risk;     /* random orders end early when all that is at 5 % is known, at most with
+                             this probability of being wrong; 0 (default): never */
 } apsm_test_settings;
 
 /* Writes OF_ON.json and OF_ON.csv (one line a particle, mode, or the size) and logs what they say.
  * Subjects with unknown values are left out, and counted.  Nothing of the model changes. */
 APSM_API apsm_status apsm_statistics_test(apsm_context *ctx,
                                           const apsm_test_settings *settings) APSM_NODISCARD;
+
+/* Left and right of the same subjects, one side mirrored: directional and fluctuating asymmetry.
+ * settings: of is the column of the sides (two categories), within that of the subjects; formula is
+ * NULL.  Writes asymmetry_ON.json, asymmetry_ON_subjects.csv (a column of each subject's amount,
+ * for further tests), and as apsm_statistics_test asymmetry_directional_ON and, if sides were
+ * measured repeatedly, asymmetry_fluctuating_ON. */
+APSM_API apsm_status apsm_statistics_asymmetry(apsm_context *ctx,
+                                               const apsm_test_settings *settings) APSM_NODISCARD;
 
 /* All borrowed; {0} and the first two are enough. */
 typedef struct apsm_measure_settings {

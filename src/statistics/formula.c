@@ -271,6 +271,11 @@ static apsm_status build(building *b)
 {
     size_t at = 1;
     for (size_t i = 0; i < b->N; i++) b->Z[i * b->r] = 1;
+    if (b->within) {
+        APSM_TRY(code_column(b->within, b->N, b->row, b->x));
+        place(b->N, columns_of(b->within, b->N, b->row), b->x, b->r, at, b->Z);
+        at += columns_of(b->within, b->N, b->row);
+    }
     for (size_t k = 0; k < b->f->n; k++) {
         const apsm_term *term = &b->f->term[k];
         const size_t n = apsm_term_columns(term, b->N, b->row);
@@ -282,9 +287,6 @@ static apsm_status build(building *b)
         place(b->N, n, b->x, b->r, at, b->Z);
         at += n;
     }
-    if (!b->within) return APSM_OK;
-    APSM_TRY(code_column(b->within, b->N, b->row, b->x));
-    place(b->N, columns_of(b->within, b->N, b->row), b->x, b->r, at, b->Z);
     return APSM_OK;
 }
 

@@ -3,7 +3,10 @@
  *   C = Q^T P e,  G = e^T e                    for an order P of the rows
  *   H = C_T^T C_T,  E = G - C^T C              since Y* = Z b + P e has them, whatever b is
  * (Freedman-Lane) so an order costs one product of a q x N by an N x Vw matrix, and G stays.  Q^T P
- * = (P^T Q)^T: rows of Q are dealt out, e stays.  Many orders make one matrix product. */
+ * = (P^T Q)^T: rows of Q are dealt out, e stays.  Many orders make one matrix product.
+ *
+ * Leading columns of Q that are constant within blocks (the intercept, subjects that were measured
+ * repeatedly) have C = 0 in all orders and are left out. */
 #include "statistics/permutation_test.h"
 
 #include <math.h>
@@ -12,15 +15,19 @@
 
 #include "linalg/linalg.h"
 #include "statistics/orders.h"
+#include "statistics/stopping.h"
 #include "statistics/tfce.h"
 
-enum { BATCH = 16, WIDEST = 3 };
+enum { BATCH = 16, ROUND = 512, WIDEST = 3 };
 static const double slack = 1e-9;
 
 typedef struct testing {
     const apsm_permutation_input *in;
     const apsm_design *d;
+    size_t skip, q, r_left; /* columns that are left out; those of the full and the reduced model
+                               that are left */
     apsm_orders orders;
+    size_t done, end; /* orders gone through; where this round ends */
     tfce_graph graph;
     double *e;    /* N x Vw */
     double *G;    /* V x w x w */
@@ -61,7 +68,7 @@ static bool factor(size_t w, double *A, double size)
  * are the variable's; INFINITY where nothing is left. */
 static double lawley_hotelling(const testing *t, size_t v, const double *C, double *h)
 {
-    const size_t w = t->in->w, q = t->d->q, stride = t->in->V * w;
+    const size_t w = t->in->w, q = t->q, stride = t->in->V * w;
     const double *G = t->G + v * w * w;
     double L[WIDEST * WIDEST], sum = 0, size = 0;
     memcpy(L, G, w * w * sizeof *L);
@@ -69,10 +76,10 @@ static double lawley_hotelling(const testing *t, size_t v, const double *C, doub
     for (size_t k = 0; k < q; k++)
         for (size_t a = 0; a < w; a++)
             for (size_t b = 0; b <= a; b++) L[a * w + b] -= C[k * stride + a] * C[k * stride + b];
-    for (size_t k = t->d->r; k < q; k++)
+    for (size_t k = t->r_left; k < q; k++)
         for (size_t a = 0; a < w; a++) *h += C[k * stride + a] * C[k * stride + a];
     if (!factor(w, L, size)) return INFINITY;
-    for (size_t k = t->d->r; k < q; k++) {
+    for (size_t k = t->r_left; k < q; k++) {
         double y[WIDEST];
         for (size_t a = 0; a < w; a++) {
             y[a] = C[k * stride + a];
@@ -88,7 +95,7 @@ static double lawley_hotelling(const testing *t, size_t v, const double *C, doub
 static double taken_by_reduced(const testing *t, const double *C)
 {
     double sum = 0;
-    const size_t n = t->d->r * t->in->V * t->in->w;
+    const size_t n = t->r_left * t->in->V * t->in->w;
     for (size_t k = 0; k < n; k++) sum += C[k] * C[k];
     return sum;
 }
@@ -106,11 +113,12 @@ static double statistics(const testing *t, const double *C, double *statistic)
 /* C of n orders from number `from` on. */
 static void products(apsm_context *ctx, const testing *t, size_t from, size_t n, struct worker *k)
 {
-    const size_t N = t->d->N, q = t->d->q, width = t->in->V * t->in->w;
+    const size_t N = t->d->N, q = t->q, width = t->in->V * t->in->w;
+    const double *Q = t->d->Q + t->skip;
     for (size_t b = 0; b < n; b++) {
         apsm_orders_get(&t->orders, apsm_context_seed(ctx), from + b, k->sigma, k->sigma + N);
         for (size_t i = 0; i < N; i++)
-            for (size_t c = 0; c < q; c++) k->Q[(b * q + c) * N + i] = t->d->Q[k->sigma[i] * q + c];
+            for (size_t c = 0; c < q; c++) k->Q[(b * q + c) * N + i] = Q[k->sigma[i] * t->d->q + c];
     }
     apsm_gemm(0, 0, n * q, width, N, 1, k->Q, N, t->e, width, 0, k->C, width);
 }
@@ -153,11 +161,11 @@ static apsm_status run_batch(apsm_context *ctx, size_t batch, int worker, void *
 {
     const testing *t = user;
     struct worker *k = &t->worker[worker];
-    const size_t from = batch * BATCH, left = t->orders.count - from;
+    const size_t from = t->done + batch * BATCH, left = t->end - from;
     const size_t n = left < BATCH ? left : BATCH;
     products(ctx, t, from, n, k);
     for (size_t b = 0; b < n; b++) {
-        const double ratio = statistics(t, k->C + b * t->d->q * t->in->V * t->in->w, k->statistic);
+        const double ratio = statistics(t, k->C + b * t->q * t->in->V * t->in->w, k->statistic);
         count(t, k, ratio);
     }
     return APSM_OK;
@@ -184,7 +192,8 @@ static apsm_status judge_given(apsm_context *ctx, testing *t)
     apsm_permutation_result *r = t->r;
     struct worker *k = &t->worker[0];
     const size_t w = t->in->w, width = t->in->V * w;
-    apsm_gemm(1, 0, t->d->q, width, t->d->N, 1, t->d->Q, t->d->q, t->e, width, 0, k->C, width);
+    apsm_gemm(1, 0, t->q, width, t->d->N, 1, t->d->Q + t->skip, t->d->q, t->e, width, 0, k->C,
+              width);
     r->ratio = statistics(t, k->C, r->statistic);
     for (size_t v = 0; v < r->V; v++) {
         double h = 0, g = 0;
@@ -203,9 +212,27 @@ static apsm_status judge_given(apsm_context *ctx, testing *t)
 
 /* ---- all ---- */
 
+static bool is_constant_in_blocks(const apsm_design *d, const size_t *block, size_t column)
+{
+    for (size_t i = 1; i < d->N; i++) {
+        size_t first = 0;
+        while (block && block[first] != block[i]) first++;
+        if (d->Q[i * d->q + column] != d->Q[first * d->q + column]) return false;
+    }
+    return true;
+}
+
+static void skip_constant_columns(testing *t)
+{
+    const apsm_design *d = t->d;
+    while (t->skip < d->r && is_constant_in_blocks(d, t->in->block, t->skip)) t->skip++;
+    t->q = d->q - t->skip;
+    t->r_left = d->r - t->skip;
+}
+
 static apsm_status make_workers(apsm_context *ctx, testing *t)
 {
-    const size_t N = t->d->N, q = t->d->q, V = t->in->V, width = V * t->in->w;
+    const size_t N = t->d->N, q = t->q, V = t->in->V, width = V * t->in->w;
     t->workers = (size_t)apsm_context_threads(ctx);
     t->worker = calloc(t->workers, sizeof *t->worker);
     for (size_t k = 0; t->worker && k < t->workers; k++) {
@@ -271,27 +298,87 @@ static void testing_free(testing *t)
     apsm_orders_free(&t->orders);
 }
 
+/* Orders so far that reached the given one. */
+typedef struct counted {
+    size_t ratio, p, familywise, cluster;
+} counted;
+
+static counted sum_of_workers(const testing *t, size_t v)
+{
+    counted sum = { 0 };
+    for (size_t k = 0; k < t->workers; k++) {
+        sum.ratio += t->worker[k].ratio;
+        sum.p += t->worker[k].p[v];
+        sum.familywise += t->worker[k].familywise[v];
+        sum.cluster += t->worker[k].cluster[v];
+    }
+    return sum;
+}
+
 /* Random orders do not have the given one among them: it is counted in. */
 static void settle(testing *t)
 {
     apsm_permutation_result *r = t->r;
     const size_t given = r->exact ? 0 : 1;
     const double n = (double)(r->permutations + given);
-    size_t ratio = given;
-    for (size_t k = 0; k < t->workers; k++) ratio += t->worker[k].ratio;
-    r->p_ratio = (double)ratio / n;
+    r->p_ratio = (double)(sum_of_workers(t, 0).ratio + given) / n;
     r->p_error = r->exact ? 0 : sqrt(r->p_ratio * (1 - r->p_ratio) / n);
     for (size_t v = 0; v < r->V; v++) {
-        size_t p = given, familywise = given, cluster = given;
-        for (size_t k = 0; k < t->workers; k++) {
-            p += t->worker[k].p[v];
-            familywise += t->worker[k].familywise[v];
-            cluster += t->worker[k].cluster[v];
-        }
-        r->p[v] = (double)p / n;
-        r->p_familywise[v] = (double)familywise / n;
-        if (r->p_enhanced) r->p_enhanced[v] = (double)cluster / n;
+        const counted sum = sum_of_workers(t, v);
+        r->p[v] = (double)(sum.p + given) / n;
+        r->p_familywise[v] = (double)(sum.familywise + given) / n;
+        if (r->p_enhanced) r->p_enhanced[v] = (double)(sum.cluster + given) / n;
     }
+}
+
+/* ---- ending early ---- */
+
+/* Whether the side of every figure is known, each with its share of the risk. */
+static apsm_status look(const testing *t, size_t *count, double *work, bool *decided)
+{
+    const apsm_permutation_input *in = t->in;
+    const double risk = in->stop_risk / (double)(3 * in->V + 1);
+    *decided = stopping_is_decided(sum_of_workers(t, 0).ratio, t->done, risk, in->level);
+    for (size_t v = 0; v < in->V && *decided; v++) {
+        const counted sum = sum_of_workers(t, v);
+        count[v] = sum.p;
+        *decided =
+            stopping_is_decided(sum.familywise, t->done, risk, in->level) &&
+            (!t->r->p_enhanced || stopping_is_decided(sum.cluster, t->done, risk, in->level));
+    }
+    if (!*decided) return APSM_OK;
+    return stopping_rates_decided(in->V, count, t->done, risk, in->level, work, decided);
+}
+
+static apsm_status may_stop(testing *t, bool *decided)
+{
+    *decided = false;
+    if (t->orders.exact || t->in->stop_risk <= 0 || t->done == t->orders.count) return APSM_OK;
+    size_t *count = malloc(t->in->V * sizeof *count);
+    double *work = malloc(4 * t->in->V * sizeof *work);
+    const apsm_status status = count && work ? look(t, count, work, decided) : APSM_ERR_MEMORY;
+    free(count);
+    free(work);
+    return status;
+}
+
+/* All orders in one go, or in rounds of which each may be the last: where they end does not depend
+ * on the threads. */
+static apsm_status go_through_orders(apsm_context *ctx, testing *t)
+{
+    const size_t round = t->in->stop_risk > 0 ? ROUND : t->orders.count;
+    bool decided = false;
+    while (t->done < t->orders.count && !decided) {
+        const size_t left = t->orders.count - t->done;
+        t->end = t->done + (round < left ? round : left);
+        APSM_TRY(apsm_parallel_for(ctx, (t->end - t->done + BATCH - 1) / BATCH, run_batch, t,
+                                   "permutations"));
+        t->done = t->end;
+        APSM_TRY(may_stop(t, &decided));
+    }
+    t->r->permutations = t->done;
+    t->r->stopped = decided;
+    return APSM_OK;
 }
 
 typedef struct ranked {
@@ -331,6 +418,7 @@ static apsm_status test(apsm_context *ctx, testing *t)
     if (!t->e || !t->G) return APSM_ERR_MEMORY;
     apsm_design_residuals(t->d, t->d->r, width, in->Y, t->e);
     cross_products(t);
+    skip_constant_columns(t);
     APSM_TRY(make_workers(ctx, t));
     if (in->neighbours > 0) {
         t->graph = tfce_graph_make(in->V, in->neighbours, in->near);
@@ -339,9 +427,7 @@ static apsm_status test(apsm_context *ctx, testing *t)
     APSM_TRY(judge_given(ctx, t));
     APSM_TRY(apsm_orders_make(ctx, t->d, in->block, in->permutations, &t->orders));
     t->r->exact = t->orders.exact;
-    t->r->permutations = t->orders.count;
-    APSM_TRY(apsm_parallel_for(ctx, (t->orders.count + BATCH - 1) / BATCH, run_batch, t,
-                               "permutations"));
+    APSM_TRY(go_through_orders(ctx, t));
     settle(t);
     return apsm_false_discovery(t->r->V, t->r->p, t->r->q);
 }

@@ -16,12 +16,16 @@ typedef struct apsm_permutation_input {
     size_t permutations;  /* at most; all orders that differ, if they are not more */
     size_t neighbours;    /* width of `near`; 0: no cluster enhancement */
     const uint32_t *near; /* V x neighbours: the variables' graph, as of apsm_neighbours6 */
+    /* Random orders end early once it is known on which side of `level` every p and q lies, at most
+     * with this probability of one being wrong; 0: never. */
+    double stop_risk, level;
 } apsm_permutation_input;
 
 /* Owns its arrays; zero-initialise with {0}, apsm_permutation_result_free leaves it so. */
 typedef struct apsm_permutation_result {
     size_t V, permutations; /* orders gone through */
     bool exact;             /* they were all there are */
+    bool stopped;           /* there were to be more: stop_risk */
     /* Of every variable: Lawley-Hotelling trace(H E^-1), H what the tested term explains and E what
      * is left (w x w sums of squares and products); for w = 1 this is F times a constant. */
     double *statistic;

@@ -376,8 +376,8 @@ static void write_value(apsm_writer *csv, const apsm_column *c, size_t i)
         apsm_writer_number(csv, c->value[i]);
 }
 
-static apsm_status write_table(apsm_context *ctx, const char *path, const char *const *names,
-                               const apsm_table *table)
+apsm_status apsm_table_write(apsm_context *ctx, const char *path, const char *const *names,
+                             const apsm_table *table)
 {
     apsm_writer *csv = NULL;
     APSM_TRY(apsm_writer_open(ctx, path, &csv));
@@ -403,7 +403,7 @@ apsm_status apsm_table_keep(apsm_context *ctx, const char *folder, const char *s
     apsm_status status = path && inner ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = apsm_make_folder(ctx, inner);
     if (status == APSM_OK) status = apsm_table_read(ctx, subjects, I, names, &table);
-    if (status == APSM_OK) status = write_table(ctx, path, names, &table);
+    if (status == APSM_OK) status = apsm_table_write(ctx, path, names, &table);
     apsm_table_free(&table);
     free(inner);
     free(path);

@@ -43,6 +43,9 @@ apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I
 /* Keeps the columns that the file `subjects` has, for the report and the next test. */
 apsm_status apsm_table_keep(apsm_context *ctx, const char *folder, const char *subjects, size_t I,
                             const char *const *names) APSM_NODISCARD;
+/* All columns as a .csv, a line a shape. */
+apsm_status apsm_table_write(apsm_context *ctx, const char *path, const char *const *names,
+                             const apsm_table *table) APSM_NODISCARD;
 /* What commands do: the project's columns, and those of the file, or of the one that was kept. */
 apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char *subjects,
                               const apsm_project *project, const char *const *names,

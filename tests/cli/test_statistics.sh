@@ -82,6 +82,58 @@ refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
 sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
 refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
 
+# ---- ending early ----
+"$apsm" test model --formula '~ group + age' --on size -o early --stop-risk 0.001 >said 2>&1 ||
+    fail "stop-risk: $(cat said)"
+grep -q '"early": true' early/group_size.json || fail "a clear difference goes through all orders: $(cat said)"
+grep -q 'more would not change it' said || fail "ending early is not told: $(cat said)"
+refuse 2 "give a probability below 0.5" model --formula '~ group' --stop-risk 2
+
+# ---- left and right: five subjects, one of them measured again ----
+awk -F, 'NR == 1 { print "name,person,side,age"; next } { k = NR - 2; person = k > 9 ? 0 : int(k / 2)
+    print $1 ",p" person "," (k % 2 ? "left" : "right") "," $3 }' table.csv >sides.csv
+"$apsm" asymmetry model --subjects sides.csv --of side --within person --on size -o sides >said 2>&1 ||
+    fail "asymmetry: $(cat said)"
+grep -q 'not one side alone was mirrored' said || fail "sides that were not mirrored: $(cat said)"
+grep -q '2 sides were measured more than once: fluctuating' said || fail "too few replicates: $(cat said)"
+# The table and p by another program's arithmetic; sides of a subject change places in all 2^5 ways.
+while IFS=, read -r name person side _; do
+    [ "$name" = name ] || awk -v p="$person" -v d="$side" '{ for (k = 1; k <= 3; k++) { s[k] += $k; q += $k * $k } }
+        END { printf "%s %s %.12g\n", p, d, sqrt(q - (s[1]^2 + s[2]^2 + s[3]^2) / NR) }' "model/particles/${name}_world.particles"
+done <sides.csv | awk '{ sum[$1, $2] += $3; n[$1, $2]++; person[$1] = 1; x[NR] = $3; of[NR] = $1 SUBSEP $2 }
+    function f(signs,  S, r, p, d, m, k, all, bar, ss_s, ss_d, ss_f) {
+        for (p in person) { d[p] = (sum[p, "left"] / n[p, "left"] - sum[p, "right"] / n[p, "right"]) * (signs % 2 ? -1 : 1)
+            m[p] = (sum[p, "left"] / n[p, "left"] + sum[p, "right"] / n[p, "right"]) / 2
+            r += 1 / n[p, "left"] + 1 / n[p, "right"]; signs = int(signs / 2); S++; bar += d[p]; all += m[p] }
+        r = 2 * S / r; bar /= S; all /= S
+        for (p in person) { ss_f += r / 2 * (d[p] - bar)^2; ss_s += 2 * r * (m[p] - all)^2 }
+        individuals = ss_s; return S * r / 2 * bar^2 / (ss_f / (S - 1)) }
+    END { given = f(0); kept = individuals; for (k = 0; k < 32; k++) reached += f(k) >= given * (1 - 1e-9)
+        for (k in x) error += (x[k] - sum[of[k]] / n[of[k]])^2
+        printf "%.10g %.10g %.10g %.10g", kept, given, reached / 32, error }' >want
+read -r individuals f p error <want
+for figure in "individuals sum_of_squares $individuals" "directional f $f" "directional p $p" "error sum_of_squares $error"; do
+    read -r source key want <<<"$figure"
+    got=$(sed -n "/\"source\": \"$source\"/,/}/s/^ *\"$key\": \([-0-9.e]*\),*$/\1/p" sides/asymmetry_size.json)
+    awk -v g="$got" -v w="$want" 'BEGIN { d = g - w; exit !(g != "" && d * d <= 1e-12 * w * w) }' ||
+        fail "asymmetry: $key of $source is $got, not $want"
+done
+# Each subject's amount is a column for the next test.
+"$apsm" test model --subjects sides/asymmetry_size_subjects.csv --formula '~ age' --on asymmetry -o sides -q 2>/dev/null ||
+    fail "amounts of asymmetry are no column"
+grep -q '"subjects": 5' sides/age_asymmetry.json || fail "not one amount a subject"
+"$apsm" asymmetry model --subjects sides.csv --of side --within person --bootstraps 0 --permutations 50 -o sides -q 2>/dev/null
+[ "$(wc -l <sides/asymmetry_directional_form.csv)" -eq 33 ] || fail "no directional asymmetry of particles"
+refuse_verb asymmetry 2 "no column with two sides" model --subjects sides.csv --of person --within side
+refuse_verb asymmetry 2 "asymmetry needs the columns" model --subjects sides.csv --of side
+sed 's/left/right/' sides.csv >one.csv
+refuse_verb asymmetry 2 "no column with two sides" model --subjects one.csv --of side --within person
+sed '4,5s/p1/p0/;8,9s/p3/p2/' sides.csv >few.csv
+refuse_verb asymmetry 2 "5 at least are needed" model --subjects few.csv --of side --within person
+mkdir theirs && echo mine >theirs/asymmetry_fluctuating_form.csv
+refuse_verb asymmetry 1 "is not replaced" model --subjects sides.csv --of side --within person -o theirs
+rm -r theirs
+
 # ---- a column from the shape ----
 "$apsm" predict model --of size_made --subjects table.csv >said 2>&1 && fail "predicted a column that is none"
 awk 'BEGIN { print "name,reach,luck" }' >reach.csv

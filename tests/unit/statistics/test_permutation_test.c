@@ -140,8 +140,8 @@ static void ring(uint32_t *near)
     }
 }
 
-static void run(int threads, const double *Y, size_t w, size_t permutations,
-                apsm_permutation_result *r)
+static void run_stopping(int threads, const double *Y, size_t w, size_t permutations, double risk,
+                         apsm_permutation_result *r)
 {
     double Z[N * 2], T[N];
     uint32_t near[2 * V];
@@ -161,10 +161,18 @@ static void run(int threads, const double *Y, size_t w, size_t permutations,
                                         .w = w,
                                         .permutations = permutations,
                                         .neighbours = w == W ? 2 : 0,
-                                        .near = near };
+                                        .near = near,
+                                        .stop_risk = risk,
+                                        .level = 0.05 };
     assert_ok(apsm_permutation_test(ctx, &in, r));
     apsm_design_free(&design);
     apsm_context_free(ctx);
+}
+
+static void run(int threads, const double *Y, size_t w, size_t permutations,
+                apsm_permutation_result *r)
+{
+    run_stopping(threads, Y, w, permutations, 0, r);
 }
 
 static void threads_do_not_matter(void **state)
@@ -182,6 +190,43 @@ static void threads_do_not_matter(void **state)
     assert_true(one.p_ratio == three.p_ratio);
     apsm_permutation_result_free(&one);
     apsm_permutation_result_free(&three);
+}
+
+static void assert_same_side(size_t n, const double *a, const double *b)
+{
+    for (size_t v = 0; v < n; v++) assert_int_equal(a[v] <= 0.05, b[v] <= 0.05);
+}
+
+/* Orders that end early say what all would, and end at the same one for any number of threads. */
+static void ending_early_changes_no_conclusion(void **state)
+{
+    (void)state;
+    static double Y[N * V * W];
+    int early = 0;
+    for (uint64_t set = 0; set < 12; set++) {
+        apsm_permutation_result all = { 0 }, some = { 0 }, again = { 0 };
+        noise(300 + set, Y);
+        for (size_t i = 0; i < N / 2 && set % 3 == 0; i++)
+            for (size_t v = 20; v < 28; v++) Y[(i * V + v) * W] += 4;
+        run(2, Y, W, 4000, &all);
+        run_stopping(1, Y, W, 4000, 0.01, &some);
+        run_stopping(3, Y, W, 4000, 0.01, &again);
+        assert_false(all.stopped);
+        assert_int_equal(some.permutations, again.permutations);
+        assert_memory_equal(some.p, again.p, V * sizeof *some.p);
+        assert_true(some.stopped ? some.permutations % 512 == 0 : some.permutations == 4000);
+        early += some.stopped;
+        assert_same_side(1, &all.p_ratio, &some.p_ratio);
+        if (some.stopped) {
+            assert_same_side(V, all.p_familywise, some.p_familywise);
+            assert_same_side(V, all.p_enhanced, some.p_enhanced);
+            assert_same_side(V, all.q, some.q);
+        }
+        apsm_permutation_result_free(&all);
+        apsm_permutation_result_free(&some);
+        apsm_permutation_result_free(&again);
+    }
+    if (early < 3) fail_msg("only %d of 12 ended early", early);
 }
 
 /* A shift of some neighbours is found there, by the cluster enhancement more surely; elsewhere not.
@@ -355,6 +400,7 @@ int main(void)
         cmocka_unit_test(golden_designs),
         cmocka_unit_test(golden_pairs),
         cmocka_unit_test(threads_do_not_matter),
+        cmocka_unit_test(ending_early_changes_no_conclusion),
         cmocka_unit_test(planted_shift_is_found),
         cmocka_unit_test(level_is_kept),
         cmocka_unit_test(one_number_is_f),
