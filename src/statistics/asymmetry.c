@@ -375,7 +375,7 @@ static apsm_status begin(const asymmetry *a, group_test *t, bool directional)
     static const char *const stems[] = { "asymmetry_fluctuating", "asymmetry_directional" };
     APSM_TRY(group_test_read(t));
     if (directional) APSM_TRY(claim(a, t));
-    for (int k = 0; k <= directional; k++) {
+    for (int k = 0; k < (directional ? 2 : 1); k++) {
         t->stem = stems[k];
         APSM_TRY(group_test_claim(t));
     }
