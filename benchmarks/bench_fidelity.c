@@ -12,9 +12,9 @@
 #include "apsm/run.h"
 #include "evaluate/metrics.h"
 #include "files/particles_file.h"
+#include "judge/certify.h"
 #include "optimize/fidelity.h"
 #include "optimize/reseat.h"
-#include "run/certify.h"
 #include "run/session.h"
 
 static apsm_status lend(apsm_context *ctx, size_t i, const apsm_mesh **mesh, const apsm_bvh **bvh,

@@ -1,22 +1,11 @@
-#include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "apsm/certify.h"
-#include "files/files.h"
+#include "folder/certificate_json.h"
 #include "geometry/affine.h"
+#include "judge/certify.h"
 #include "optimize/correspondence_loss.h"
-#include "run/certify.h"
-
-static apsm_status write(apsm_context *ctx, const char *path, const apsm_cohort *cohort,
-                         const cohort_certificate *c)
-{
-    if (!path) return APSM_OK;
-    json_t *root = certify_json(cohort, c);
-    const apsm_status status = apsm_json_write(ctx, path, root);
-    json_decref(root);
-    return status;
-}
 
 static apsm_status certify(apsm_context *ctx, const apsm_certify_input *in,
                            const apsm_cohort *cohort, const char *path, size_t *certified)
@@ -26,7 +15,7 @@ static apsm_status certify(apsm_context *ctx, const apsm_certify_input *in,
     *certified = 0;
     for (size_t i = 0; i < in->I; i++)
         *certified += strcmp(certify_verdict_of(&c, i), "certified") == 0;
-    const apsm_status status = write(ctx, path, cohort, &c);
+    const apsm_status status = path ? certificate_json_write(ctx, path, cohort, &c) : APSM_OK;
     if (status == APSM_OK) certify_tell(ctx, cohort, &c);
     certify_free(&c);
     return status;

@@ -7,12 +7,12 @@
 
 #include "apsm/formats.h"
 #include "files/particles_file.h"
+#include "folder/certificate_json.h"
 #include "folder/evaluation_json.h"
-#include "folder/mode_trust_json.h"
 #include "folder/model_json.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
-#include "run/certify.h"
+#include "judge/certify.h"
 #include "run/features.h"
 #include "run/guard.h"
 #include "run/landmarks.h"
@@ -133,32 +133,6 @@ static apsm_status compute(evaluation_work *w)
 
 /* ---- model.json, scores.csv ---- */
 
-static apsm_status write_json(apsm_run *run, const char *name, json_t *root)
-{
-    char *path = run_path(run, name);
-    const apsm_status status = path ? apsm_json_write(run->ctx, path, root) : APSM_ERR_MEMORY;
-    json_decref(root);
-    free(path);
-    return status;
-}
-
-/* An array that misses entries, for want of memory or because one was not finite, is none: then its
- * file is refused. */
-static json_t *all_or_none(json_t *array, size_t n)
-{
-    if (json_array_size(array) == n) return array;
-    json_decref(array);
-    return NULL;
-}
-
-static apsm_status open_csv(apsm_run *run, const char *name, apsm_writer **writer)
-{
-    char *path = run_path(run, name);
-    const apsm_status status = path ? apsm_writer_open(run->ctx, path, writer) : APSM_ERR_MEMORY;
-    free(path);
-    return status;
-}
-
 static apsm_status write_model(const evaluation_work *w)
 {
     apsm_run *run = w->run;
@@ -172,89 +146,28 @@ static apsm_status write_model(const evaluation_work *w)
     return status;
 }
 
-/* ---- evaluation.json, evaluation.csv ---- */
+/* ---- evaluation.json, evaluation.csv, certificate.json ---- */
 
-static json_t *json_shape_distance(const evaluation_work *w, size_t i)
+static apsm_status write_figures(const evaluation_work *w)
 {
-    const apsm_surface_distance *d = &w->evaluation.surface[i];
-    return json_pack("{s:s, s:f, s:f, s:f, s:f, s:o, s:o, s:o}", "name", name_of(w, i), "mean",
-                     d->two_way.mean, "p95", d->two_way.p95, "max", d->two_way.max, "diagonal",
-                     d->diagonal, "pull", evaluation_json_distance(&d->pull), "push",
-                     evaluation_json_distance(&d->push), "disagreement",
-                     evaluation_json_distance(&d->disagreement));
-}
-
-static json_t *json_others(const evaluation_work *w)
-{
-    const apsm_surface_aggregate *a = &w->evaluation.other_templates;
-    if (w->evaluation.others == 0) return json_null();
-    return json_pack("{s:I, s:f, s:f, s:f}", "templates", (json_int_t)w->evaluation.others, "mean",
-                     a->mean, "max", a->max, "mean_max", a->mean_max);
-}
-
-static json_t *json_surface(const evaluation_work *w)
-{
-    if (!w->evaluation.surface) return json_null();
-    const apsm_surface_aggregate *a = &w->evaluation.surface_summary.two_way;
-    json_t *shapes = json_array();
-    for (size_t i = 0; i < w->I; i++) json_array_append_new(shapes, json_shape_distance(w, i));
-    shapes = all_or_none(shapes, w->I);
-    return json_pack("{s:f, s:f, s:f, s:o, s:o}", "mean", a->mean, "max", a->max, "mean_max",
-                     a->mean_max, "other_templates", json_others(w), "per_shape", shapes);
-}
-
-static apsm_status write_evaluation(const evaluation_work *w)
-{
-    const apsm_evaluation *e = &w->evaluation;
-    const char *template_name = name_of(w, w->run->cohort.template_index);
-    json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:o}",
-        "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
-        (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
-        apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
-        "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
-        (json_int_t)e->left_out, "template", template_name, "surface_distance", json_surface(w),
-        "landmarks", landmarks_json(w->run, &w->landmarks), "variances",
-        apsm_json_vector(e->modes, e->variance), "modes", mode_trust_json(e->modes, e->trust),
-        "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
-        apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
-        apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
-        apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
-        apsm_json_vector(e->n_specificity, e->specificity_error));
-    return write_json(w->run, FOLDER_EVALUATION, root);
-}
-
-static void write_csv_numbers(apsm_writer *csv, size_t n, const double *x)
-{
-    for (size_t k = 0; k < n; k++) {
-        apsm_writer_printf(csv, ",");
-        if (isfinite(x[k])) apsm_writer_number(csv, x[k]);
-    }
-}
-
-static apsm_status write_evaluation_csv(const evaluation_work *w)
-{
-    apsm_writer *csv = NULL;
-    APSM_TRY(open_csv(w->run, FOLDER_EVALUATION_CSV, &csv));
-    apsm_writer_printf(csv,
-                       "name,surface_mean,surface_p95,surface_max,mismatched_1.5_1.5,"
-                       "mismatched_1.5_2.0,swaps,folds,off_surface_max,verdict%s\n",
-                       w->landmarks.L > 0 ? ",landmark_mean" : "");
-    for (size_t i = 0; i < w->I; i++) {
-        const apsm_certificate *c = &w->certificate.shape[i];
-        const apsm_surface_distance *d = w->evaluation.surface ? &w->evaluation.surface[i] : NULL;
-        const double cells[] = { d ? d->two_way.mean : NAN, d ? d->two_way.p95 : NAN,
-                                 d ? d->two_way.max : NAN,  (double)c->mismatched_strict,
-                                 (double)c->mismatched,     (double)c->swaps,
-                                 (double)c->folds,          c->off_surface_max };
-        apsm_writer_csv(csv, name_of(w, i));
-        write_csv_numbers(csv, sizeof cells / sizeof cells[0], cells);
-        apsm_writer_printf(csv, ",%s", certify_verdict_of(&w->certificate, i));
-        if (w->landmarks.L > 0) write_csv_numbers(csv, 1, &w->landmarks.of_shape[i]);
-        apsm_writer_printf(csv, "\n");
-    }
-    return apsm_writer_commit(csv);
+    apsm_run *run = w->run;
+    const evaluation_told told = { &w->evaluation,
+                                   run->names,
+                                   run->cohort.template_index,
+                                   &w->landmarks,
+                                   (const char *const *)run->landmarks.name,
+                                   landmarks_use_word(run) };
+    char *json = run_path(run, FOLDER_EVALUATION), *csv = run_path(run, FOLDER_EVALUATION_CSV),
+         *certificate = run_path(run, FOLDER_CERTIFICATE);
+    apsm_status status = json && csv && certificate ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = evaluation_json_write(run->ctx, json, &told);
+    if (status == APSM_OK) status = evaluation_csv_write(run->ctx, csv, &told, &w->certificate);
+    if (status == APSM_OK)
+        status = certificate_json_write(run->ctx, certificate, &run->cohort, &w->certificate);
+    free(json);
+    free(csv);
+    free(certificate);
+    return status;
 }
 
 /* ---- meshes/ ---- */
@@ -397,11 +310,8 @@ static apsm_status evaluate_and_write(evaluation_work *w)
     APSM_TRY(compute(w));
     if (run_is_in_memory(w->run)) return APSM_OK;
     APSM_TRY(write_model(w));
-    APSM_TRY(write_evaluation(w));
-    APSM_TRY(write_evaluation_csv(w));
+    APSM_TRY(write_figures(w));
     APSM_TRY(features_write_table(w->run, w->J, w->P));
-    APSM_TRY(
-        write_json(w->run, FOLDER_CERTIFICATE, certify_json(&w->run->cohort, &w->certificate)));
     return write_meshes(w);
 }
 

@@ -251,7 +251,7 @@ apsm_status landmarks_judge(apsm_run *run, size_t J, const double *P, landmark_e
     return status;
 }
 
-static const char *use_word(const apsm_run *run)
+const char *landmarks_use_word(const apsm_run *run)
 {
     static const char *const words[] = { "judge", "judge", "align", "anchor", "hold" };
     const int use = landmarks_use(run);
@@ -259,38 +259,10 @@ static const char *use_word(const apsm_run *run)
     return only && run->options.landmarks.align_by != APSM_ALIGN_BY_SURFACES ? "align" : words[use];
 }
 
-static json_t *number_or_null(double x)
-{
-    return isfinite(x) ? json_real(x) : json_null();
-}
-
-static json_t *shape_json(const apsm_run *run, const landmark_errors *e, size_t i)
-{
-    json_t *errors = json_array();
-    for (size_t l = 0; l < e->L; l++)
-        json_array_append_new(errors, number_or_null(e->error[i * e->L + l]));
-    return json_pack("{s:s, s:o, s:o}", "name", run->project.subjects[i].name, "mean",
-                     number_or_null(e->of_shape[i]), "errors", errors);
-}
-
-json_t *landmarks_json(const apsm_run *run, const landmark_errors *e)
-{
-    if (e->L == 0) return json_null();
-    json_t *names = json_array(), *means = json_array(), *shapes = json_array();
-    for (size_t l = 0; l < e->L; l++) {
-        json_array_append_new(names, json_string(run->landmarks.name[l]));
-        json_array_append_new(means, number_or_null(e->of_landmark[l]));
-    }
-    for (size_t i = 0; i < e->I; i++) json_array_append_new(shapes, shape_json(run, e, i));
-    return json_pack("{s:s, s:o, s:I, s:o, s:o, s:o}", "use", use_word(run), "mean",
-                     number_or_null(e->mean), "judged", (json_int_t)e->judged, "names", names,
-                     "means", means, "per_shape", shapes);
-}
-
 void landmarks_tell(const apsm_run *run, const landmark_errors *e)
 {
     if (e->judged == 0) return;
-    const bool judge = strcmp(use_word(run), "judge") == 0;
+    const bool judge = strcmp(landmarks_use_word(run), "judge") == 0;
     apsm_log(run->ctx, APSM_LOG_INFO, "landmarks: mean distance %.4g over %zu%s", e->mean,
              e->judged, judge ? "" : " (they had a part in the model: no independent judge)");
 }

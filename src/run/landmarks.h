@@ -5,8 +5,6 @@
 #include "evaluate/landmark_error.h"
 #include "run/groom_inputs.h"
 
-struct json_t;
-
 /* Reads what option landmarks or the project's column names into the run's, in the frames of the
  * inputs; tells what is common and what is missing.  Refused: a use that needs landmarks
  * where there are none. */
@@ -31,8 +29,8 @@ apsm_status landmarks_in_world(const apsm_run *run, landmark_table *world);
 /* How far particles P (I x J x 3) take the template's landmarks from the shapes' own; {0} if there
  * are none. */
 apsm_status landmarks_judge(apsm_run *run, size_t J, const double *P, landmark_errors *errors);
-/* For evaluation.json: null if there are none; NULL if out of memory. */
-struct json_t *landmarks_json(const apsm_run *run, const landmark_errors *errors);
+/* What they are used for, in the words of evaluation.json. */
+const char *landmarks_use_word(const apsm_run *run);
 void landmarks_tell(const apsm_run *run, const landmark_errors *errors);
 
 #endif

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "folder/history_csv.h"
 #include "optimize/particle_search.h"
 #include "psm/psm.h"
 #include "run/guard.h"
@@ -54,39 +55,14 @@ static apsm_status on_epoch(void *user, const apsm_optimizer_state *state,
     return APSM_OK;
 }
 
-/* ---- history.csv ---- */
-
-static void write_cell(apsm_writer *w, double x)
-{
-    apsm_writer_printf(w, ",");
-    if (isfinite(x)) apsm_writer_number(w, x); /* an empty cell: does not apply */
-}
-
-static void write_record(apsm_writer *w, const apsm_epoch_record *r)
-{
-    apsm_writer_printf(w, "%ld,%ld", r->stage, r->epoch);
-    const double weight[] = { r->alpha, r->beta, r->gamma, r->c };
-    for (size_t k = 0; k < sizeof weight / sizeof weight[0]; k++) write_cell(w, weight[k]);
-    for (size_t t = 0; t < APSM_TERMS; t++) write_cell(w, r->loss[t]);
-    const double figures[] = { r->surface_error, r->step, r->mismatched, r->worst_mismatched };
-    for (size_t k = 0; k < sizeof figures / sizeof figures[0]; k++) write_cell(w, figures[k]);
-    apsm_writer_printf(w, ",%ld\n", r->walked);
-}
-
 static apsm_status write_history(const recorder *r)
 {
-    apsm_writer *w = NULL;
     if (run_is_in_memory(r->run)) return APSM_OK;
     char *path = run_path(r->run, FOLDER_HISTORY);
     if (!path) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_writer_open(r->run->ctx, path, &w);
+    const apsm_status status = history_csv_write(r->run->ctx, path, r->n, r->records);
     free(path);
-    if (status != APSM_OK) return status;
-    apsm_writer_printf(w, "stage,epoch,alpha,beta,gamma,c");
-    for (size_t t = 0; t < APSM_TERMS; t++) apsm_writer_printf(w, ",%s", apsm_loss_name(t));
-    apsm_writer_printf(w, ",surface_error,step,mismatched,worst_mismatched,walked\n");
-    for (size_t k = 0; k < r->n; k++) write_record(w, &r->records[k]);
-    return apsm_writer_commit(w);
+    return status;
 }
 
 /* ---- the step ---- */

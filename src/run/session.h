@@ -13,10 +13,10 @@
 #include "files/store.h"
 #include "folder/names.h"
 #include "initialize/cohort.h"
+#include "judge/certify.h"
 #include "landmarks/landmark_table.h"
 #include "optimize/optimizer.h"
 #include "options/options.h"
-#include "run/certify.h"
 
 struct json_t;
 struct given_shape;

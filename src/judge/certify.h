@@ -1,6 +1,6 @@
 /* certify.h -- the certificate of a whole cohort. */
-#ifndef APSM_RUN_CERTIFY_H
-#define APSM_RUN_CERTIFY_H
+#ifndef APSM_JUDGE_CERTIFY_H
+#define APSM_JUDGE_CERTIFY_H
 
 #include "correspond/certificate.h"
 #include "initialize/cohort.h"
@@ -29,8 +29,12 @@ void certify_free(cohort_certificate *certificate);
 const char *certify_verdict_of(const cohort_certificate *certificate, size_t i);
 const char *certify_verdict(const cohort_certificate *certificate);
 
-/* A new reference, NULL if out of memory. */
-struct json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *certificate);
+/* "pass", "review" or "not judged": one aspect of one shape. */
+const char *certify_grade(const cohort_certificate *certificate, size_t i, apsm_aspect aspect);
+/* How many shapes have this verdict. */
+size_t certify_count(const cohort_certificate *certificate, const char *verdict);
+/* Mean share of mismatched particles, at 1.5/1.5 (strict) or 1.5/2.0. */
+double certify_mean_mismatched(const cohort_certificate *certificate, bool strict);
 
 /* The verdict in log lines: what is certified, what needs review and why. */
 void certify_tell(apsm_context *ctx, const apsm_cohort *cohort,

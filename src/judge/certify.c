@@ -1,4 +1,4 @@
-#include "run/certify.h"
+#include "judge/certify.h"
 
 #include <jansson.h>
 #include <math.h>
@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "folder/names.h"
 #include "optimize/correspondence_loss.h"
 
 /* Room for F = 2.0 in the rows of a shape, and to tell how far neighbours beyond it are: that is
@@ -183,32 +182,7 @@ void certify_free(cohort_certificate *certificate)
     *certificate = (cohort_certificate){ 0 };
 }
 
-/* ---- certificate.json ---- */
-
-static json_t *json_indices(size_t n, size_t m, const uint32_t *index)
-{
-    json_t *rows = json_array();
-    for (size_t k = 0; k < n; k++) {
-        json_t *row = m == 1 ? json_integer(index[k]) : json_array();
-        for (size_t l = 0; m > 1 && l < m; l++)
-            json_array_append_new(row, json_integer(index[m * k + l]));
-        json_array_append_new(rows, row);
-    }
-    return rows;
-}
-
-/* Of the correspondence, of the other shapes. */
-static json_t *json_reasons(unsigned reasons, unsigned doubts)
-{
-    json_t *texts = json_array();
-    for (unsigned r = 0; r < APSM_REVIEW_COUNT; r++)
-        if (reasons & (1u << r))
-            json_array_append_new(texts, json_string(apsm_review_text((apsm_review)r)));
-    for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
-        if (doubts & (1u << d))
-            json_array_append_new(texts, json_string(apsm_doubt_text((apsm_doubt)d)));
-    return texts;
-}
+/* ---- what it comes to ---- */
 
 static bool needs_review(const cohort_certificate *c, size_t i)
 {
@@ -227,7 +201,7 @@ const char *certify_verdict(const cohort_certificate *c)
     return c->judged ? "certified" : "not judged";
 }
 
-static const char *grade(const cohort_certificate *c, size_t i, apsm_aspect aspect)
+const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect aspect)
 {
     const unsigned surface = 1u << APSM_REVIEW_OFF_SURFACE | 1u << APSM_REVIEW_NONFINITE;
     const unsigned reasons = c->shape[i].reasons;
@@ -240,81 +214,14 @@ static const char *grade(const cohort_certificate *c, size_t i, apsm_aspect aspe
     return review ? "review" : by_itself || c->judged ? "pass" : "not judged";
 }
 
-static json_t *json_grades(const cohort_certificate *c, size_t i)
-{
-    json_t *grades = json_object();
-    for (unsigned a = 0; a < APSM_ASPECT_COUNT; a++)
-        json_object_set_new(grades, apsm_aspect_name((apsm_aspect)a),
-                            json_string(grade(c, i, (apsm_aspect)a)));
-    return grades;
-}
-
-/* Particles j with x[j] of at least `least`; none unless wanted. */
-static json_t *json_where(size_t J, const double *x, double least, bool wanted)
-{
-    json_t *list = json_array();
-    for (size_t j = 0; wanted && j < J; j++)
-        if (x[j] >= least) json_array_append_new(list, json_integer((json_int_t)j));
-    return list;
-}
-
-static json_t *json_opposed(const apsm_judgement *g, size_t i)
-{
-    json_t *list = json_array();
-    for (size_t j = 0; j < g->J; j++)
-        if (g->opposed[i * g->J + j]) json_array_append_new(list, json_integer((json_int_t)j));
-    return list;
-}
-
-/* A correlation again; null: there is no other way to lay the shape. */
-static json_t *json_agreement(double z)
-{
-    return isfinite(z) ? json_real(tanh(z)) : json_null();
-}
-
-static json_t *json_judged(const cohort_certificate *c, size_t i)
-{
-    if (!c->judged) return json_null();
-    const apsm_judgement *g = &c->judgement;
-    const apsm_findings *f = &g->shape[i];
-    const double *slip = g->slip + i * g->J, *uncovered = g->uncovered + i * g->J;
-    const bool slipped = c->doubts[i] & (1u << APSM_DOUBT_SLIP);
-    const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
-    return json_pack(
-        "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
-        json_agreement(f->agreement), "agreement_turned", json_agreement(f->turn[0].agreement),
-        "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip, "slip",
-        f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
-        "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
-        json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
-        f->size, "off", f->off, "off_excess", f->off_excess);
-}
-
-static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
-{
-    const apsm_certificate *c = &all->shape[i];
-    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name",
-                     name, "verdict", certify_verdict_of(all, i), "reasons",
-                     json_reasons(c->reasons, all->doubts[i]), "grades", json_grades(all, i),
-                     "judged", json_judged(all, i), "mismatched_1.5_1.5",
-                     json_indices(c->mismatched_strict, 1, c->mismatched_strict_list),
-                     "mismatched_1.5_2.0", json_indices(c->mismatched, 1, c->mismatched_list),
-                     "lost", json_indices(c->lost, 1, c->lost_list), "swaps",
-                     json_indices(c->swaps, 2, (const uint32_t *)c->swap), "folds",
-                     json_indices(c->folds, 3, (const uint32_t *)c->fold), "off_surface_mean",
-                     c->off_surface_mean, "off_surface_max", c->off_surface_max, "min_separation",
-                     isfinite(c->min_separation) ? c->min_separation : 0.0);
-}
-
-/* How many have this verdict. */
-static size_t count(const cohort_certificate *c, const char *verdict)
+size_t certify_count(const cohort_certificate *c, const char *verdict)
 {
     size_t n = 0;
     for (size_t i = 0; i < c->I; i++) n += strcmp(certify_verdict_of(c, i), verdict) == 0;
     return n;
 }
 
-static double mean_mismatched(const cohort_certificate *certificate, bool strict)
+double certify_mean_mismatched(const cohort_certificate *certificate, bool strict)
 {
     double sum = 0;
     for (size_t i = 0; i < certificate->I; i++) {
@@ -322,34 +229,6 @@ static double mean_mismatched(const cohort_certificate *certificate, bool strict
         sum += (double)(strict ? c->mismatched_strict : c->mismatched) / (double)c->J;
     }
     return sum / (double)certificate->I;
-}
-
-static json_t *json_thresholds(void)
-{
-    const apsm_certificate_options o = apsm_certificate_defaults();
-    const apsm_verdict_options v = apsm_verdict_defaults();
-    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
-                     "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
-                     o.off_surface, "coincident", o.coincident, "slip_excess", v.slip_excess,
-                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size,
-                     "farthest", v.farthest, "off", v.off, "off_excess", v.off_excess, "size",
-                     v.size, "size_excess", v.size_excess, "as_likely", v.likely, "least_shapes",
-                     (int)APSM_LEAST_JUDGED);
-}
-
-json_t *certify_json(const apsm_cohort *cohort, const cohort_certificate *c)
-{
-    json_t *shapes = json_array();
-    for (size_t i = 0; i < c->I; i++)
-        json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
-    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}", "format",
-                     FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
-                     certify_verdict(c), "certified", (json_int_t)count(c, "certified"), "shapes",
-                     (json_int_t)c->I, "template", cohort->shape[cohort->template_index].name, "h",
-                     c->h, "mean_mismatched_1.5_1.5", mean_mismatched(c, true),
-                     "mean_mismatched_1.5_2.0", mean_mismatched(c, false), "thresholds",
-                     json_thresholds(), "notes", c->notes ? json_incref(c->notes) : json_array(),
-                     "per_shape", shapes);
 }
 
 /* ---- the last lines of a run ---- */
@@ -414,5 +293,6 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
     apsm_log(ctx, APSM_LOG_INFO,
              "verdict: %s (%zu of %zu shapes certified, %.1f %% of particles "
              "mismatched at 1.5/2.0)",
-             certify_verdict(c), count(c, "certified"), c->I, 100 * mean_mismatched(c, false));
+             certify_verdict(c), certify_count(c, "certified"), c->I,
+             100 * certify_mean_mismatched(c, false));
 }
