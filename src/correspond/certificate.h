@@ -66,6 +66,14 @@ typedef struct apsm_certificate {
     bool certified;
 } apsm_certificate;
 
+/* The rows of a shape as far as its certificate needs them: what apsm_certify makes of them is what
+ * it makes of apsm_geodesic_neighbourhoods with factor 2, whose work this is at most, and a
+ * fraction of it where particles are matched. */
+apsm_status apsm_certificate_rows(const apsm_geodesic *g, apsm_geodesic_work *w, size_t J,
+                                  const apsm_surface_point *points, const double *P,
+                                  const apsm_neighbourhoods *reference,
+                                  apsm_neighbourhoods *rows) APSM_NODISCARD;
+
 /* Which way the triangle of particles t looks along the surface: +1 or -1, or 0 if it has no
  * reliable orientation.  P, N (J x 3): particles and unit normals. */
 int apsm_triangle_orientation(const double *P, const double *N, const uint32_t t[3],

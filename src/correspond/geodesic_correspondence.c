@@ -86,45 +86,12 @@ static apsm_status search(pass *a, uint32_t j)
     return neighbourhood_search(a->g, a->w, a->J, a->points, a->P, j, a->factor, &a->s->row);
 }
 
-/* Adds k to the row by the way of a section no longer than limit. */
-static bool add_by_section(pass *a, uint32_t j, uint32_t k, double limit)
-{
-    neighbourhood_row *row = &a->s->row;
-    const double d = apsm_geodesic_section(a->g, a->points + j, a->points + k, limit);
-    if (!(d < INFINITY)) return false;
-    if (d < row->closest) {
-        row->closest = d;
-        row->nearest = k;
-    }
-    row->index[row->n] = k;
-    row->distance[row->n++] = d;
-    return true;
-}
-
-/* Whether j is seen to miss nothing without a search; then its row holds what it must have, by the
- * lengths of sections. */
+/* Whether j is seen to miss nothing without a search. */
 static bool surely_matched(pass *a, uint32_t j)
 {
-    const apsm_neighbourhoods *reference = a->reference;
-    neighbourhood_row *row = &a->s->row;
-    const double *p = a->P + 3 * (size_t)j;
-    double d2 = INFINITY;
-    uint32_t nearest = APSM_NONE;
-    for (uint32_t k = 0; k < a->J; k++) {
-        const double d = vec3_distance2(p, a->P + 3 * (size_t)k);
-        if (k == j || !(d < d2)) continue;
-        d2 = d;
-        nearest = k;
-    }
-    const double limit = fmin(a->o->geodesic_factor, report_factor[1]) * sqrt(d2);
-    row->n = 0;
-    row->closest = INFINITY;
-    row->nearest = APSM_NONE;
-    if (nearest == APSM_NONE || !add_by_section(a, j, nearest, limit)) return false;
-    row->n = 0;
-    for (size_t i = reference->start[j]; i < reference->start[j + 1]; i++)
-        if (!add_by_section(a, j, reference->index[i], limit)) return false;
-    return true;
+    const double factor = fmin(a->o->geodesic_factor, report_factor[1]);
+    return neighbourhood_by_sections(a->g, a->J, a->points, a->P, a->reference, j, factor,
+                                     &a->s->row);
 }
 
 static apsm_status make_row(pass *a, uint32_t j)

@@ -99,12 +99,24 @@ static void collect(const apsm_geodesic *g, const apsm_geodesic_work *w, size_t 
     }
 }
 
-static double closest_in_space(size_t J, const double *P, uint32_t j)
+/* The particle next to j in space; APSM_NONE if j is alone. */
+static uint32_t nearest_in_space(size_t J, const double *P, uint32_t j)
 {
     double d2 = INFINITY;
-    for (size_t k = 0; k < J; k++)
-        if (k != j) d2 = fmin(d2, vec3_distance2(P + 3 * j, P + 3 * k));
-    return sqrt(d2);
+    uint32_t nearest = APSM_NONE;
+    for (uint32_t k = 0; k < J; k++) {
+        const double d = vec3_distance2(P + 3 * (size_t)j, P + 3 * (size_t)k);
+        if (k == j || !(d < d2)) continue;
+        d2 = d;
+        nearest = k;
+    }
+    return nearest;
+}
+
+static double closest_in_space(size_t J, const double *P, uint32_t j)
+{
+    const uint32_t k = nearest_in_space(J, P, j);
+    return k == APSM_NONE ? INFINITY : sqrt(vec3_distance2(P + 3 * (size_t)j, P + 3 * (size_t)k));
 }
 
 apsm_status neighbourhood_search(const apsm_geodesic *g, apsm_geodesic_work *w, size_t J,
@@ -122,6 +134,36 @@ apsm_status neighbourhood_search(const apsm_geodesic *g, apsm_geodesic_work *w, 
         more = apsm_geodesic_extend(g, radius, w);
         if (!more) radius = INFINITY;
     }
+}
+
+bool neighbourhood_add_section(const apsm_geodesic *g, const apsm_surface_point *points, uint32_t j,
+                               uint32_t k, double limit, neighbourhood_row *row)
+{
+    const double d = apsm_geodesic_section(g, points + j, points + k, limit);
+    if (!(d < INFINITY)) return false;
+    if (d < row->closest) {
+        row->closest = d;
+        row->nearest = k;
+    }
+    row->index[row->n] = k;
+    row->distance[row->n++] = d;
+    return true;
+}
+
+bool neighbourhood_by_sections(const apsm_geodesic *g, size_t J, const apsm_surface_point *points,
+                               const double *P, const apsm_neighbourhoods *reference, uint32_t j,
+                               double factor, neighbourhood_row *row)
+{
+    const uint32_t nearest = nearest_in_space(J, P, j);
+    *row = (neighbourhood_row){ row->index, row->distance, 0, INFINITY, APSM_NONE };
+    if (nearest == APSM_NONE) return false;
+    const double d2 = vec3_distance2(P + 3 * (size_t)j, P + 3 * (size_t)nearest);
+    const double limit = factor * sqrt(d2);
+    if (!neighbourhood_add_section(g, points, j, nearest, limit, row)) return false;
+    row->n = 0;
+    for (size_t i = reference->start[j]; i < reference->start[j + 1]; i++)
+        if (!neighbourhood_add_section(g, points, j, reference->index[i], limit, row)) return false;
+    return true;
 }
 
 apsm_status apsm_geodesic_neighbourhoods(const apsm_geodesic *g, apsm_geodesic_work *w, size_t J,

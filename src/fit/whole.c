@@ -110,14 +110,19 @@ typedef struct looked_up {
     apsm_neighbourhoods rows;
 } looked_up;
 
+/* Rows to factor times the closest, or, for 0, as far as the certificate needs them. */
 static apsm_status measure_rows(const fit_job *job, double factor, looked_up *l)
 {
     apsm_geodesic_work *w = NULL;
+    const apsm_geodesic *g = job->shape.geodesic;
     const size_t J = job->m->model.J;
+    const double *P = job->out->world;
     APSM_TRY(apsm_neighbourhoods_resize(&l->rows, J));
-    APSM_TRY(apsm_geodesic_work_new(job->shape.geodesic, &w));
-    const apsm_status status = apsm_geodesic_neighbourhoods(job->shape.geodesic, w, J, l->S,
-                                                            job->out->world, factor, &l->rows);
+    APSM_TRY(apsm_geodesic_work_new(g, &w));
+    const apsm_status status =
+        factor > 0
+            ? apsm_geodesic_neighbourhoods(g, w, J, l->S, P, factor, &l->rows)
+            : apsm_certificate_rows(g, w, J, l->S, P, &job->m->fidelity->reference, &l->rows);
     apsm_geodesic_work_free(w);
     return status;
 }
@@ -133,7 +138,7 @@ static apsm_status look_up(const fit_job *job, looked_up *l)
     double *X = l->N + 3 * J;
     apsm_shape_look_up(&job->shape, J, P, l->S, X, l->N);
     for (size_t j = 0; j < J; j++) l->distance[j] = sqrt(vec3_distance2(X + 3 * j, P + 3 * j));
-    return measure_rows(job, 2, l);
+    return measure_rows(job, 0, l);
 }
 
 static apsm_status judge(const fit_job *job, looked_up *l, apsm_certificate *c)

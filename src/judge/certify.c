@@ -9,9 +9,9 @@
 
 #include "optimize/correspondence_loss.h"
 
-/* Room for F = 2.0 in the rows of a shape, and to tell how far neighbours beyond it are: that is
- * looked up only where it may change the verdict. */
-static const double shape_factor = 2.0, far_factor = 4.0;
+/* How far rows reach to tell how far neighbours beyond F = 2.0 are: that is looked up only where it
+ * may change the verdict. */
+static const double far_factor = 4.0;
 
 typedef struct judging {
     const apsm_cohort *cohort;
@@ -40,20 +40,23 @@ static void looked_up_free(looked_up *l)
     apsm_neighbourhoods_free(&l->rows);
 }
 
-static apsm_status measure_rows(const apsm_shape *shape, size_t J, const double *P, double factor,
-                                looked_up *l)
+/* Rows to factor times the closest, or, for 0, as far as the certificate needs them. */
+static apsm_status measure_rows(const judging *g, const apsm_shape *shape, const double *P,
+                                double factor, looked_up *l)
 {
     apsm_geodesic_work *w = NULL;
-    APSM_TRY(apsm_neighbourhoods_resize(&l->rows, J));
-    APSM_TRY(apsm_geodesic_work_new(shape->geodesic, &w));
+    const apsm_geodesic *s = shape->geodesic;
+    APSM_TRY(apsm_neighbourhoods_resize(&l->rows, g->J));
+    APSM_TRY(apsm_geodesic_work_new(s, &w));
     const apsm_status status =
-        apsm_geodesic_neighbourhoods(shape->geodesic, w, J, l->S, P, factor, &l->rows);
+        factor > 0 ? apsm_geodesic_neighbourhoods(s, w, g->J, l->S, P, factor, &l->rows)
+                   : apsm_certificate_rows(s, w, g->J, l->S, P, &g->reference, &l->rows);
     apsm_geodesic_work_free(w);
     return status;
 }
 
-static apsm_status look_up(const apsm_shape *shape, size_t J, const double *P, double factor,
-                           looked_up *l)
+/* Where particles are on the surface, and how far from it. */
+static apsm_status look_up(const apsm_shape *shape, size_t J, const double *P, looked_up *l)
 {
     *l = (looked_up){ .S = malloc(J * sizeof *l->S),
                       .N = malloc(3 * J * sizeof *l->N),
@@ -66,7 +69,7 @@ static apsm_status look_up(const apsm_shape *shape, size_t J, const double *P, d
         for (size_t k = 0; k < 3; k++) d2 += (x[k] - P[3 * j + k]) * (x[k] - P[3 * j + k]);
         l->distance[j] = sqrt(d2);
     }
-    return measure_rows(shape, J, P, factor, l);
+    return APSM_OK;
 }
 
 static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *user)
@@ -78,12 +81,13 @@ static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *us
     const apsm_certificate_options options = apsm_certificate_defaults();
     const apsm_shape *shape = &g->cohort->shape[i];
     apsm_certificate *certificate = &g->out->shape[i];
-    apsm_status status = look_up(shape, g->J, P, shape_factor, &l);
+    apsm_status status = look_up(shape, g->J, P, &l);
+    if (status == APSM_OK) status = measure_rows(g, shape, P, 0, &l);
     const apsm_certificate_input input = { g->J,  g->h, &g->reference, &l.rows,   g->N6, g->T,
                                            g->TN, P,    l.N,           l.distance };
     if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
     if (status == APSM_OK && certificate->reasons & (1u << APSM_REVIEW_MISMATCHED)) {
-        status = measure_rows(shape, g->J, P, far_factor, &l);
+        status = measure_rows(g, shape, P, far_factor, &l);
         if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
     }
     looked_up_free(&l);
@@ -94,7 +98,8 @@ static apsm_status judge_template(judging *g)
 {
     looked_up l;
     const apsm_shape *shape = &g->cohort->shape[g->cohort->template_index];
-    apsm_status status = look_up(shape, g->J, g->T, APSM_REFERENCE_FACTOR, &l);
+    apsm_status status = look_up(shape, g->J, g->T, &l);
+    if (status == APSM_OK) status = measure_rows(g, shape, g->T, APSM_REFERENCE_FACTOR, &l);
     if (status == APSM_OK) {
         g->reference = l.rows; /* taken over, with the normals */
         g->TN = l.N;

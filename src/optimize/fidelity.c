@@ -207,7 +207,7 @@ static apsm_status find_faults(const apsm_fidelity *f, size_t i, const double *P
     apsm_status status = distance ? apsm_neighbourhoods_resize(&rows, f->J) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &g);
     if (status == APSM_OK)
-        status = apsm_geodesic_neighbourhoods(shape->geodesic, g, f->J, s->S, P, 2.0, &rows);
+        status = apsm_certificate_rows(shape->geodesic, g, f->J, s->S, P, &f->reference, &rows);
     if (status == APSM_OK) {
         const apsm_certificate_input in = { f->J,  f->h, &f->reference, &rows,   f->N6, f->T,
                                             f->TN, P,    s->N,          distance };

@@ -1,0 +1,95 @@
+/* The neighbourhoods that a certificate asks for, with as little search as will do.
+ *
+ * A certificate counts reference neighbours that are beyond 1.5 and beyond 2 times the closest's
+ * distance; how far the others are it asks only where a particle has mismatches at 1.5 (swaps), or
+ * if any has one at 2 (lost neighbours).  So a particle all of whose reference neighbours are seen
+ * within 1.5 by sections needs no search, and one whose others are seen within 2 a search to 1.5;
+ * once one is not seen there, all rows are searched to 2. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "optimize/certificate.h"
+#include "optimize/neighbourhood_row.h"
+
+static const double strict = 1.5, usual = 2.0;
+
+typedef struct looking {
+    const apsm_geodesic *g;
+    apsm_geodesic_work *w;
+    size_t J;
+    const apsm_surface_point *points;
+    const double *P;
+    const apsm_neighbourhoods *reference;
+    neighbourhood_row row, found; /* of one particle; what a search has found of it */
+} looking;
+
+/* The search's row with the reference neighbours beyond it, if a section shows that they are within
+ * `usual`; false if one does not. */
+static bool complete(looking *l, uint32_t j)
+{
+    const apsm_neighbourhoods *r = l->reference;
+    const neighbourhood_row *found = &l->found;
+    neighbourhood_row *row = &l->row;
+    const double limit = usual * found->closest;
+    size_t at = 0;
+    if (!(found->closest < INFINITY)) return false;
+    row->n = 0;
+    row->closest = found->closest;
+    row->nearest = found->nearest;
+    for (size_t i = r->start[j]; i <= r->start[j + 1]; i++) {
+        const uint32_t k = i < r->start[j + 1] ? r->index[i] : APSM_NONE;
+        for (; at < found->n && found->index[at] < k; at++) {
+            row->index[row->n] = found->index[at];
+            row->distance[row->n++] = found->distance[at];
+        }
+        if (k == APSM_NONE || (at < found->n && found->index[at] == k)) continue;
+        if (!neighbourhood_add_section(l->g, l->points, j, k, limit, row)) return false;
+    }
+    return true;
+}
+
+/* seen: whether all reference neighbours of j are within `usual`. */
+static apsm_status look(looking *l, uint32_t j, bool *seen)
+{
+    *seen =
+        neighbourhood_by_sections(l->g, l->J, l->points, l->P, l->reference, j, strict, &l->row);
+    if (*seen) return APSM_OK;
+    APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, strict, &l->found));
+    *seen = complete(l, j);
+    if (*seen) return APSM_OK;
+    APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, usual, &l->found));
+    *seen = complete(l, j);
+    return APSM_OK;
+}
+
+static apsm_status look_at_all(looking *l, apsm_neighbourhoods *rows)
+{
+    bool seen = true;
+    APSM_TRY(apsm_neighbourhoods_resize(rows, l->J));
+    rows->factor = usual;
+    for (uint32_t j = 0; j < l->J && seen; j++) {
+        APSM_TRY(look(l, j, &seen));
+        if (seen) APSM_TRY(neighbourhoods_append(rows, j, &l->row));
+    }
+    if (seen) return APSM_OK;
+    return apsm_geodesic_neighbourhoods(l->g, l->w, l->J, l->points, l->P, usual, rows);
+}
+
+apsm_status apsm_certificate_rows(const apsm_geodesic *g, apsm_geodesic_work *w, size_t J,
+                                  const apsm_surface_point *points, const double *P,
+                                  const apsm_neighbourhoods *reference, apsm_neighbourhoods *rows)
+{
+    uint32_t *index = malloc(2 * (J + 1) * sizeof *index);
+    double *distance = malloc(2 * (J + 1) * sizeof *distance);
+    looking l = { .g = g, .w = w, .J = J, .points = points, .P = P, .reference = reference };
+    apsm_status status = APSM_ERR_MEMORY;
+    if (index && distance) {
+        l.row = (neighbourhood_row){ .index = index, .distance = distance };
+        l.found = (neighbourhood_row){ .index = index + J + 1, .distance = distance + J + 1 };
+        status = look_at_all(&l, rows);
+    }
+    free(index);
+    free(distance);
+    return status;
+}
