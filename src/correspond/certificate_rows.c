@@ -9,8 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "optimize/certificate.h"
-#include "optimize/neighbourhood_row.h"
+#include "correspond/certificate.h"
+#include "correspond/neighbourhood_row.h"
 
 static const double strict = 1.5, usual = 2.0;
 
