@@ -15,7 +15,9 @@
 #include "folder/model_folder.h"
 #include "folder/names.h"
 #include "geometry/topology.h"
+#include "input/foreign.h"
 #include "input/input.h"
+#include "input/search.h"
 #include "options/options.h"
 #include "verbs.h"
 
@@ -150,13 +152,14 @@ static void say_labels(cli_ui *ui, const apsm_volume *v)
     if (others) cli_say(ui, "further labels: %zu voxels", others);
 }
 
-static apsm_status info_volume(apsm_context *ctx, const char *path, cli_ui *ui)
+static apsm_status info_volume(apsm_context *ctx, const char *path, bool is_dicom, cli_ui *ui)
 {
     apsm_volume v = { 0 };
-    APSM_TRY(apsm_read_volume(ctx, path, &v));
+    APSM_TRY(is_dicom ? apsm_read_dicom(ctx, path, &v) : apsm_read_volume(ctx, path, &v));
     cli_say(ui, "segmentation: %zu x %zu x %zu voxels of %.6g x %.6g x %.6g mm", v.n[0], v.n[1],
             v.n[2], v.spacing[0], v.spacing[1], v.spacing[2]);
-    cli_say(ui, "origin (LPS): %.6g %.6g %.6g", v.origin[0], v.origin[1], v.origin[2]);
+    cli_say(ui, "origin (LPS): %.6g %.6g %.6g", v.origin[0] + 0.0, v.origin[1] + 0.0,
+            v.origin[2] + 0.0); /* no negative zeros */
     say_labels(ui, &v);
     apsm_volume_free(&v);
     return APSM_OK;
@@ -277,13 +280,12 @@ static apsm_status info_file(apsm_context *ctx, const char *path, cli_ui *ui)
     if (apsm_is_project_file(path)) return info_project(ctx, path, ui);
     const bool is_shape = apsm_input_kind_of(path, &kind);
     if (!is_shape && apsm_points_extension(path)) return info_particles(ctx, path, ui);
+    if (!is_shape && search_is_dicom(path)) return info_volume(ctx, path, true, ui);
     if (!is_shape)
-        return apsm_fail(ctx, APSM_ERR_FORMAT,
-                         "%s: unknown kind of file; give a model folder, a project, a mesh, a "
-                         "segmentation or particles",
-                         path);
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: no model, project or particles, but %s", path,
+                         foreign_remedy(path));
     return kind == APSM_INPUT_MESH ? info_mesh_or_points(ctx, path, ui)
-                                   : info_volume(ctx, path, ui);
+                                   : info_volume(ctx, path, false, ui);
 }
 
 /* One of the JSON files of a model folder; NULL if it is not there yet. */
@@ -400,12 +402,30 @@ static apsm_status info_results(apsm_context *ctx, const char *folder, cli_ui *u
     return status;
 }
 
+/* A folder that is no model: its shapes, or the volume of a single series. */
+static apsm_status info_inputs(apsm_context *ctx, const char *folder, cli_ui *ui)
+{
+    enum { SHOWN = 10 };
+    apsm_input_list list;
+    APSM_TRY(apsm_input_expand(ctx, 1, &folder, NULL, NULL, &list));
+    apsm_status status = APSM_OK;
+    if (list.n == 1 && list.cases[0].kind == APSM_INPUT_DICOM) {
+        status = info_volume(ctx, list.cases[0].path, true, ui);
+    } else {
+        cli_say(ui, "no model, but %zu shape%s (`apsm check %s` looks at them)", list.n,
+                list.n == 1 ? "" : "s", folder);
+        for (size_t i = 0; i < list.n && i < SHOWN; i++) cli_say(ui, "  %s", list.cases[i].path);
+        if (list.n > SHOWN) cli_say(ui, "  and %zu more", list.n - SHOWN);
+    }
+    apsm_input_list_free(&list);
+    return status;
+}
+
 apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
     const char *path = args->inputs[0];
     if (!apsm_is_folder(path)) return info_file(ctx, path, ui);
-    if (!is_model_folder(path))
-        return apsm_fail(ctx, APSM_ERR_STATE, "%s: no project.swproj in this folder", path);
+    if (!is_model_folder(path)) return info_inputs(ctx, path, ui);
     char *project = apsm_path_join(path, "project.swproj");
     if (!project) return APSM_ERR_MEMORY;
     apsm_status status = info_project(ctx, project, ui);

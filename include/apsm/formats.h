@@ -56,8 +56,9 @@ APSM_API apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path,
  * notes say so.  volume is overwritten, and {0} on failure. */
 APSM_API apsm_status apsm_read_volume(apsm_context *ctx, const char *path,
                                       apsm_volume *volume) APSM_NODISCARD;
-/* The same from a folder that holds one DICOM series or one DICOM segmentation (SEG), plain,
- * deflated or run-length encoded; other compressions are refused by name. */
+/* The same from a folder that holds one DICOM series or one DICOM segmentation (SEG), or from one
+ * file with frames; plain, deflated or run-length encoded; other compressions are refused by name.
+ */
 APSM_API apsm_status apsm_read_dicom(apsm_context *ctx, const char *folder,
                                      apsm_volume *volume) APSM_NODISCARD;
 /* Labels of one layer into .nrrd, .nii, .nii.gz or .mha, packed but for .nii, atomically. */

@@ -19,8 +19,8 @@ static apsm_status find_gap(apsm_context *ctx, const dicom_stack *k, double *gap
     }
     *gap = k->shared.gap > 0.0 ? k->shared.gap : least;
     if (!isfinite(*gap))
-        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds a single slice; give the whole stack",
-                         k->folder);
+        return apsm_fail(ctx, APSM_ERR_FORMAT,
+                         "%s: holds a single slice; give the folder of the whole stack", k->folder);
     const double n = floor(span / *gap + 0.5) + 1.0;
     if (n > MOST_ABSENT * (double)k->n || n < 2.0)
         return apsm_fail(ctx, APSM_ERR_FORMAT,

@@ -125,8 +125,17 @@ static apsm_status look_at_file(apsm_context *ctx, dicom_stack *k, size_t file)
     return status;
 }
 
-static apsm_status find_slices(apsm_context *ctx, dicom_stack *k)
+/* The files of the folder, or the one that was given. */
+static apsm_status list_files(apsm_context *ctx, dicom_stack *k)
 {
+    if (!apsm_is_folder(k->folder)) {
+        k->files.path = calloc(1, sizeof *k->files.path);
+        if (k->files.path) k->files.path[0] = strdup(k->folder);
+        if (!k->files.path || !k->files.path[0])
+            return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", k->folder);
+        k->files.n = 1;
+        return APSM_OK;
+    }
     APSM_TRY(apsm_list_files(ctx, k->folder, false, &k->files));
     for (size_t f = 0; f < k->files.n; f++) {
         char *const path = apsm_path_join(k->folder, k->files.path[f]);
@@ -134,6 +143,12 @@ static apsm_status find_slices(apsm_context *ctx, dicom_stack *k)
         free(k->files.path[f]);
         k->files.path[f] = path;
     }
+    return APSM_OK;
+}
+
+static apsm_status find_slices(apsm_context *ctx, dicom_stack *k)
+{
+    APSM_TRY(list_files(ctx, k));
     for (size_t f = 0; f < k->files.n; f++) APSM_TRY(look_at_file(ctx, k, f));
     if (k->images == 0)
         return apsm_fail(ctx, APSM_ERR_FORMAT,
@@ -292,8 +307,8 @@ static apsm_status read_images(apsm_context *ctx, dicom_stack *k, image *m)
 {
     double step[3];
     if (k->n < 2)
-        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: holds a single slice; give the whole stack",
-                         k->folder);
+        return apsm_fail(ctx, APSM_ERR_FORMAT,
+                         "%s: holds a single slice; give the folder of the whole stack", k->folder);
     APSM_TRY(check_stack(ctx, k, step));
     dicom_grid(k, step, m);
     m->n[2] = k->n;

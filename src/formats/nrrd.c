@@ -57,6 +57,21 @@ static void read_type(scan *s, word value, nrrd *h, image *m)
     if (!h->has_type) scan_expected(s, "a type of NRRD", value);
 }
 
+/* The format knows more encodings than these. */
+static void refuse_encoding(scan *s, word value)
+{
+    static const char *const others[] = { "bzip2", "bz2", "hex", "zrl" };
+    char shown[WORD_SHOWN];
+    bool known = false;
+    for (size_t k = 0; k < sizeof others / sizeof *others; k++)
+        known = known || word_is_any_case(value, others[k]);
+    if (!known) scan_expected(s, "the encoding raw, gzip or ascii", value);
+    scan_refuse(s, APSM_ERR_UNSUPPORTED,
+                "its voxels are encoded as '%s', which is not read here; save it as gzip or raw "
+                "(`unu save -f nrrd -e gzip -i IN -o OUT`)",
+                word_show(value, shown));
+}
+
 static void read_encoding(scan *s, word value, nrrd *h)
 {
     h->has_encoding = true;
@@ -68,7 +83,7 @@ static void read_encoding(scan *s, word value, nrrd *h)
              word_is_any_case(value, "txt"))
         h->encoding = TEXT;
     else
-        scan_expected(s, "the encoding raw, gzip or ascii", value);
+        refuse_encoding(s, value);
 }
 
 /* The anatomical ones; others are taken as they are. */

@@ -13,10 +13,21 @@ static bool is_passed_over(word key)
     return false;
 }
 
+/* A backslash at the end of a line: it goes on in the next. */
+static void skip_continuation(scan *s)
+{
+    scan ahead = *s;
+    while (word_is(scan_word_in_line(&ahead), "\\")) {
+        scan_rest_of_line(&ahead);
+        *s = ahead;
+    }
+}
+
 static void read_point(scan *s, soup *m)
 {
     double x[3] = { 0, 0, 0 };
     for (int k = 0; k < 3 && scan_ok(s); k++) {
+        skip_continuation(s);
         if (!scan_skip_blanks(s, false))
             scan_fail(s, "a point with fewer than 3 coordinates; export the mesh again");
         x[k] = scan_number(s, "a coordinate");

@@ -159,8 +159,8 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     r->mask_volume = (double)r->voxels * voxel_volume(volume);
     say_mask(ctx, name, r);
     if (r->voxels < LEAST_VOXELS)
-        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxels; no shape",
-                         name, r->voxels);
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxel%s; no shape",
+                         name, r->voxels, r->voxels == 1 ? "" : "s");
     return extract(ctx, volume, m, &in, opt->fairing * opt->smooth, surface, r);
 }
 

@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "files/files.h"
+#include "input/foreign.h"
 #include "input/names.h"
 #include "input/search.h"
 
@@ -160,11 +161,11 @@ static apsm_status add_file(expansion *e, const char *path, const char *name)
     if (!is_file)
         return apsm_fail(e->ctx, APSM_ERR_IO, "%s: neither a file nor a folder; give one of them",
                          path);
-    if (!apsm_input_kind_of(path, &kind))
-        return apsm_fail(e->ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: not a shape format; use .ply, .stl, .obj, .vtk, .vtp, .nrrd, .nii, "
-                         ".nii.gz, .mha or .mhd",
-                         path);
+    if (!apsm_input_kind_of(path, &kind)) {
+        if (!search_is_dicom(path))
+            return apsm_fail(e->ctx, APSM_ERR_UNSUPPORTED, "%s: %s", path, foreign_remedy(path));
+        kind = APSM_INPUT_DICOM;
+    }
     return add_case(e, path, last_component(path), kind, name);
 }
 

@@ -14,7 +14,7 @@ extern "C" {
 typedef enum apsm_input_kind {
     APSM_INPUT_MESH,   /* .ply .stl .obj .vtk .vtp */
     APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd */
-    APSM_INPUT_DICOM   /* a folder holding one series */
+    APSM_INPUT_DICOM   /* a folder holding one series, or a file with frames */
 } apsm_input_kind;
 
 typedef struct apsm_input_case {

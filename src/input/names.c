@@ -25,9 +25,10 @@ static void parts_free(size_t n, parts *all)
 
 static bool split(const apsm_input_case *c, parts *p)
 {
-    char *stem = c->kind == APSM_INPUT_DICOM ? strdup(c->path) : apsm_path_stem(c->path);
+    const bool series = c->kind == APSM_INPUT_DICOM && apsm_is_folder(c->path);
+    char *stem = series ? strdup(c->path) : apsm_path_stem(c->path);
     const char *slash = strrchr(c->path, '/');
-    const size_t head = c->kind != APSM_INPUT_DICOM && slash ? (size_t)(slash - c->path) + 1 : 0;
+    const size_t head = !series && slash ? (size_t)(slash - c->path) + 1 : 0;
     if (stem) p->text = malloc(head + strlen(stem) + 1);
     p->room = p->part = malloc((strlen(c->path) + 1) * sizeof *p->room);
     if (p->text) {

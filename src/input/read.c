@@ -21,13 +21,22 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
     return apsm_input_finish(ctx, one->path, labels, shape);
 }
 
+static apsm_status refuse_flat(apsm_context *ctx, const char *path, const apsm_volume *v)
+{
+    if (v->n[0] > 1 && v->n[1] > 1 && v->n[2] > 1) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_FORMAT,
+                     "%s: is a flat image, not 3-D; give the whole stack of slices", path);
+}
+
 apsm_status apsm_input_finish(apsm_context *ctx, const char *path, const apsm_labels *labels,
                               apsm_input_shape *shape)
 {
+    apsm_status status = refuse_flat(ctx, path, &shape->volume);
     shape->is_mesh = shape->volume.value != NULL;
-    const apsm_status status =
-        shape->is_mesh ? apsm_field_surface(ctx, path, labels, &shape->volume, &shape->mesh)
-                       : apsm_label_union(ctx, path, labels, &shape->volume);
+    if (status == APSM_OK)
+        status = shape->is_mesh
+                     ? apsm_field_surface(ctx, path, labels, &shape->volume, &shape->mesh)
+                     : apsm_label_union(ctx, path, labels, &shape->volume);
     if (shape->is_mesh) {
         free(shape->volume.value);
         shape->volume.value = NULL;

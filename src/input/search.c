@@ -76,8 +76,7 @@ static apsm_status add_hit(const walk *w, const char *path, apsm_input_kind kind
 
 /* ---- what an entry is ---- */
 
-/* DICOM files have no agreed extension, but "DICM" after 128 bytes. */
-static bool is_dicom_file(const char *path)
+bool search_is_dicom(const char *path)
 {
     char head[132];
     struct stat info;
@@ -181,7 +180,7 @@ static apsm_status look_in(const walk *w, const char *folder, char **entry, size
         } else if (apsm_input_kind_of(entry[k], &kind)) {
             shapes++;
             APSM_TRY(add_hit(w, entry[k], kind));
-        } else if (is_dicom_file(entry[k])) {
+        } else if (search_is_dicom(entry[k])) {
             slices++;
         } else {
             APSM_TRY(add_other(w, entry[k]));

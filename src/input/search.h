@@ -40,5 +40,7 @@ apsm_status search_folder(apsm_context *ctx, const char *folder, const char *pat
 /* Adds a folder that is known to be one case: its DICOM files. */
 apsm_status search_series(apsm_context *ctx, const char *folder, search *s);
 void search_free(search *s);
+/* Whether it is a DICOM file: these have no agreed extension, but "DICM" after 128 bytes. */
+bool search_is_dicom(const char *path);
 
 #endif

@@ -123,7 +123,8 @@ apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65])
     if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
     APSM_TRY(apsm_input_data_file(path, &data));
     const char *const files[] = { path, data };
-    const apsm_status status = apsm_sha256_files(ctx, data ? 2 : 1, files, hex);
+    const bool detached = data && apsm_file_exists(data); /* else whoever reads it will say so */
+    const apsm_status status = apsm_sha256_files(ctx, detached ? 2 : 1, files, hex);
     free(data);
     return status;
 }
@@ -182,9 +183,13 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
     in->recalled[i] = in->mesh[i].V != NULL;
     in->report[i] = groomed.report;
     in->is_mask[i] = groomed.is_mask;
+    in->voxel[i] = groomed.voxel;
+    in->notes[i] = groomed.notes;
+    in->picked[i] = groomed.picked;
     if (*lost != APSM_OK || in->recalled[i]) return *lost;
     APSM_TRY(read_and_groom(ctx, t->run, in, i));
-    groomed = (kept_groomed){ in->report[i], in->is_mask[i] };
+    groomed =
+        (kept_groomed){ in->report[i], in->is_mask[i], in->voxel[i], in->notes[i], in->picked[i] };
     return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i], &groomed);
 }
 

@@ -33,7 +33,7 @@ typedef struct groom_inputs {
     char **notes;   /* what of a header had to be decided (apsm_volume), else NULL */
     char **picked;  /* names of the labels taken (apsm_volume), else NULL */
     bool *recalled; /* groomed before an interruption */
-    double *voxel;  /* mean edge of a voxel; 0: a mesh, or recalled */
+    double *voxel;  /* mean edge of a voxel; 0: a mesh */
 } groom_inputs;
 
 /* Lists the cases of run's inputs; a project among them stands for the shapes it names. */

@@ -94,12 +94,26 @@ static int add_note(json_t *notes, const char *shape, const char *text)
         notes, json_pack("{s:s, s:s, s:s}", "shape", shape, "aspect", "input", "text", text));
 }
 
+/* What of a header had to be decided, a line each. */
+static int add_lines(json_t *notes, const char *shape, const char *lines)
+{
+    int failed = 0;
+    while (lines && *lines && !failed) {
+        const size_t length = strcspn(lines, "\n");
+        failed = json_array_append_new(notes, json_pack("{s:s, s:s, s:s%}", "shape", shape,
+                                                        "aspect", "input", "text", lines, length));
+        lines += length + (lines[length] == '\n');
+    }
+    return failed;
+}
+
 int groomed_add_notes(const groom_inputs *in, json_t *notes)
 {
     int failed = 0;
     for (size_t i = 0; i < in->list.n && !failed; i++) {
         char text[160];
         const char *name = in->list.cases[i].name;
+        failed |= add_lines(notes, name, in->notes[i]);
         if (in->report[i].border)
             failed |=
                 add_note(notes, name, "its mask touches the image's border and was closed there");

@@ -366,11 +366,20 @@ static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const
     return key;
 }
 
-/* Content: two uint64, the numbers of vertices and faces, kept_groomed, and the arrays V and F. */
+/* Content: two uint64, the numbers of vertices and faces, kept_groomed, the arrays V and F, and its
+ * texts, each ended by a zero byte; an empty one stands for none.  Without the texts: */
 static size_t mesh_bytes(uint64_t nv, uint64_t nf)
 {
     return 2 * sizeof(uint64_t) + sizeof(kept_groomed) + (size_t)nv * 3 * sizeof(double) +
            (size_t)nf * 3 * sizeof(uint32_t);
+}
+
+static apsm_status unpack_texts(const char *text, size_t size, kept_groomed *groomed)
+{
+    const char *const end = memchr(text, 0, size);
+    if (!end || !memchr(end + 1, 0, size - (size_t)(end + 1 - text))) return APSM_ERR_FORMAT;
+    if (*text) APSM_TRY(apsm_text_set(&groomed->notes, text));
+    return end[1] ? apsm_text_set(&groomed->picked, end + 1) : APSM_OK;
 }
 
 static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh *mesh,
@@ -379,14 +388,15 @@ static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh
     uint64_t n[2];
     if (size < sizeof n) return APSM_ERR_FORMAT;
     memcpy(n, data, sizeof n);
-    if (n[0] > size || n[1] > size || size != mesh_bytes(n[0], n[1])) return APSM_ERR_FORMAT;
+    if (n[0] > size || n[1] > size || size < mesh_bytes(n[0], n[1])) return APSM_ERR_FORMAT;
     APSM_TRY(apsm_mesh_alloc(mesh, (size_t)n[0], (size_t)n[1]));
-    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V;
-    data += sizeof n;
-    memcpy(groomed, data, sizeof *groomed);
-    memcpy(mesh->V, data + sizeof *groomed, bytes);
-    memcpy(mesh->F, data + sizeof *groomed + bytes, 3 * mesh->nf * sizeof *mesh->F);
-    return APSM_OK;
+    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, whole = mesh_bytes(n[0], n[1]);
+    const unsigned char *const from = data + sizeof n;
+    memcpy(groomed, from, sizeof *groomed);
+    groomed->notes = groomed->picked = NULL;
+    memcpy(mesh->V, from + sizeof *groomed, bytes);
+    memcpy(mesh->F, from + sizeof *groomed + bytes, 3 * mesh->nf * sizeof *mesh->F);
+    return unpack_texts((const char *)data + whole, size - whole, groomed);
 }
 
 apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
@@ -407,7 +417,10 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
                           const char sha256[65], const apsm_mesh *mesh, const kept_groomed *groomed)
 {
     const uint64_t n[2] = { mesh->nv, mesh->nf };
-    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, size = mesh_bytes(n[0], n[1]);
+    const char *const notes = groomed->notes ? groomed->notes : "";
+    const char *const picked = groomed->picked ? groomed->picked : "";
+    const size_t bytes = 3 * mesh->nv * sizeof *mesh->V, corners = 3 * mesh->nf * sizeof *mesh->F;
+    const size_t size = mesh_bytes(n[0], n[1]) + strlen(notes) + strlen(picked) + 2;
     if (!run->kept) return APSM_OK;
     unsigned char *data = malloc(size), *to = data;
     if (!data) return APSM_ERR_MEMORY;
@@ -416,7 +429,10 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
     memcpy(to, groomed, sizeof *groomed);
     to += sizeof *groomed;
     memcpy(to, mesh->V, bytes);
-    memcpy(to + bytes, mesh->F, 3 * mesh->nf * sizeof *mesh->F);
+    memcpy(to + bytes, mesh->F, corners);
+    to += bytes + corners;
+    memcpy(to, notes, strlen(notes) + 1);
+    memcpy(to + strlen(notes) + 1, picked, strlen(picked) + 1);
     const journal_key key = mesh_key(run, c, sha256);
     const apsm_status status = add(ctx, run->kept, &key, data, size);
     free(data);

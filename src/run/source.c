@@ -215,6 +215,12 @@ apsm_status source_read(apsm_run *run, apsm_project *source, bool *own)
     return check_domain(run, domain, source);
 }
 
+/* The project as it was given. */
+static const char *shown(const apsm_run *run, const apsm_project *p)
+{
+    return run->n_inputs > 0 ? run->inputs[0] : p->folder;
+}
+
 static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)
 {
     char key[APSM_KEY_LENGTH];
@@ -223,8 +229,10 @@ static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)
     if (contour)
         return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED,
                          "%s: %s is a contour (%s); shapes are surfaces or segmentations here",
-                         p->folder, s->name, contour);
-    return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: %s names no input shape", p->folder, s->name);
+                         shown(run, p), s->name, contour);
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: shape %zu (%s) names no input; give it a shape_%s, or take it out",
+                     shown(run, p), i + 1, s->name, p->domain);
 }
 
 static apsm_status list_paths(apsm_run *run, const apsm_project *p, const char **names,
@@ -245,7 +253,12 @@ apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *l
     char **paths = calloc(p->n + 1, sizeof *paths);
     apsm_status status = names && paths ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK && p->n == 0)
-        status = apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
+        status =
+            run->n_inputs > 0
+                ? apsm_fail(run->ctx, APSM_ERR_FORMAT,
+                            "%s: names no shapes, or all are excluded; add rows to its data",
+                            run->inputs[0])
+                : apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
     if (status == APSM_OK) status = list_paths(run, p, names, paths);
     const apsm_input_choice choice = { .n = p->n,
                                        .inputs = (const char *const *)paths,

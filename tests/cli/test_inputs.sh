@@ -1,0 +1,80 @@
+#!/bin/bash
+# Odd inputs: each works, or is refused with one line that names the file and the remedy, a code that
+# is not 0, and no half folder.  $1 is the program; the files are made by odd_inputs.py.
+source "$(dirname "$0")/head.sh"
+command -v python3 >/dev/null || { echo "SKIPPED: odd inputs are not tested, there is no python3" && exit 0; }
+python3 "$here/odd_inputs.py" . || exit 1
+
+# refused FILE WORDS: by check, groom and info in the same words, by groom with nothing left.
+refused() {
+    expect 1 "$2" check "$1"
+    expect 1 "$2" groom "$1" -o left
+    [ "$(grep -c '^apsm: ' said)" = 1 ] || fail "groom $1: not one line: $(cat said)"
+    [ -e left ] && fail "groom $1: leaves a half folder: $(ls left)" && rm -rf left
+    return 0
+}
+
+# taken FILE WORDS: groomed, and the words said (if any).
+taken() {
+    expect 0 "$2" groom "$1" -o model --faces 1000
+    rm -rf model
+}
+
+# ---- images that are no segmentation ----
+refused oneslice.nii "is a flat image"
+refused allzero.nii "segment the shape first"
+refused onevoxel.nii "only 1 voxel;"
+refused nan.nii "voxel (0, 0, 0) holds nan"
+refused colours.nii "has colours"
+refused fourd.nii "extract one volume"
+refused probability.nii "--label '>0.5'"
+refused two.nii "choose with --label"
+refused bz2.nrrd "save it as gzip or raw"
+refused absent.mhd "absent.mhd: its data file 'nothere.raw' is not there"
+taken float.nii ""
+taken big.nii ""
+taken gzip.nii ""
+taken plain.nii.gz ""
+taken negative.nii ""
+
+# ---- meshes ----
+refused nan.ply "line 15: a coordinate is not finite"
+refused points.vtk "a point cloud?"
+refused halves.ply "2 separate parts"
+refused comma.ply "line 11: expected a coordinate, found '5,17638'"
+for mesh in quads.ply negative.obj continued.obj strips.vtk version51.vtk big.ply solid.stl insideout.ply; do taken $mesh ""; done
+
+# ---- formats of others, by name ----
+for pair in a.mgz:mri_convert a.gii:mris_convert a.off:.ply a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \
+    a.xyz:"not a shape format"; do
+    : >"${pair%%:*}"
+    expect 1 "${pair##*:}" check "${pair%%:*}"
+    expect 1 "${pair##*:}" info "${pair%%:*}"
+done
+
+# ---- projects without shapes ----
+expect 1 "empty.swproj: names no shapes" check empty.swproj
+expect 1 "nameless.swproj: shape 1 (x) names no input" check nameless.swproj
+
+# ---- names ----
+expect 2 "control character" check newline
+expect 2 "control character" check escape
+grep -q $'\033' said && fail "an escape reached the terminal"
+expect 0 "no problems" check "café o"
+
+# ---- what a header left open is told after an interruption, too, in project and certificate ----
+cp -r "$here/../data/cases/qsform" in
+expect 0 "" groom in -o shared --shard 1/1 --faces 2000
+expect 0 "4 of 4 shapes were groomed before" groom in -o shared --faces 2000
+[ "$(grep -c '"input_notes"' shared/project.swproj)" = 3 ] || fail "notes of headers are lost on the way"
+[ "$(grep -c '"text": "its \|"text": "neither' shared/manifest.json)" = 3 ] || fail "notes of headers are not in the manifest"
+
+# ---- DICOM: a file with frames as it is, and what info says of a folder ----
+expect 0 "label 2" info "$here/../data/cases/seg/f_seg_two"
+expect 0 "label 2" info "$here/../data/cases/seg/f_seg_two/seg.dcm"
+expect 0 "no model, but 4 shapes" info in
+expect 0 "" groom "$here/../data/cases/seg/f_seg_two/seg.dcm" --label 1 -o file
+expect 0 "" groom "$here/../data/cases/seg/f_seg_two" --label 1 -o series
+cmp -s file/groomed/seg.ply series/groomed/f_seg_two.ply || fail "a DICOM file is not read as its folder is"
+
+exit $failed
