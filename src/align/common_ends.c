@@ -75,14 +75,17 @@ static void find_end(size_t n, const apsm_mesh *const *meshes, const apsm_alignm
     double longest = -INFINITY, radius = 0.0;
     memcpy(end->plane, g->sum, sizeof g->sum);
     vec3_normalise(end->plane);
-    end->plane[3] = INFINITY;
+    end->plane[3] = end->next = INFINITY;
     end->cut = g->n;
     for (size_t i = 0; i < n; i++) {
         const apsm_cut *cut = cut_at(a, i, end->plane);
         const double reach = reach_of(meshes[i], a->sized + 16 * i, cut, end->plane);
         longest = fmax(longest, reach);
-        if (!cut || reach - in_plane * cut->radius >= end->plane[3]) continue;
-        end->plane[3] = reach - in_plane * cut->radius;
+        const double d = cut ? reach - in_plane * cut->radius : INFINITY;
+        if (d < end->next && d >= end->plane[3]) end->next = d;
+        if (d >= end->plane[3]) continue;
+        end->next = end->plane[3];
+        end->plane[3] = d;
         end->shortest = i;
         radius = cut->radius;
     }
@@ -127,6 +130,29 @@ void apsm_common_ends_planes(const apsm_common_ends *ends, const double M[16],
     }
 }
 
+static bool is_shortest(const apsm_common_ends *ends, size_t shape)
+{
+    bool is = false;
+    for (size_t k = 0; k < ends->n; k++) is |= ends->end[k].shortest == shape;
+    return is;
+}
+
+/* What the others would lose if the shortest were left out. */
+static double next_loss(size_t n, const apsm_mesh *const *meshes, const apsm_alignment *a,
+                        const apsm_common_ends *ends)
+{
+    apsm_common_ends next = *ends;
+    double sum = 0.0;
+    size_t others = 0;
+    for (size_t k = 0; k < next.n; k++) next.end[k].plane[3] = next.end[k].next;
+    for (size_t i = 0; i < n; i++) {
+        if (is_shortest(ends, i)) continue;
+        sum += apsm_common_ends_loss(meshes[i], a->sized + 16 * i, &next);
+        others++;
+    }
+    return others ? sum / (double)others : 0.0;
+}
+
 static void find_losses(size_t n, const apsm_mesh *const *meshes, const apsm_alignment *a,
                         apsm_common_ends *ends)
 {
@@ -137,6 +163,7 @@ static void find_losses(size_t n, const apsm_mesh *const *meshes, const apsm_ali
         ends->most_loss = loss;
         ends->loser = i;
     }
+    ends->next_loss = next_loss(n, meshes, a, ends);
 }
 
 void apsm_find_common_ends(size_t n, const apsm_mesh *const *meshes, const apsm_alignment *a,

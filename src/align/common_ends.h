@@ -28,6 +28,7 @@ typedef struct apsm_common_end {
     double plane[4]; /* n, d in the world: all shapes reach it, n.x <= d is kept */
     size_t cut;      /* shapes that were cut there */
     size_t shortest; /* the one that decides d */
+    double next;     /* d without that one; INFINITY: no other shape was cut there */
     double apart;    /* how much farther than that one the longest reaches, in its radii */
 } apsm_common_end;
 
@@ -36,6 +37,7 @@ typedef struct apsm_common_ends {
     size_t n;
     apsm_common_end end[APSM_MOST_ENDS];
     double mean_loss; /* share of its surface that a shape loses beyond the planes */
+    double next_loss; /* the same if the shortest at every end were left out */
     double most_loss; /* of the shape that loses most ... */
     size_t loser;     /* ... this one */
 } apsm_common_ends;

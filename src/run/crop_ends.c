@@ -58,8 +58,9 @@ static apsm_status remember(apsm_run *run, const groom_inputs *in, const apsm_co
                               json_pack("{s:I, s:s, s:f}", "cut", (json_int_t)e->cut, "shortest",
                                         name_of(in, e->shortest), "apart", e->apart));
     }
-    return manifest_set_cropped(run, json_pack("{s:o, s:f, s:f, s:s}", "ends", list, "mean_loss",
-                                               ends->mean_loss, "most_loss", ends->most_loss,
+    return manifest_set_cropped(run, json_pack("{s:o, s:f, s:f, s:f, s:s}", "ends", list,
+                                               "mean_loss", ends->mean_loss, "next_loss",
+                                               ends->next_loss, "most_loss", ends->most_loss,
                                                "loser", name_of(in, ends->loser)));
 }
 
@@ -70,10 +71,11 @@ static void tell(apsm_run *run, const groom_inputs *in, const apsm_common_ends *
             run->ctx, APSM_LOG_WARNING,
             "%zu of %zu shapes were cut off at one end, by the edge of an image perhaps; all are "
             "cropped there to what %s, the shortest, holds, and lose %.0f %% of their surface "
-            "on average, %s %.0f %%; leave short ones out with --exclude, or keep ends as they "
-            "are with --cuts keep",
+            "on average, %s %.0f %% (without the shortest: %.0f %% on average); leave short ones "
+            "out with --exclude, or keep ends as they are with --cuts keep",
             ends->end[k].cut, in->list.n, name_of(in, ends->end[k].shortest),
-            100.0 * ends->mean_loss, name_of(in, ends->loser), 100.0 * ends->most_loss);
+            100.0 * ends->mean_loss, name_of(in, ends->loser), 100.0 * ends->most_loss,
+            100.0 * ends->next_loss);
 }
 
 /* Few shapes are worth leaving out, but not what all others hold; and one end may be blunt. */

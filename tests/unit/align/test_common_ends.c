@@ -78,6 +78,14 @@ static void common_end_is_below_the_shortest(void **state)
     assert_true(ends.most_loss > 0.25 && ends.most_loss < 0.5);
     assert_true(ends.loser == 1 || ends.loser == 4);
     assert_true(ends.mean_loss > 0.1 && ends.mean_loss < ends.most_loss);
+    /* Without the shortest: as if it had never been there. */
+    const double rest[SHAPES] = { 50, 100, 100, 35, 100, 42 };
+    const double foretold = ends.next_loss, level = ends.end[0].next;
+    free_cohort(&c);
+    make_cohort(&c, rest, 0.2, 0.06);
+    apsm_find_common_ends(SHAPES, c.list, &c.alignment, 2, &ends);
+    assert_true(fabs(ends.end[0].plane[3] - level) < 1.0);
+    assert_true(fabs(ends.mean_loss - foretold) < 0.03 && foretold > 0.02);
     free_cohort(&c);
 }
 
