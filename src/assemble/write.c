@@ -249,7 +249,7 @@ static apsm_status write_pose_shape(writing *w)
         json_pack("{s:s, s:i, s:o, s:f, s:o, s:o, s:o}", "format", "apsm-pose-shape", "version", 1,
                   "parts", parts, "not_explained", ps->leak, "pose", json_model(&ps->poses),
                   "shape", json_model(&ps->shapes), "both", json_model(&ps->both));
-    return write_json(w, "pose_shape.json", root);
+    return write_json(w, FOLDER_POSE_SHAPE, root);
 }
 
 /* ---- tables ---- */
@@ -428,17 +428,46 @@ static json_t *json_surface(const writing *w)
     return surface;
 }
 
+/* How near the parts a and b of every subject come. */
+static json_t *json_space(const writing *w, size_t a, size_t b, size_t pair)
+{
+    json_t *list = json_array();
+    for (size_t i = 0; i < w->c->I; i++) {
+        const joint_contact *k = &w->f->contact[i * w->f->pairs + pair];
+        json_array_append_new(list,
+                              json_pack("{s:s, s:f, s:f, s:f, s:f}", "name", subject_name(w, i),
+                                        "gap", k->own.gap, "depth", k->own.depth, "rebuilt_gap",
+                                        k->rebuilt.gap, "rebuilt_depth", k->rebuilt.depth));
+    }
+    return json_pack("{s:[s, s], s:o}", "parts", part_name(w, a), part_name(w, b), "per_shape",
+                     list);
+}
+
+static json_t *json_spaces(const writing *w)
+{
+    json_t *spaces = json_array();
+    size_t pair = 0;
+    for (size_t a = 0; a < w->c->n; a++)
+        for (size_t b = a + 1; b < w->c->n; b++)
+            json_array_append_new(spaces, json_space(w, a, b, pair++));
+    if (json_array_size(spaces) == pair) return spaces;
+    json_decref(spaces);
+    return NULL;
+}
+
 static apsm_status write_evaluation(writing *w)
 {
     const apsm_evaluation *e = &w->f->evaluation;
     json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o}",
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
+        "s:o, s:o}",
         "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
         (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
         apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
         "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
         (json_int_t)e->left_out, "template", subject_name(w, w->f->like[0]), "surface_distance",
-        json_surface(w), "variances", apsm_json_vector(e->modes, e->variance), "modes",
+        json_surface(w), "landmarks", joint_landmarks(w->job, w->c), "joint_spaces", json_spaces(w),
+        "variances", apsm_json_vector(e->modes, e->variance), "modes",
         mode_trust_json(e->modes, e->trust), "compactness",
         apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
@@ -446,6 +475,17 @@ static apsm_status write_evaluation(writing *w)
         apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
         apsm_json_vector(e->n_specificity, e->specificity_error));
     return write_json(w, FOLDER_EVALUATION, root);
+}
+
+static apsm_status write_fields(writing *w)
+{
+    bool wrote;
+    char *path = apsm_path_join(w->job->settings->run.folder, FOLDER_FEATURES);
+    apsm_status status = path ? joint_write_fields(w->job, w->c, path, &wrote) : APSM_ERR_MEMORY;
+    free(path);
+    if (status == APSM_OK && wrote && json_array_append_new(w->files, json_string(FOLDER_FEATURES)))
+        status = APSM_ERR_MEMORY;
+    return status;
 }
 
 /* ---- certificate.json ---- */
@@ -657,6 +697,7 @@ static apsm_status write_all(writing *w)
     APSM_TRY(write_poses(w));
     APSM_TRY(write_contacts(w));
     APSM_TRY(write_evaluation(w));
+    APSM_TRY(write_fields(w));
     APSM_TRY(write_certificate(w));
     APSM_TRY(write_meshes(w));
     return write_report(w);

@@ -13,6 +13,7 @@
 #define FOLDER_LANDMARKS      "landmarks.csv"
 #define FOLDER_FEATURES       "features.csv"
 #define FOLDER_HISTORY        "history.csv"
+#define FOLDER_POSE_SHAPE     "pose_shape.json" /* of a joint */
 #define FOLDER_REPORT         "report.html"
 #define FOLDER_INITIAL        "state/initial.ckpt"
 #define FOLDER_CHECKPOINT     "state/optimize.ckpt"

@@ -32,9 +32,11 @@ static apsm_status make_modes(making *w)
     display *d = w->d;
     const size_t n = 3 * d->template_mesh.nv, J3 = 3 * m->J;
     d->modes = m->model.modes < MODES_MOST ? m->model.modes : MODES_MOST;
+    d->first_vertex = malloc((m->parts + 1) * sizeof *d->first_vertex);
     d->mean = malloc(n * sizeof *d->mean);
     d->mode = malloc((d->modes * n + 1) * sizeof *d->mode);
-    if (!d->mean || !d->mode) return APSM_ERR_MEMORY;
+    if (!d->first_vertex || !d->mean || !d->mode) return APSM_ERR_MEMORY;
+    memcpy(d->first_vertex, w->shown.first_vertex, (m->parts + 1) * sizeof *d->first_vertex);
     template_surface_warp(&w->shown, m->model.mean, d->mean);
     for (size_t k = 0; k < d->modes; k++) {
         double *y = d->mode + k * n;
@@ -79,6 +81,7 @@ static apsm_status add_part(apsm_context *ctx, const making *w, size_t d, const 
     apsm_status status = apsm_mesh_append(&s->mesh, &shown);
     apsm_mesh_free(&shown);
     APSM_TRY(status);
+    s->first_vertex[d + 1] = s->mesh.nv;
     double *distance = realloc(s->distance, (s->mesh.nv + 1) * sizeof *distance);
     if (!distance) return APSM_ERR_MEMORY;
     s->distance = distance;
@@ -113,9 +116,10 @@ static apsm_status make_shape(apsm_context *ctx, size_t i, int worker, void *use
     const making *w = user;
     const size_t nv = w->d->template_mesh.nv;
     display_shape *s = &w->d->shape[i];
+    s->first_vertex = calloc(w->m->parts + 1, sizeof *s->first_vertex);
     s->warped = malloc((3 * nv + 1) * sizeof *s->warped);
     s->warped_distance = malloc((nv + 1) * sizeof *s->warped_distance);
-    if (!s->warped || !s->warped_distance) return APSM_ERR_MEMORY;
+    if (!s->first_vertex || !s->warped || !s->warped_distance) return APSM_ERR_MEMORY;
     template_surface_warp(&w->shown, w->m->P + i * w->m->J * 3, s->warped);
     apsm_status status = APSM_OK;
     for (size_t d = 0; d < w->m->parts && status == APSM_OK; d++) {
@@ -137,6 +141,7 @@ apsm_status display_make(apsm_context *ctx, const model_folder *m, display *d)
     if (status == APSM_OK) status = template_surface_make(ctx, m, w.faces, &w.shown);
     if (status == APSM_OK) status = template_surface_mesh(&w.shown, &d->template_mesh);
     if (status == APSM_OK) status = make_modes(&w);
+    if (status == APSM_OK) status = joint_view_make(ctx, &w.shown, MODES_MOST, &d->joint);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, m->I, make_shape, &w, "report");
     template_surface_free(&w.full);
     template_surface_free(&w.shown);
@@ -148,6 +153,7 @@ void display_free(display *d)
     for (size_t i = 0; d->shape && i < d->I; i++) {
         display_shape *s = &d->shape[i];
         apsm_mesh_free(&s->mesh);
+        free(s->first_vertex);
         free(s->distance);
         free(s->warped);
         free(s->warped_distance);
@@ -155,6 +161,8 @@ void display_free(display *d)
     free(d->shape);
     free(d->mean);
     free(d->mode);
+    free(d->first_vertex);
+    joint_view_free(&d->joint);
     apsm_mesh_free(&d->template_mesh);
     *d = (display){ 0 };
 }

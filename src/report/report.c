@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "files/files.h"
+#include "folder/features_csv.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"
 #include "report/answers.h"
@@ -63,6 +64,10 @@ static void choose_steps(composing *c)
     const size_t nv = d->template_mesh.nv;
     double hi[3] = { -INFINITY, -INFINITY, -INFINITY }, distance = 0;
     for (int k = 0; k < 3; k++) c->lo[k] = INFINITY;
+    if (d->joint.n > 0) {
+        widen(c->lo, hi, nv, d->joint.surface);
+        widen(c->lo, hi, m->J, d->joint.particles);
+    }
     widen(c->lo, hi, m->I * m->J, m->P);
     widen(c->lo, hi, m->J, m->model.mean);
     widen(c->lo, hi, nv, d->mean);
@@ -77,6 +82,10 @@ static void choose_steps(composing *c)
         step_of(fmax(hi[0] - c->lo[0], fmax(hi[1] - c->lo[1], hi[2] - c->lo[2])), position_levels);
     c->largest_distance = step_of(distance, 1);
     double mode = largest(0, d->modes * nv * 3, d->mode);
+    for (size_t k = 0; d->joint.n > 0 && k < d->joint.shapes; k++) {
+        mode = largest(mode, nv * 3, d->joint.mode + k * nv * 3);
+        mode = largest(mode, m->J * 3, d->joint.mode_particles + k * m->J * 3);
+    }
     for (size_t k = 0; k < d->modes; k++)
         mode = fmax(mode, sqrt(m->model.variance[k])); /* bounds the particles' displacements */
     c->mode_step = step_of(mode, mode_levels);
@@ -148,6 +157,13 @@ static json_t *json_more_scores(composing *c)
     return scores;
 }
 
+static json_t *json_sizes(size_t n, const size_t *x)
+{
+    json_t *list = json_array();
+    for (size_t k = 0; k < n; k++) json_array_append_new(list, json_integer((json_int_t)x[k]));
+    return list;
+}
+
 static json_t *json_shape(composing *c, size_t i)
 {
     const model_folder *m = c->m;
@@ -161,6 +177,8 @@ static json_t *json_shape(composing *c, size_t i)
         "faces", faces(c, &s->mesh), "distance", distances(c, s->mesh.nv, s->distance), "warped",
         warped_positions(c, s->warped), "warped_distance", distances(c, nv, s->warped_distance));
     if (shape && s->rest > 0) json_object_set_new(shape, "rest", json_integer((json_int_t)s->rest));
+    if (shape && m->parts > 1)
+        json_object_set_new(shape, "parts", json_sizes(m->parts + 1, s->first_vertex));
     return shape;
 }
 
@@ -188,6 +206,86 @@ static json_t *json_mean(composing *c)
     return json_pack("{s:o, s:o, s:o, s:o}", "vertices", positions(c, mesh->nv, c->d->mean),
                      "faces", faces(c, mesh), "particles", positions(c, c->m->J, c->m->model.mean),
                      "modes", json_modes(c));
+}
+
+/* ---- joints ---- */
+
+static json_t *json_shape_modes(composing *c)
+{
+    const joint_view *v = &c->d->joint;
+    const size_t J = c->m->J, nv = c->d->template_mesh.nv;
+    json_t *modes = json_array();
+    for (size_t k = 0; k < v->shapes; k++)
+        json_array_append_new(
+            modes, json_pack("{s:o, s:o}", "vertices", displacements(c, nv, v->mode + 3 * nv * k),
+                             "particles", displacements(c, J, v->mode_particles + 3 * J * k)));
+    return modes;
+}
+
+/* Pose and shape apart: where the parts are at the mean, how modes of pose move each, and how modes
+ * of shape change them there. */
+static json_t *json_apart(composing *c)
+{
+    const joint_view *v = &c->d->joint;
+    json_t *motions = json_array();
+    for (size_t k = 0; k < v->poses; k++)
+        json_array_append_new(motions, apsm_json_matrix(v->n, 6, v->motion + 6 * v->n * k));
+    return json_pack("{s:f, s:O, s:O, s:o, s:o, s:o, s:o, s:o}", "not_explained", v->not_explained,
+                     "pose_variances", v->pose_variances, "shape_variances", v->shape_variances,
+                     "vertices", positions(c, c->d->template_mesh.nv, v->surface), "particles",
+                     positions(c, c->m->J, v->particles), "frames",
+                     apsm_json_matrix(v->n, 16, v->frame), "motions", motions, "modes",
+                     json_shape_modes(c));
+}
+
+/* What was sampled at the particles: a field's values of all shapes in steps of 1 / 65,535 of their
+ * range. */
+static json_t *json_field(composing *c, const sampled_fields *f, size_t s)
+{
+    const size_t n = f->I * f->J;
+    double lo = INFINITY, hi = -INFINITY;
+    for (size_t k = 0; k < n; k++) lo = fmin(lo, f->value[k * f->S + s]);
+    for (size_t k = 0; k < n; k++) hi = fmax(hi, f->value[k * f->S + s]);
+    const double step = step_of(hi - lo, 65535);
+    uint32_t *code = malloc((n + 1) * sizeof *code);
+    if (!code) return NULL;
+    for (size_t k = 0; k < n; k++)
+        code[k] = (uint32_t)fmin(65535, (f->value[k * f->S + s] - lo) / step + 0.5);
+    json_t *field = json_pack("{s:s, s:f, s:f, s:o}", "name", f->name[s], "lo", lo, "step", step,
+                              "values", pack_integers(&c->bytes, n, 1, 2, code));
+    free(code);
+    return field;
+}
+
+static apsm_status add_fields(apsm_context *ctx, composing *c, json_t *root)
+{
+    sampled_fields f = { 0 };
+    char *path = model_folder_path(c->m, FOLDER_FEATURES);
+    json_t *list = json_array();
+    apsm_status status = path && list ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK && apsm_file_exists(path))
+        status = features_csv_read(ctx, path, c->m->I, c->m->names, c->m->J, &f);
+    for (size_t s = 0; s < f.S; s++) json_array_append_new(list, json_field(c, &f, s));
+    if (json_array_size(list) < f.S || json_object_set(root, "fields", list) != 0)
+        status = status == APSM_OK ? APSM_ERR_MEMORY : status;
+    sampled_fields_free(&f);
+    json_decref(list);
+    free(path);
+    return status;
+}
+
+/* The parts, with where their vertices and particles begin; null for one part. */
+static json_t *json_joint(composing *c)
+{
+    const model_folder *m = c->m;
+    if (m->parts < 2) return json_null();
+    json_t *parts = json_array();
+    for (size_t d = 0; d < m->parts; d++)
+        json_array_append_new(parts, json_pack("{s:s, s:I}", "name", m->part[d].name, "particles",
+                                               (json_int_t)m->part[d].first));
+    return json_pack("{s:o, s:o, s:o}", "parts", parts, "vertices",
+                     json_sizes(m->parts + 1, c->d->first_vertex), "apart",
+                     c->d->joint.n > 0 ? json_apart(c) : json_null());
 }
 
 static json_t *json_shapes(composing *c)
@@ -257,7 +355,8 @@ static json_t *compose(composing *c, const char *title)
     const char *unit = manifest_unit(m->manifest);
     const int failed = json_object_set_new(root, "more_scores", json_more_scores(c)) |
                        json_object_set_new(root, "unit", unit ? json_string(unit) : json_null()) |
-                       json_object_set_new(root, "axes", json_axes(m));
+                       json_object_set_new(root, "axes", json_axes(m)) |
+                       json_object_set_new(root, "joint", json_joint(c));
     if (!failed) return root;
     json_decref(root);
     return NULL;
@@ -285,6 +384,7 @@ static apsm_status write_file(apsm_context *ctx, composing *c, const char *path)
     free(title);
     apsm_status status = answers_read(ctx, c->m, &answers);
     if (answers && json_object_set_new(root, "answers", answers) != 0) status = APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = add_fields(ctx, c, root);
     if (status == APSM_OK) status = page_write(ctx, path, root, &c->bytes);
     json_decref(root);
     return status;

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "apsm/formats.h"
+#include "folder/features_csv.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "initialize/features.h"
@@ -351,43 +352,26 @@ static void fields_at(const apsm_run *run, size_t i, const apsm_surface_point *o
     }
 }
 
-static void write_rows(apsm_run *run, size_t J, const double *P, double *f, apsm_writer *w)
-{
-    for (size_t i = 0; i < run->cohort.I; i++)
-        for (size_t j = 0; j < J; j++) {
-            apsm_surface_point on;
-            apsm_shape_look_up(&run->cohort.shape[i], 1, P + 3 * (i * J + j), &on, NULL, NULL);
-            fields_at(run, i, &on, f);
-            apsm_writer_csv(w, run->project.subjects[i].name);
-            apsm_writer_printf(w, ",%zu", j);
-            for (size_t s = 0; s < run->features.S; s++) {
-                apsm_writer_printf(w, ",");
-                apsm_writer_number(w, f[s]);
-            }
-            apsm_writer_printf(w, "\n");
-        }
-}
-
 apsm_status features_write_table(apsm_run *run, size_t J, const double *P)
 {
-    apsm_writer *w = NULL;
+    const size_t I = run->cohort.I, S = run->features.S;
     if (run_is_in_memory(run)) return APSM_OK;
-    if (run->features.S == 0) return run_remove(run, run_path(run, FOLDER_FEATURES));
-    double *f = malloc(run->features.S * sizeof *f);
+    if (S == 0) return run_remove(run, run_path(run, FOLDER_FEATURES));
+    const sampled_fields fields = { I, J, S, run->features.name,
+                                    malloc(I * J * S * sizeof(double)) };
+    const char **names = malloc((I + 1) * sizeof *names);
     char *path = run_path(run, FOLDER_FEATURES);
-    apsm_status status = f && path ? apsm_writer_open(run->ctx, path, &w) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        apsm_writer_printf(w, "name,particle");
-        for (size_t s = 0; s < run->features.S; s++) {
-            apsm_writer_printf(w, ",");
-            apsm_writer_csv(w, run->features.name[s]);
-        }
-        apsm_writer_printf(w, "\n");
-        write_rows(run, J, P, f, w);
-        status = apsm_writer_commit(w);
+    apsm_status status = fields.value && names && path ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t k = 0; status == APSM_OK && k < I * J; k++) {
+        apsm_surface_point on;
+        names[k / J] = run->project.subjects[k / J].name;
+        apsm_shape_look_up(&run->cohort.shape[k / J], 1, P + 3 * k, &on, NULL, NULL);
+        fields_at(run, k / J, &on, fields.value + k * S);
     }
+    if (status == APSM_OK) status = features_csv_write(run->ctx, path, names, &fields);
     free(path);
-    free(f);
+    free(names);
+    free(fields.value);
     return status;
 }
 

@@ -37,11 +37,33 @@ export function writeCohort(folder) {
       const s = 1 + (bump / 30) * Math.exp(-6 * ((x - 0.6) ** 2 + (y + 0.6) ** 2 + (z - 0.5) ** 2));
       return [long * x * s, 16 * y * s, 20 * z * s - 4 * x * x];
     });
-    writeFileSync(
-      join(folder, `${name}.ply`),
-      `ply\nformat ascii 1.0\nelement vertex ${V.length}\nproperty float x\nproperty float y\nproperty float z\nelement face ${F.length}\nproperty list uchar int vertex_indices\nend_header\n` +
-        points.map((p) => p.map((x) => x.toFixed(5)).join(" ")).join("\n") + "\n" +
-        F.map((f) => `3 ${f.join(" ")}`).join("\n") + "\n",
-    );
+    writePly(join(folder, `${name}.ply`), points, F);
   });
+}
+
+/** Vertices may have a fourth number, the field warm. */
+function writePly(path, points, F) {
+  const field = points[0].length > 3 ? "property float warm\n" : "";
+  writeFileSync(path,
+    `ply\nformat ascii 1.0\nelement vertex ${points.length}\nproperty float x\nproperty float y\nproperty float z\n${field}element face ${F.length}\nproperty list uchar int vertex_indices\nend_header\n` +
+    points.map((p) => p.map((x) => x.toFixed(5)).join(" ")).join("\n") + "\n" +
+    F.map((f) => `3 ${f.join(" ")}`).join("\n") + "\n");
+}
+
+/** Six joints of two parts: the hinge turns about the socket by 6 degrees more from one to the next, and the
+ *  socket grows longer; warm rises along x.  Landmarks at the ends of both. */
+export function writeJoints(folder) {
+  const { V, F } = sphere(3), marks = ["shape,name,x,y,z"];
+  const body = (long) => ([x, y, z]) => {
+    const s = 1 + 0.35 * Math.exp(-6 * ((x - 0.6) ** 2 + (y + 0.6) ** 2 + (z - 0.5) ** 2));
+    return [long * x * s, 16 * y * s, 20 * z * s - 4 * x * x, 50 + 40 * x];
+  };
+  for (let i = 0; i < 6; i++) {
+    const angle = ((6 * i - 15) * Math.PI) / 180, c = Math.cos(angle), s = Math.sin(angle), socket = body(30 + 1.5 * i), hinge = body(26);
+    const turned = (v) => { const [x, y, z, w] = hinge(v); return [c * (x + 70) - s * y, s * (x + 70) + c * y, z, w]; };
+    writePly(join(folder, `j${i}_socket.ply`), V.map(socket), F);
+    writePly(join(folder, `j${i}_hinge.ply`), V.map(turned), F);
+    marks.push(`j${i}_socket,<i>end</i>,${socket([-1, 0, 0]).slice(0, 3)}`, `j${i}_hinge,<i>end</i>,${turned([1, 0, 0]).slice(0, 3)}`);
+  }
+  writeFileSync(join(folder, "marks.csv"), marks.join("\n") + "\n");
 }

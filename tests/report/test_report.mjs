@@ -7,7 +7,7 @@ import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { chromium } from "playwright-core";
-import { NAMES, writeCohort } from "./cohort.mjs";
+import { NAMES, writeCohort, writeJoints } from "./cohort.mjs";
 
 const [apsm, browserPath, pictures] = process.argv.slice(2);
 const folder = mkdtempSync(join(tmpdir(), "apsm-report-"));
@@ -478,6 +478,55 @@ async function main() {
     assert.ok((await pageOfFits.locator("#shape svg path.curve").count()) > 0, "no scores");
     await picture(pageOfFits, "fits");
     await pageOfFits.context().close();
+  });
+  await check("a joint's parts are shown, hidden, drawn apart; pose and shape are modes by themselves", async () => {
+    const joint = join(folder, "joint"), inputs = join(folder, "parts");
+    mkdirSync(inputs);
+    writeJoints(inputs);
+    run("run", inputs, "-o", joint, "--pattern", "*.ply", "--parts", "socket=_socket,hinge=_hinge", "--align-parts", "socket", "--features", "warm:0", "--landmarks", join(inputs, "marks.csv"),
+      "-J", "32", "--faces", "1200", "--stage1-epochs", "4", "--stage2-epochs", "2", "-q");
+    const page = await open(browser, {}, joint), canvas = "#modes canvas";
+    await show(page, canvas);
+    const whole = await look(page, canvas);
+    assert.ok(whole.vivid > 0.2, "parts have no colours");
+    await page.getByLabel("hinge", { exact: true }).uncheck();
+    await settle(page);
+    const socket = await look(page, canvas);
+    assert.ok(socket.share < 0.8 * whole.share, `hidden part: ${socket.share} of ${whole.share}`);
+    await page.getByLabel("hinge", { exact: true }).check();
+    await page.getByLabel("parts drawn apart").fill("1");
+    await settle(page);
+    assert.notEqual((await look(page, canvas)).sum, whole.sum);
+    await page.getByLabel("parts drawn apart").fill("0");
+    // The first mode of pose turns the hinge about the socket and changes neither; the first of shape makes the socket longer.
+    const told = await page.evaluate(() => {
+      const { model, modes } = apsmReport, starts = model.joint.vertices, size = (X, a, b) => {
+        const c = [0, 1, 2].map((k) => { let s = 0; for (let v = a; v < b; v++) s += X[3 * v + k] / (b - a); return s; });
+        let s = 0;
+        for (let v = a; v < b; v++) s += Math.hypot(X[3 * v] - c[0], X[3 * v + 1] - c[1], X[3 * v + 2] - c[2]) / (b - a);
+        return { c, s };
+      };
+      const at = (d) => size(modes.V, starts[d], starts[d + 1]), both = () => [at(0), at(1)], far = (a, b) => Math.hypot(...a.map((x, k) => x - b[k]));
+      modes.use("pose");
+      const mean = both();
+      modes.setMode(0, 2);
+      const pose = both();
+      modes.use("shape");
+      modes.setMode(0, 2);
+      const shape = both();
+      modes.use("all");
+      return { went: far(pose[1].c, mean[1].c), swelled: Math.abs(pose[1].s / mean[1].s - 1), stayed: far(shape[1].c, mean[1].c), grew: Math.abs(shape[0].s / mean[0].s - 1) };
+    });
+    assert.ok(told.went > 10 && told.swelled < 1e-4 && told.stayed < 1 && told.grew > 0.02, JSON.stringify(told));
+    await page.selectOption("#modes .sliders select >> nth=0", { label: "mean warm" });
+    await settle(page);
+    assert.match(await page.textContent("#modes .main"), /warm/);
+    await page.selectOption("#cohort .tools label:nth-child(4) select", { label: "warm" });
+    assert.match(await page.textContent("#cohort .legend"), /warm/);
+    assert.match(await page.textContent("#fidelity"), /socket \u2013 hinge/);
+    assert.match(await page.textContent("#fidelity"), /socket <i>end<\/i>/);
+    await picture(page, "joint");
+    await page.context().close();
   });
   await check("without WebGL the figures and tables are still there", async () => {
     const plain = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-background-networking"] });

@@ -2,7 +2,6 @@
 // its normals, and both laid over each other.
 import { byId, checkbox, choice, el, table } from "./dom.js";
 import { vertexNormals } from "./data.js";
-import * as gl from "./gl.js";
 import { length } from "./units.js";
 
 /** All that can be compared: [key, label, vertices on the template's mesh]. */
@@ -26,7 +25,7 @@ function meanOf(shapes) {
   return out;
 }
 
-export function fillCompare(model, { makeView, viewTools, legend }) {
+export function fillCompare(model, { makeView, viewTools, legend, surfaceGeometry }) {
   const section = byId("compare"), body = section.querySelector(".body");
   if (model.I < 2) {
     section.hidden = true;
@@ -56,7 +55,7 @@ export function fillCompare(model, { makeView, viewTools, legend }) {
     const sorted = Float64Array.from(value, Math.abs).sort(), reach = sorted[Math.floor(0.99 * (sorted.length - 1))] || 1;
     const mean = (x) => x.reduce((p, q) => p + q, 0) / x.length;
     view.set({
-      surface: gl.surfaceGeometry(a.V, F, a.N, value.slice()), ghost: state.ghost && state.a !== state.b ? gl.surfaceGeometry(b.V, F, b.N, null) : null,
+      surface: surfaceGeometry(a.V, F, a.N, value.slice()), ghost: state.ghost && state.a !== state.b ? surfaceGeometry(b.V, F, b.N, null) : null,
       palette: state.colour ? "signed" : null, range: [-reach, reach],
     });
     view.setPickable(null);

@@ -4,12 +4,28 @@
 import {
   BufferAttribute, BufferGeometry, DataTexture, IcosahedronGeometry, InstancedBufferAttribute,
   InstancedBufferGeometry, LinearFilter, Mesh, OrthographicCamera, RGBAFormat, Scene,
-  ShaderMaterial, Vector3, WebGLRenderer, Color, ColorManagement,
+  ShaderMaterial, Vector3, Vector4, WebGLRenderer, Color, ColorManagement,
 } from "three";
 import { lookUpTable, palettes } from "./colors.js";
 import { paintScale, paintAxes, paintMeasure } from "./overlay.js";
 
 ColorManagement.enabled = false; // colours are taken and given as they are
+
+// Parts of a joint, the same in all views: where each is drawn (moved by x, y, z; w = 0: not at all) and its
+// colour, where nothing else is coloured.
+export const PARTS_MOST = 24;
+const parts = {
+  place: { value: Array.from({ length: PARTS_MOST }, () => new Vector4(0, 0, 0, 1)) },
+  hue: { value: Array.from({ length: PARTS_MOST }, () => new Vector3(0.8, 0.8, 0.8)) },
+  hued: { value: 0 },
+};
+const PLACE = `
+  uniform vec4 place[${PARTS_MOST}];
+  attribute float part;
+  vec4 placed(vec3 x) {
+    vec4 p = place[int(part + 0.5)];
+    return p.w > 0.5 ? projectionMatrix * modelViewMatrix * vec4(x + p.xyz, 1.0) : vec4(2.0, 2.0, 2.0, 1.0);
+  }`;
 
 const LIGHT = `
   float shade(vec3 n, out float glint) {
@@ -23,25 +39,29 @@ const surfaceShader = {
   vertexShader: `
     attribute float value;
     varying float v;
-    varying vec3 n;
+    varying vec3 n, own;
+    uniform vec3 hue[${PARTS_MOST}];
+    ${PLACE}
     void main() {
       n = normalMatrix * normal;
       v = value;
-      gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
+      own = hue[int(part + 0.5)];
+      gl_Position = placed(position);
     }`,
   fragmentShader: `
     uniform vec3 base;
     uniform vec2 range;
     uniform float coloured;
+    uniform float hued; // parts in colours of their own
     uniform float veil; // 1: solid
     uniform sampler2D palette;
     varying float v;
-    varying vec3 n;
+    varying vec3 n, own;
     ${LIGHT}
     void main() {
       float glint, s = shade(normalize(n) * (gl_FrontFacing ? 1.0 : -1.0), glint);
       float t = clamp((v - range.x) / (range.y - range.x), 0.002, 0.998);
-      vec3 c = coloured > 0.5 ? texture2D(palette, vec2(t, 0.5)).rgb : base;
+      vec3 c = coloured > 0.5 ? texture2D(palette, vec2(t, 0.5)).rgb : hued > 0.5 ? own : base;
       if (v < -1e29) c = vec3(0.62); // not counted
       gl_FragColor = vec4(min(c * s + glint, 1.0) * veil, veil);
     }`,
@@ -49,18 +69,19 @@ const surfaceShader = {
 
 const particleShader = {
   vertexShader: `
-    attribute vec3 place;
+    attribute vec3 at;
     attribute vec3 tint;
     attribute float mark; // 0 plain, 1 stepped back, 2 chosen
     uniform float radius;
     varying vec3 n, c;
     varying float m;
+    ${PLACE}
     void main() {
       n = normalMatrix * normal;
       c = tint;
       m = mark;
       float r = radius * (mark > 1.5 ? 2.0 : mark > 0.5 ? 0.7 : 1.0);
-      gl_Position = projectionMatrix * modelViewMatrix * vec4(place + r * position, 1.0);
+      gl_Position = placed(at + r * position);
     }`,
   fragmentShader: `
     varying vec3 n, c;
@@ -94,23 +115,27 @@ export function startGraphics() {
   }
 }
 
-/** Geometry of a surface; value (may be null) is what is coloured. */
-export function surfaceGeometry(V, F, N, value) {
+const partAttribute = (part, n, Kind) => new Kind(part ?? new Float32Array(n), 1);
+
+/** Geometry of a surface; value (may be null) is what is coloured, part (may be null) the part of each vertex. */
+export function surfaceGeometry(V, F, N, value, part = null) {
   const g = new BufferGeometry();
   g.setAttribute("position", new BufferAttribute(V, 3));
   g.setAttribute("normal", new BufferAttribute(N, 3));
   g.setAttribute("value", new BufferAttribute(value ?? new Float32Array(V.length / 3), 1));
+  g.setAttribute("part", partAttribute(part, V.length / 3, BufferAttribute));
   g.setIndex(new BufferAttribute(F, 1));
   return g;
 }
 
 const ball = new IcosahedronGeometry(1, 1);
 
-export function particleGeometry(P, tint) {
+export function particleGeometry(P, tint, part = null) {
   const g = new InstancedBufferGeometry();
   g.setAttribute("position", ball.getAttribute("position"));
   g.setAttribute("normal", ball.getAttribute("normal"));
-  g.setAttribute("place", new InstancedBufferAttribute(P, 3));
+  g.setAttribute("at", new InstancedBufferAttribute(P, 3));
+  g.setAttribute("part", partAttribute(part, P.length / 3, InstancedBufferAttribute));
   g.setAttribute("tint", new InstancedBufferAttribute(tint, 3));
   g.setAttribute("mark", new InstancedBufferAttribute(new Float32Array(P.length / 3), 1));
   g.instanceCount = P.length / 3;
@@ -121,7 +146,7 @@ export function particleGeometry(P, tint) {
 
 export const pose = { yaw: 0.5, pitch: 0.35, zoom: 1, x: 0, y: 0 };
 const home = { ...pose };
-let stage = { centre: [0, 0, 0], radius: 1, hull: [], axes: null };
+let stage = { centre: [0, 0, 0], radius: 1, hull: [], axes: null }, room = 1;
 /** All shapes lie within radius of centre, and within the points of hull, from the centre on; at first
  * their longest side (angle `yaw` from x, seen from above) is seen across.  axes: where left, posterior
  * and superior are, or null. */
@@ -131,17 +156,31 @@ export function setStage(centre, radius, yaw, hull = [], axes = null) {
   Object.assign(pose, home);
 }
 
+/** Where parts are drawn: place (x, y, z, shown a part), hue (colours as vectors) or null. */
+export function setParts(place, hue) {
+  let far = 0;
+  place.slice(0, PARTS_MOST).forEach((p, d) => {
+    parts.place.value[d].set(...p);
+    far = Math.max(far, Math.hypot(p[0], p[1], p[2]));
+  });
+  parts.hued.value = hue ? 1 : 0;
+  if (hue) hue.slice(0, PARTS_MOST).forEach((c, d) => parts.hue.value[d].set(...c));
+  room = 1 + far / stage.radius;
+  invalidateAll();
+}
+const placeOf = (part) => parts.place.value[part ?? 0];
+
 /** Half of the height that holds all shapes in a view of that form: in the pose, and however it is turned
  * about the upright axis. */
 function halfHeight(width, height, right, up) {
   let x = 0, y = 0, turned = 0;
-  if (stage.hull.length === 0) return 1.04 * stage.radius * Math.max(1, height / width);
+  if (stage.hull.length === 0) return 1.04 * room * stage.radius * Math.max(1, height / width);
   for (const p of stage.hull) {
     x = Math.max(x, Math.abs(p[0] * right.x + p[1] * right.y + p[2] * right.z));
     y = Math.max(y, Math.abs(p[0] * up.x + p[1] * up.y + p[2] * up.z));
     turned = Math.max(turned, Math.hypot(p[0], p[1]));
   }
-  return 1.07 * Math.max(y, (Math.max(x, turned) * height) / width);
+  return 1.07 * room * Math.max(y, (Math.max(x, turned) * height) / width);
 }
 
 const direction = (p) =>
@@ -229,15 +268,15 @@ export class View {
     this.camera = new OrthographicCamera();
     this.skin = new ShaderMaterial({
       ...surfaceShader,
-      uniforms: { base: { value: new Color() }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 1 }, palette: { value: null } },
+      uniforms: { base: { value: new Color() }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 1 }, palette: { value: null }, ...parts },
     });
     this.skin.side = 2;
     this.veil = new ShaderMaterial({
       ...surfaceShader, transparent: true, depthWrite: false, premultipliedAlpha: true,
-      uniforms: { base: { value: new Color("#3b6fb6") }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 0.35 }, palette: { value: null } },
+      uniforms: { base: { value: new Color("#3b6fb6") }, range: { value: [0, 1] }, coloured: { value: 0 }, veil: { value: 0.35 }, palette: { value: null }, ...parts },
     });
     this.measured = null; // points between which is measured
-    this.dots = new ShaderMaterial({ ...particleShader, uniforms: { radius: { value: radius } } });
+    this.dots = new ShaderMaterial({ ...particleShader, uniforms: { radius: { value: radius }, place: parts.place } });
     this.pickable = null;
     this.onpick = pick;
     views.add(this);
@@ -258,9 +297,9 @@ export class View {
     this.skin.uniforms.range.value = range;
     this.invalidate();
   }
-  /** What can be picked: places and normals of particles. */
-  setPickable(P, N) {
-    this.pickable = P ? { P, N } : null;
+  /** What can be picked: places and normals of particles, and their parts. */
+  setPickable(P, N, part = null) {
+    this.pickable = P ? { P, N, part } : null;
   }
   show(on) {
     this.on = on;
@@ -317,7 +356,7 @@ export class View {
     if (stage.axes)
       paintAxes(flat, { density, ink, axes: stage.axes.map((a) => [right, up, to].map((d) => a[0] * d.x + a[1] * d.y + a[2] * d.z)) });
     if (this.measured) {
-      const at = this.measured.map((p) => new Vector3(...p).project(this.camera)).map((p) => [((p.x + 1) / 2) * width, ((1 - p.y) / 2) * height]);
+      const at = this.measured.map((p) => new Vector3(...p).add(placeOf(p.part)).project(this.camera)).map((p) => [((p.x + 1) / 2) * width, ((1 - p.y) / 2) * height]);
       paintMeasure(flat, { at, points: this.measured, density, ink, ground: getComputedStyle(this.canvas).getPropertyValue("--ground").trim() });
     }
     flat.restore();
@@ -338,7 +377,7 @@ export class View {
     if (!this.surface) return null;
     this.aim(canvas.clientWidth, canvas.clientHeight);
     const from = new Vector3((2 * px) / canvas.clientWidth - 1, 1 - (2 * py) / canvas.clientHeight, -1).unproject(this.camera);
-    return hit(this.surface.getAttribute("position").array, this.surface.index.array, from, direction(pose).negate());
+    return hit(this.surface.getAttribute("position").array, this.surface.index.array, this.surface.getAttribute("part").array, from, direction(pose).negate());
   }
   /** A click while measuring: the first or the second point; a third begins anew. */
   measure(px, py) {
@@ -357,7 +396,9 @@ export class View {
     let best = -1, least = 14 * 14;
     for (let j = 0; j < at.P.length / 3; j++) {
       if (at.N[3 * j] * to.x + at.N[3 * j + 1] * to.y + at.N[3 * j + 2] * to.z < 0.05) continue;
-      p.set(at.P[3 * j], at.P[3 * j + 1], at.P[3 * j + 2]).project(this.camera);
+      const place = placeOf(at.part?.[j]);
+      if (place.w < 0.5) continue;
+      p.set(at.P[3 * j], at.P[3 * j + 1], at.P[3 * j + 2]).add(place).project(this.camera);
       const x = ((p.x + 1) / 2) * canvas.clientWidth - px, y = ((1 - p.y) / 2) * canvas.clientHeight - py;
       if (x * x + y * y < least) { least = x * x + y * y; best = j; }
     }
@@ -365,22 +406,26 @@ export class View {
   }
 }
 
-/** First hit of the ray from o along d (Moeller and Trumbore, 1997), or null. */
-function hit(V, F, o, d) {
+/** First hit of the ray from o along d (Moeller and Trumbore, 1997), where it is on the shape, with its part; or null. */
+function hit(V, F, part, o, d) {
   const a = new Vector3(), u = new Vector3(), w = new Vector3(), p = new Vector3(), t = new Vector3(), q = new Vector3();
-  let least = Infinity;
+  let least = Infinity, of = 0;
   for (let f = 0; f < F.length; f += 3) {
+    const place = placeOf(part[F[f]]);
+    if (place.w < 0.5) continue;
     a.fromArray(V, 3 * F[f]);
     u.fromArray(V, 3 * F[f + 1]).sub(a);
     w.fromArray(V, 3 * F[f + 2]).sub(a);
+    a.add(place);
     const det = u.dot(p.crossVectors(d, w));
     if (det === 0) continue;
     const x = t.subVectors(o, a).dot(p) / det;
     if (x < 0 || x > 1) continue;
     const y = d.dot(q.crossVectors(t, u)) / det, s = w.dot(q) / det;
-    if (y >= 0 && x + y <= 1 && s > 0 && s < least) least = s;
+    if (y >= 0 && x + y <= 1 && s > 0 && s < least) { least = s; of = part[F[f]]; }
   }
-  return least < Infinity ? [o.x + least * d.x, o.y + least * d.y, o.z + least * d.z] : null;
+  const place = placeOf(of);
+  return least < Infinity ? Object.assign([o.x + least * d.x - place.x, o.y + least * d.y - place.y, o.z + least * d.z - place.z], { part: of }) : null;
 }
 
 // ---- mouse, fingers, keys ----

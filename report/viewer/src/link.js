@@ -19,7 +19,7 @@ export function readLink() {
     const pose = {}, modes = {};
     for (const key of ["yaw", "pitch", "zoom", "x", "y"]) if (number(s.pose?.[key], null) !== null) pose[key] = s.pose[key];
     for (const [m, b] of Object.entries(s.modes ?? {})) if (/^\d+$/.test(m) && number(b, null) !== null) modes[m] = b;
-    return { pose, modes, shape: String(s.shape ?? ""), part: /^[a-z]+$/.test(s.part) ? s.part : null };
+    return { pose, modes, of: /^(pose|shape)$/.test(s.of) ? s.of : null, shape: String(s.shape ?? ""), part: /^[a-z]+$/.test(s.part) ? s.part : null };
   } catch (error) {
     return null;
   }

@@ -12,14 +12,17 @@ import { modeBasis } from "./modes.js";
 import { readLink, writeLink } from "./link.js";
 import { Fits, fillFits } from "./fits.js";
 import { legend, stageOf } from "./surface.js";
+import { fieldEnds, fieldsOf, spreadParts } from "./fields.js";
+import { fillParts, jointModes, partsOf, partsOfParticles, tableOfSpaces, tellApart } from "./joint.js";
 
 const state = {
   chosen: 0, // shape
   hover: -1, pin: -1, // particles
-  sort: "name", surface: "original", particles: true, heat: false,
+  sort: "name", surface: "original", particles: true, colour: "none",
   axes: [0, 1],
 };
-let model, tint, radius, shorts;
+let fields = []; // of fields.js
+let model, tint, radius, shorts, partOfParticle = null;
 const marked = []; // particle geometries on the page, all marked alike
 const refresh = { shape: [], particle: [] };
 const SLIDER = 3, FIRST = 5; // standard deviations at a slider's ends; modes that are shown at once
@@ -41,9 +44,22 @@ function surfaceOf(i, which) {
     const N = vertexNormals(V, F);
     const value = model.array(warped ? s.warped_distance : s.distance, "distances");
     if (!warped && s.rest) value.fill(NOTHING, value.length - s.rest); // what constraints took away
-    return { V, F, N, value, geometry: gl.surfaceGeometry(V, F, N, value) };
+    const part = partsOf(model, warped ? model.joint?.vertices : s.parts, V.length / 3);
+    return { V, F, N, value, geometry: gl.surfaceGeometry(V, F, N, value, part) };
   });
 }
+const particleStarts = () => model.joint?.parts.map((p) => p.particles);
+/** The surface of shape i, coloured by a field. */
+function fieldSurface(i, which, field) {
+  return once(`${field.key} ${which} ${i}`, () => {
+    const { V, F, N } = surfaceOf(i, which), s = model.shapes[i], vertices = which === "warped" ? model.joint?.vertices : s.parts;
+    const value = spreadParts(V, particlesOf(i), field.of(i), vertices, particleStarts());
+    if (which === "original" && s.rest) value.fill(NOTHING, value.length - s.rest);
+    return { V, F, N, value, geometry: gl.surfaceGeometry(V, F, N, value, partsOf(model, vertices, V.length / 3)) };
+  });
+}
+/** On the mean's mesh. */
+const meanGeometry = (V, F, N, value) => gl.surfaceGeometry(V, F, N, value, partsOf(model, model.joint?.vertices, V.length / 3));
 const particlesOf = (i) => model.array(model.shapes[i].particles, "positions");
 const normalsOf = (i) =>
   once(`normals ${i}`, () => {
@@ -52,7 +68,7 @@ const normalsOf = (i) =>
   });
 function dotsOf(i) {
   return once(`dots ${i}`, () => {
-    const g = gl.particleGeometry(particlesOf(i), tint);
+    const g = gl.particleGeometry(particlesOf(i), tint, partOfParticle);
     marked.push(g);
     mark(g);
     return g;
@@ -217,28 +233,44 @@ function commandTo(list) {
 
 // ---- mean and modes ----
 
+/** The modes of the model, which move everything at once. */
+function allModes(basis) {
+  const move = (weight, V, P) => {
+    for (let m = 0; m < weight.length; m++) {
+      const b = weight[m];
+      if (b === 0) continue;
+      const D = basis.surface(m), DP = basis.particles(m);
+      for (let k = 0; k < V.length; k++) V[k] += b * D[k];
+      for (let k = 0; k < P.length; k++) P[k] += b * DP[k];
+    }
+  };
+  const V0 = model.array(model.mean.vertices, "positions"), P0 = model.array(model.mean.particles, "positions");
+  return { V0, P0, variances: model.variances, shown: model.variances.length, move };
+}
+
 function fillModes() {
-  const body = byId("modes").querySelector(".body"), mean = model.mean, K = model.variances.length;
-  const V0 = model.array(mean.vertices, "positions"), F = model.array(mean.faces, "integers");
-  const P0 = model.array(mean.particles, "positions"), N0 = vertexNormals(V0, F);
+  const body = byId("modes").querySelector(".body"), mean = model.mean, F = model.array(mean.faces, "integers");
+  const basis = modeBasis(model), sets = { all: allModes(basis), ...jointModes(model) };
+  let of = "all", { V0, P0, variances } = sets.all, K = sets.all.shown, N0 = vertexNormals(V0, F);
   const V = V0.slice(), N = N0.slice(), P = P0.slice(), value = new Float32Array(V.length / 3);
-  const basis = modeBasis(model);
-  const surface = gl.surfaceGeometry(V, F, N, value), dots = gl.particleGeometry(P, tint);
+  const surface = meanGeometry(V, F, N, value), dots = gl.particleGeometry(P, tint, partOfParticle);
   marked.push(dots);
   const { view, box } = makeView("mean shape with modes of variation; arrows turn it");
-  view.setPickable(P, normalsAt(P0, V0, N0));
-  const total = model.variances.reduce((a, b) => a + b, 0) || 1;
-  const weight = new Float64Array(K), rows = [];
-  const options = { colour: true, particles: false };
+  let normals = normalsAt(P0, V0, N0), weight = new Float64Array(K), rows = [];
+  const totalOf = () => variances.reduce((a, b) => a + b, 0) || 1;
+  view.setPickable(P, normals, partOfParticle);
+  const options = { colour: "moved", particles: false };
 
   // The scale is that of the modes that are moved, to the ends of their sliders.
   const reaches = new Map();
   const reachOf = (m) => {
     if (!reaches.has(m)) {
-      const d = basis.surface(m);
+      const one = Float64Array.from({ length: K }, (_, k) => (k === m ? SLIDER : 0)), to = V0.slice();
+      sets[of].move(one, to, P0.slice());
       let most = 0;
-      for (let k = 0; k < d.length; k += 3) most = Math.max(most, Math.abs(d[k] * N0[k] + d[k + 1] * N0[k + 1] + d[k + 2] * N0[k + 2]));
-      reaches.set(m, SLIDER * most);
+      for (let k = 0; k < to.length; k += 3)
+        most = Math.max(most, Math.abs((to[k] - V0[k]) * N0[k] + (to[k + 1] - V0[k + 1]) * N0[k + 1] + (to[k + 2] - V0[k + 2]) * N0[k + 2]));
+      reaches.set(m, most);
     }
     return reaches.get(m);
   };
@@ -252,25 +284,26 @@ function fillModes() {
   const shape = () => {
     V.set(V0);
     P.set(P0);
-    for (let m = 0; m < K; m++) {
-      const b = weight[m];
-      if (b === 0) continue;
-      const D = basis.surface(m), DP = basis.particles(m);
-      for (let k = 0; k < V.length; k++) V[k] += b * D[k];
-      for (let k = 0; k < P.length; k++) P[k] += b * DP[k];
-    }
+    sets[of].move(weight, V, P);
     vertexNormals(V, F, N);
     for (let k = 0; k < V.length; k += 3)
       value[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
     for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
-    dots.getAttribute("place").needsUpdate = true;
-    scale();
+    dots.getAttribute("at").needsUpdate = true;
     dress();
   };
+  /** The mean map of a field at the mean's vertices. */
+  const mapOf = (field) => once(`mean ${field.key}`, () => spreadParts(sets.all.V0, sets.all.P0, field.mean, model.joint?.vertices, particleStarts()));
   const dress = () => {
-    view.set({ surface, particles: options.particles ? dots : null, palette: options.colour ? "signed" : null, range: [-reach, reach] });
-    view.setPickable(options.particles ? P : null, normalsAt(P0, V0, N0));
-    key.hidden = !options.colour;
+    const field = fields.find((f) => f.key === options.colour), moved = options.colour === "moved" && (!model.joint || weight.some((b) => b !== 0));
+    if (field) {
+      value.set(mapOf(field));
+      surface.getAttribute("value").needsUpdate = true;
+      key.replaceChildren(legend("heat", fieldEnds(field)));
+    } else scale();
+    view.set({ surface, particles: options.particles ? dots : null, palette: field ? "heat" : moved ? "signed" : null, range: field ? [field.lo, field.hi] : [-reach, reach] });
+    view.setPickable(options.particles ? P : null, normals, partOfParticle);
+    key.hidden = options.colour === "none";
   };
   const tell = (m) => {
     const row = rows[m], b = weight[m];
@@ -310,7 +343,7 @@ function fillModes() {
   };
 
   const trust = (m) => {
-    const t = model.evaluation.modes?.[m];
+    const t = of === "all" && model.evaluation.modes?.[m];
     if (!t) return "";
     const why = `cosine ${t.cosine.toFixed(2)} with the same mode when shapes are drawn again; by chance a mode of this rank has ${percent(t.chance)} of the variance`;
     return el("span", { class: "soft", title: why }, `: ${t.text}`);
@@ -325,7 +358,7 @@ function fillModes() {
     rows[m] = { range, play: button, value: text };
     tell(m);
     return el("div", { class: "mode" }, button,
-      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(model.variances[m] / total)), trust(m)),
+      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(variances[m] / totalOf())), trust(m)),
       text, el("div", { class: "range" }, range));
   };
   const reset = () => {
@@ -333,27 +366,48 @@ function fillModes() {
     for (let m = 0; m < K; m++) setMode(m, 0);
     shape();
   };
-  const key = el("div");
-  const first = Array.from({ length: Math.min(K, FIRST) }, (_, m) => makeRow(m));
-  const more = K > FIRST && el("details", { ontoggle: () => {
-    if (more.children.length === 1) more.append(el("div", {}, Array.from({ length: K - FIRST }, (_, k) => makeRow(FIRST + k))));
-  } }, el("summary", {}, `${plural(K - FIRST, "more mode")} (${percent(model.variances.slice(FIRST).reduce((a, b) => a + b, 0) / total)} of the variance)`));
-  const state = () => [...weight].flatMap((b, m) => (b === 0 ? [] : [`mode${m + 1}${b < 0 ? "" : "+"}${b.toFixed(1)}`])).join(" ") || "mean";
+  const key = el("div"), list = el("div");
+  const fillList = () => {
+    const more = K > FIRST && el("details", { ontoggle: () => {
+      if (more.children.length === 1) more.append(el("div", {}, Array.from({ length: K - FIRST }, (_, k) => makeRow(FIRST + k))));
+    } }, el("summary", {}, `${plural(K - FIRST, "more mode")} (${percent(variances.slice(FIRST).reduce((a, b) => a + b, 0) / totalOf())} of the variance)`));
+    list.replaceChildren(...Array.from({ length: Math.min(K, FIRST) }, (_, m) => makeRow(m)), ...(more ? [more] : []));
+  };
+  const use = (which) => {
+    stop();
+    of = which;
+    ({ V0, P0, variances, shown: K } = sets[of]);
+    N0 = vertexNormals(V0, F);
+    normals = normalsAt(P0, V0, N0);
+    weight = new Float64Array(K);
+    rows = [];
+    reaches.clear();
+    pick?.querySelector("select") && (pick.querySelector("select").value = of);
+    fillList();
+    shape();
+  };
+  const words = { all: "pose and shape together", pose: "pose", shape: "shape" };
+  const pick = sets.pose && choice("Modes of", Object.keys(sets).map((k) => [k, words[k]]), of, use);
+  fillList();
+  const state = () => [...weight].flatMap((b, m) => (b === 0 ? [] : [`${of === "all" ? "" : `${of}_`}mode${m + 1}${b < 0 ? "" : "+"}${b.toFixed(1)}`])).join(" ") || "mean";
   body.append(
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
       : `The mean of all shapes, and how they vary: ${plural(K, "mode")}, each with its share of the variance. Colour tells how far the surface has moved from the mean along its normal; its scale is that of the modes moved, at ${SLIDER} standard deviations.`),
+    sets.pose && el("p", { class: "soft" }, tellApart(model)),
     el("div", { class: "split" },
-      el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: "displacement" })),
+      el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: fields.find((f) => f.key === options.colour)?.name ?? "displacement" })),
         el("p", { class: "small soft screen fine" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
       el("div", { class: "sliders" },
         el("div", { class: "tools" },
           el("button", { type: "button", onclick: reset }, "Reset to the mean"),
-          checkbox("Colour", true, (on) => { options.colour = on; dress(); }),
+          fields.length === 0
+            ? checkbox("Colour", true, (on) => { options.colour = on ? "moved" : "none"; shape(); })
+            : choice("Colour", [["moved", "displacement"], ...fields.map((f) => [f.key, `mean ${f.name}`]), ["none", "plain"]], options.colour, (v) => { options.colour = v; shape(); }),
           checkbox("Particles", false, (on) => { options.particles = on; dress(); })),
-        first, more)),
+        pick && el("div", { class: "tools" }, pick), list)),
   );
   shape();
-  return { setMode: (m, b) => { setMode(m, b); shape(); }, weight, V, D: basis.surface };
+  return { setMode: (m, b) => { setMode(m, b); shape(); }, use, sets, get of() { return of; }, get weight() { return weight; }, V, D: basis.surface };
 }
 
 // ---- cohort ----
@@ -384,13 +438,19 @@ function fillCohort(strange) {
   });
   const clothe = (i) => {
     const { view } = tiles[i];
+    const field = fields.find((f) => f.key === state.colour);
     view.set({
-      surface: surfaceOf(i, state.surface).geometry, particles: state.particles ? dotsOf(i) : null,
-      palette: state.heat ? "heat" : null, range: [0, worst],
+      surface: (field ? fieldSurface(i, state.surface, field) : surfaceOf(i, state.surface)).geometry, particles: state.particles ? dotsOf(i) : null,
+      palette: state.colour === "none" ? null : "heat", range: field ? [field.lo, field.hi] : [0, worst],
     });
-    view.setPickable(state.particles ? particlesOf(i) : null, state.particles ? normalsOf(i) : null);
+    view.setPickable(state.particles ? particlesOf(i) : null, state.particles ? normalsOf(i) : null, partOfParticle);
   };
-  const dressAll = () => { tiles.forEach((t, i) => t.view.on && clothe(i)); key.hidden = !state.heat; };
+  const explain = () => {
+    const field = fields.find((f) => f.key === state.colour);
+    key.replaceChildren(legend("heat", field ? fieldEnds(field) : ["0", "distance to the other surface", `\u2265 ${length(worst)}`]));
+    key.hidden = state.colour === "none";
+  };
+  const dressAll = () => { tiles.forEach((t, i) => t.view.on && clothe(i)); explain(); };
   const orders = {
     name: () => 0,
     surface: (f) => -(Number.isFinite(f.mean) ? f.mean : -1),
@@ -408,7 +468,7 @@ function fillCohort(strange) {
     grid.append(...order.map((i) => tiles[i].node));
     tiles.forEach((t, i) => (t.info.textContent = texts[state.sort](facts[i])));
   };
-  const key = legend("heat", ["0", "distance to the other surface", `\u2265 ${length(worst)}`]);
+  const key = el("div");
   const list = [...strange.entries()];
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
@@ -429,12 +489,12 @@ function fillCohort(strange) {
       choice("Sort by", [["name", "name"], ["surface", "surface error"], ["mismatched", "stretched particles"], ["distance", "distance from the mean"]], state.sort, (v) => { state.sort = v; arrange(); }),
       choice("Surface", [["original", "original"], ["warped", "reconstruction"]], state.surface, (v) => { state.surface = v; dressAll(); }),
       checkbox("Particles", state.particles, (on) => { state.particles = on; dressAll(); }),
-      checkbox("Surface distance", state.heat, (on) => { state.heat = on; dressAll(); }),
+      choice("Colour", [["none", "plain"], ["distance", "surface distance"], ...fields.map((f) => [f.key, f.name])], state.colour, (v) => { state.colour = v; dressAll(); }),
       choice("Size", [["8", "small"], ["10.5", "medium"], ["17", "large"]], "10.5", (v) => grid.style.setProperty("--tile", `${v}rem`))),
     key, readout, grid,
   );
   arrange();
-  key.hidden = !state.heat;
+  explain();
   const frame = () => tiles.forEach((t, i) => t.node.classList.toggle("selected", i === state.chosen));
   refresh.shape.push(frame);
   return tiles;
@@ -453,14 +513,23 @@ function fillFidelity() {
   const largestOf = (i) => Math.max(...["original", "warped"].map((w) => surfaceOf(i, w).value.reduce((a, b) => Math.max(a, b), 0)));
   const step = (n) => chooseShape((state.chosen + n + model.I) % model.I);
 
+  const landmarks = model.evaluation.landmarks, marks = el("div");
+  const tellLandmarks = (i) => {
+    if (!landmarks) return;
+    const own = landmarks.per_shape.find((s) => s.name === facts[i].name), cell = (x) => (typeof x === "number" ? length(x) : "\u2013");
+    marks.replaceChildren(el("h3", {}, "Landmarks"),
+      el("p", { class: "small soft" }, `How far the template\u2019s landmarks, carried by the correspondence, end from the shape\u2019s own. ` + (landmarks.use === "judge" ? "They had no part in the model: an independent judge." : `They had a part in the model (${landmarks.use}), and are no independent judge.`)),
+      table(["landmark", "all shapes", facts[i].name], [["mean", cell(landmarks.mean), cell(own?.mean)], ...landmarks.names.map((n, k) => [n, cell(landmarks.means[k]), cell(own?.errors[k])])], [1, 2]));
+  };
   const render = () => {
     const i = state.chosen, fact = facts[i], d = fact.surface;
+    tellLandmarks(i);
     const a = surfaceOf(i, "original"), b = surfaceOf(i, "warped"), most = largestOf(i);
     const hi = options.scale === "cohort" ? largest : most;
     select.querySelector("select").value = String(i);
     [[left, a], [right, b]].forEach(([v, s]) => {
       v.view.set({ surface: s.geometry, particles: options.particles ? dotsOf(i) : null, palette: "heat", range: [0, hi] });
-      v.view.setPickable(options.particles ? particlesOf(i) : null, options.particles ? normalsOf(i) : null);
+      v.view.setPickable(options.particles ? particlesOf(i) : null, options.particles ? normalsOf(i) : null, partOfParticle);
     });
     ends.replaceChildren(legend("heat", ["0", "distance", `${hi < most ? "\u2265 " : ""}${length(hi)}`]));
     const cell = (x) => (x === undefined ? "" : show(tidy(x, d)));
@@ -491,7 +560,9 @@ function fillFidelity() {
       el("div", {}, el("h3", {}, "Original"), left.box, viewTools(left.view, () => facts[state.chosen].name, () => ({ ...surfaceOf(state.chosen, "original"), field: "distance" }))),
       el("div", {}, el("h3", {}, "Reconstruction"), right.box, viewTools(right.view, () => `${facts[state.chosen].name} reconstruction`, () => ({ ...surfaceOf(state.chosen, "warped"), field: "distance" })))),
     ends,
-    el("div", { class: "pair" }, el("div", {}, figures, savesOf("surface distances", null, distanceRows)), el("div", {}, chart, savesOf("histogram of distances", () => chart))),
+    model.evaluation.joint_spaces?.length > 0 && el("div", {}, el("h3", {}, "Joint spaces"),
+      el("p", { class: "soft" }, "Least distance between the surfaces of two parts, of the shapes themselves and as the particles rebuild them. A rebuilt space that closes where the shape\u2019s own does not is named by the certificate."), tableOfSpaces(model)),
+    el("div", { class: "pair" }, el("div", {}, figures, savesOf("surface distances", null, distanceRows), marks), el("div", {}, chart, savesOf("histogram of distances", () => chart))),
   );
   return { showParticles: () => {
     options.particles = true;
@@ -649,11 +720,13 @@ let modesPart = null;
 const linkState = () => ({
   pose: { ...gl.pose }, shape: model.shapes[state.chosen].name,
   modes: Object.fromEntries([...modesPart.weight].flatMap((b, m) => (b === 0 ? [] : [[m + 1, Number(b.toFixed(3))]]))),
+  of: modesPart.of,
   part: [...document.querySelectorAll("main section:not([hidden])")].filter((s) => s.getBoundingClientRect().top < innerHeight / 2).pop()?.id,
 });
 function followLink(to) {
   const i = model.shapes.findIndex((s) => s.name === to.shape);
-  for (const [m, b] of Object.entries(to.modes)) if (m >= 1 && m <= model.variances.length) modesPart.setMode(m - 1, Math.min(Math.max(b, -SLIDER), SLIDER));
+  if (to.of && modesPart.sets[to.of]) modesPart.use(to.of);
+  for (const [m, b] of Object.entries(to.modes)) if (m >= 1 && m <= modesPart.weight.length) modesPart.setMode(m - 1, Math.min(Math.max(b, -SLIDER), SLIDER));
   gl.turn(to.pose);
   if (i >= 0) chooseShape(i);
   if (to.part && byId(to.part)) byId(to.part).scrollIntoView();
@@ -770,14 +843,17 @@ async function start() {
   tint = particleColours(model.array(model.colours, "integers"));
   shorts = shortNames(model.shapes.map((s) => s.name));
   facts = gatherFacts();
+  partOfParticle = partsOfParticles(model);
+  fields = fieldsOf(model);
   tryGraphics();
   fillHeader();
+  const parts = fillParts(model);
   const modes = (modesPart = fillModes());
   const tiles = fillCohort(findOutliers());
   fidelity = fillFidelity();
-  fillCompare(model, { makeView, viewTools, legend, surfaceOf, facts, basis: modeBasis(model) });
+  fillCompare(model, { makeView, viewTools, legend, surfaceGeometry: meanGeometry, surfaceOf, facts, basis: modeBasis(model) });
   fillQuality();
-  fillAnswers(model, { makeView, legend, shorts, choose: (i) => chooseShape(i, { go: true }), surfaceGeometry: gl.surfaceGeometry });
+  fillAnswers(model, { makeView, legend, shorts, choose: (i) => chooseShape(i, { go: true }), surfaceGeometry: meanGeometry });
   fillCertificate();
   fillProvenance();
   chooseShape(worstShape());
@@ -789,7 +865,7 @@ async function start() {
     if (e.key === "," || e.key === ".") stepParticle(e.key === "." ? 1 : -1);
     if (e.key === "Escape") { state.hover = -1; if (state.pin >= 0) pickParticle(state.pin, "click"); }
   });
-  window.apsmReport = { model, state, pose: gl.pose, modes, tiles, idle: gl.idle }; // for tests and the curious
+  window.apsmReport = { model, state, pose: gl.pose, modes, tiles, parts, idle: gl.idle }; // for tests and the curious
   document.documentElement.dataset.ready = "yes";
 }
 
