@@ -57,14 +57,15 @@ static json_t *json_errors(const joint_cohort *c, size_t i)
 static double mean_of(const json_t *lists, size_t at, size_t *n)
 {
     double sum = 0;
-    size_t i, k;
-    const json_t *list, *x;
     *n = 0;
-    json_array_foreach(lists, i, list)
-        json_array_foreach(list, k, x) if ((at == SIZE_MAX || k == at) && json_is_number(x))
-    {
-        sum += json_number_value(x);
-        ++*n;
+    for (size_t i = 0; i < json_array_size(lists); i++) {
+        const json_t *list = json_array_get(lists, i);
+        for (size_t k = 0; k < json_array_size(list); k++) {
+            const json_t *x = json_array_get(list, k);
+            if ((at != SIZE_MAX && k != at) || !json_is_number(x)) continue;
+            sum += json_number_value(x);
+            ++*n;
+        }
     }
     return *n > 0 ? sum / (double)*n : 0;
 }
