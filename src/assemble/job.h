@@ -110,7 +110,8 @@ struct json_t *joint_certificate(const joint_job *job, const joint_cohort *cohor
 
 /* ---- merge.c: what the parts' folders say, for all parts ---- */
 
-/* "landmarks" of evaluation.json: a new reference, null without landmarks; NULL if out of memory. */
+/* "landmarks" of evaluation.json: a new reference, null without landmarks; NULL if out of memory.
+ */
 struct json_t *joint_landmarks(const joint_job *job, const joint_cohort *cohort);
 /* features.csv at path, if every part has one. */
 apsm_status joint_write_fields(const joint_job *job, const joint_cohort *cohort, const char *path,
