@@ -11,6 +11,7 @@
 #include "files/files.h"
 #include "files/particles_file.h"
 #include "files/project.h"
+#include "folder/manifest_json.h"
 #include "folder/mode_trust_json.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"

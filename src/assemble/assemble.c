@@ -7,6 +7,7 @@
 
 #include "assemble/job.h"
 #include "files/files.h"
+#include "folder/manifest_json.h"
 #include "folder/names.h"
 #include "run/source.h"
 
@@ -30,7 +31,7 @@ static apsm_status is_joint(const joint_job *job, bool *ours)
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path)) {
         status = apsm_json_read(job->ctx, path, &root);
-        *ours = status == APSM_OK && json_object_get(root, "joint");
+        *ours = status == APSM_OK && manifest_json_is_joint(root);
         json_decref(root);
     }
     free(path);

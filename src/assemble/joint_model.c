@@ -6,6 +6,7 @@
 
 #include "assemble/joint_fit.h"
 #include "files/files.h"
+#include "folder/manifest_json.h"
 #include "folder/names.h"
 #include "geometry/vec3.h"
 
@@ -205,7 +206,7 @@ bool apsm_joint_is(apsm_context *ctx, const char *folder)
     bool is = false;
     if (path && apsm_is_folder(folder) && apsm_file_exists(path) &&
         apsm_json_read(ctx, path, &root) == APSM_OK)
-        is = json_object_get(root, "joint") != NULL;
+        is = manifest_json_is_joint(root);
     json_decref(root);
     free(path);
     return is;

@@ -320,23 +320,3 @@ bool model_folder_is_all_certified(const model_folder *m)
 {
     return says_certified(m->certificate);
 }
-
-bool manifest_is_of_images(const json_t *manifest)
-{
-    const json_t *groomed = json_object_get(manifest, "groomed"), *shape;
-    size_t i;
-    json_array_foreach(groomed, i, shape)
-    {
-        const char *kind = json_string_value(json_object_get(shape, "kind"));
-        if (!kind || strcmp(kind, "mask") != 0) return false;
-    }
-    return json_array_size(groomed) > 0;
-}
-
-const char *manifest_unit(const json_t *manifest)
-{
-    const json_t *said = json_object_get(json_object_get(manifest, "options"), "unit");
-    const char *unit = json_string_value(said);
-    if (unit && *unit) return unit;
-    return manifest_is_of_images(manifest) ? "mm" : NULL;
-}

@@ -65,11 +65,6 @@ apsm_status model_folder_mesh(apsm_context *ctx, const model_folder *m, size_t i
 apsm_status model_folder_local_particles(apsm_context *ctx, const model_folder *m, size_t i,
                                          double *p) APSM_NODISCARD;
 
-/* Whether all shapes come from images, whose lengths are mm and whose axes are the patient's. */
-bool manifest_is_of_images(const struct json_t *manifest);
-/* The unit of lengths: what the user said (borrowed), "mm" for images, or NULL: not known. */
-const char *manifest_unit(const struct json_t *manifest);
-
 /* Whether the certificate (which must have been read) certifies shape i; all: every shape. */
 bool model_folder_is_certified(const model_folder *m, size_t i);
 bool model_folder_is_all_certified(const model_folder *m);

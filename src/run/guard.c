@@ -76,7 +76,7 @@ static apsm_status check_owner(const guarding *g, const char *first)
     const char *last = run->last ? run->last : first;
     for (size_t k = 0; k < g->files.n; k++) {
         const char *path = g->files.path[k];
-        if (outputs_writes_between(first, last, path) && !outputs_are_a_runs(run, path))
+        if (stages_write_between(first, last, path) && !outputs_are_a_runs(run, path))
             return refuse_foreign(run, path);
     }
     bool there = false, is_one = false;
@@ -94,7 +94,7 @@ static apsm_status list_targets(guarding *g)
         struct stat info;
         char *path = run_path(g->run, g->files.path[k]);
         if (!path) return no_memory(g->run);
-        if (outputs_is_ours(g->files.path[k]) && stat(path, &info) == 0)
+        if (folder_is_ours(g->files.path[k]) && stat(path, &info) == 0)
             g->list[g->n++] = (target){ info.st_dev, info.st_ino, g->files.path[k] };
         free(path);
     }

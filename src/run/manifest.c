@@ -5,14 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
-#include <sys/stat.h>
 
-#include "folder/names.h"
 #include "run/outputs.h"
-
-/* In their order.  The report is none to be timed: it tells the times of the others. */
-static const char *const stages[] = { "groom", "initialize", "optimize", "evaluate", "report" };
-enum { STAGES = sizeof stages / sizeof stages[0] };
 
 static apsm_status no_memory(apsm_run *run)
 {
@@ -20,29 +14,11 @@ static apsm_status no_memory(apsm_run *run)
                      run->folder ? run->folder : "job");
 }
 
-static json_t *new_manifest(void)
-{
-    return json_pack("{s:s, s:i, s:s, s:{}, s:[], s:{}, s:{}}", "format", FORMAT_MANIFEST,
-                     "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options", "inputs",
-                     "stages", "outputs");
-}
-
-static apsm_status check_shape(apsm_run *run, const char *path)
-{
-    APSM_TRY(apsm_json_check(run->ctx, path, run->manifest, FORMAT_MANIFEST, MANIFEST_VERSION));
-    if (json_is_object(json_object_get(run->manifest, "options")) &&
-        json_is_array(json_object_get(run->manifest, "inputs")) &&
-        json_is_object(json_object_get(run->manifest, "stages")))
-        return APSM_OK;
-    return apsm_fail(run->ctx, APSM_ERR_FORMAT,
-                     "%s: lacks options, inputs or stages; remove it and groom again", path);
-}
-
 apsm_status manifest_open(apsm_run *run)
 {
     run->is_intact = true;
     if (run_is_in_memory(run)) {
-        run->manifest = new_manifest();
+        run->manifest = manifest_json_new();
         return run->manifest ? APSM_OK : no_memory(run);
     }
     char *path = run_path(run, RUN_MANIFEST);
@@ -50,11 +26,9 @@ apsm_status manifest_open(apsm_run *run)
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path)) {
         run->has_manifest = true;
-        status = apsm_json_read(run->ctx, path, &run->manifest);
-        if (status == APSM_OK) status = check_shape(run, path);
-        if (status == APSM_OK) status = apsm_json_is_intact(run->ctx, path, &run->is_intact);
+        status = manifest_json_read(run->ctx, path, &run->manifest, &run->is_intact);
     } else {
-        run->manifest = new_manifest();
+        run->manifest = manifest_json_new();
         if (!run->manifest) status = no_memory(run);
     }
     free(path);
@@ -70,20 +44,12 @@ apsm_status manifest_check_seal(apsm_run *run)
                      run->folder, RUN_MANIFEST, run->folder);
 }
 
-/* Sealed anew, a manifest that somebody has changed would vouch for the change. */
-static apsm_status write_to(apsm_run *run, const char *path)
-{
-    if (run->is_intact) return apsm_json_write_sealed(run->ctx, path, run->manifest);
-    json_object_del(run->manifest, "sha256");
-    return apsm_json_write(run->ctx, path, run->manifest);
-}
-
 apsm_status manifest_write(apsm_run *run)
 {
     if (run_is_in_memory(run)) return APSM_OK;
     char *path = run_path(run, RUN_MANIFEST);
     if (!path) return no_memory(run);
-    const apsm_status status = write_to(run, path);
+    const apsm_status status = manifest_json_write(run->ctx, path, run->manifest, run->is_intact);
     run->has_manifest = run->has_manifest || status == APSM_OK;
     free(path);
     return status;
@@ -93,6 +59,19 @@ void manifest_close(apsm_run *run)
 {
     json_decref(run->manifest);
     run->manifest = NULL;
+}
+
+/* Takes the reference over; NULL: there was no memory for it. */
+static apsm_status set(apsm_run *run, const char *key, json_t *value)
+{
+    return json_object_set_new(run->manifest, key, value) ? no_memory(run) : APSM_OK;
+}
+
+/* NULL: there is none. */
+static apsm_status set_or_remove(apsm_run *run, const char *key, json_t *value)
+{
+    json_object_del(run->manifest, key);
+    return value ? set(run, key, value) : APSM_OK;
 }
 
 apsm_status manifest_set_options(apsm_run *run)
@@ -114,60 +93,37 @@ apsm_status manifest_set_options(apsm_run *run)
 apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *names,
                                 const char *const *paths, char (*sha256)[65])
 {
-    json_t *inputs = json_array();
-    int failed = !inputs;
-    for (size_t i = 0; i < n && !failed; i++) {
-        struct stat info;
-        const json_int_t bytes = stat(paths[i], &info) == 0 ? (json_int_t)info.st_size : 0;
-        failed = json_array_append_new(inputs,
-                                       json_pack("{s:s, s:s, s:I, s:s}", "name", names[i], "path",
-                                                 paths[i], "bytes", bytes, "sha256", sha256[i]));
-    }
-    failed = failed || json_object_set(run->manifest, "inputs", inputs);
-    json_decref(inputs);
-    return failed ? no_memory(run) : APSM_OK;
+    return set(run, "inputs", manifest_json_inputs(n, names, paths, sha256));
 }
 
 apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped)
 {
-    json_object_del(run->manifest, "cropped");
-    if (!cropped) return APSM_OK;
-    return json_object_set_new(run->manifest, "cropped", cropped) ? no_memory(run) : APSM_OK;
+    return set_or_remove(run, "cropped", cropped);
 }
 
 apsm_status manifest_set_groomed(apsm_run *run, json_t *groomed)
 {
-    return json_object_set_new(run->manifest, "groomed", groomed) ? no_memory(run) : APSM_OK;
+    return set(run, "groomed", groomed);
 }
 
 apsm_status manifest_set_notes(apsm_run *run, json_t *notes)
 {
-    return json_object_set_new(run->manifest, "notes", notes) ? no_memory(run) : APSM_OK;
+    return set(run, "notes", notes);
 }
 
 apsm_status manifest_set_ignored(apsm_run *run, const char *text)
 {
-    json_object_del(run->manifest, "ignored");
-    if (!text) return APSM_OK;
-    return json_object_set_new(run->manifest, "ignored", json_string(text)) ? no_memory(run)
-                                                                            : APSM_OK;
+    return set_or_remove(run, "ignored", text ? json_string(text) : NULL);
 }
 
 const char *manifest_input_sha256(const apsm_run *run, const char *name)
 {
-    size_t i;
-    json_t *input;
-    json_array_foreach(json_object_get(run->manifest, "inputs"), i, input)
-    {
-        const char *it = json_string_value(json_object_get(input, "name"));
-        if (it && strcmp(it, name) == 0) return json_string_value(json_object_get(input, "sha256"));
-    }
-    return NULL;
+    return manifest_json_sha256(run->manifest, name);
 }
 
 bool manifest_is_joint(const apsm_run *run)
 {
-    return json_object_get(run->manifest, "joint") != NULL;
+    return manifest_json_is_joint(run->manifest);
 }
 
 apsm_status manifest_refuse_joint(const apsm_run *run)
@@ -212,61 +168,18 @@ static double peak_memory(void)
     return (double)(usage.ru_maxrss / 102) / 10;
 }
 
-bool stage_is_before(const char *stage, const char *other)
-{
-    for (size_t k = 0; k < STAGES; k++) {
-        if (strcmp(stages[k], other) == 0) return false;
-        if (strcmp(stages[k], stage) == 0) return true;
-    }
-    return false;
-}
-
-const char *stage_name(size_t k)
-{
-    return k < STAGES - 1 ? stages[k] : NULL;
-}
-
-const char *stage_of_all(size_t k)
-{
-    return k < STAGES ? stages[k] : NULL;
-}
-
-/* ---- stages that have begun and not ended: their files are a run's, though not listed ---- */
-
-static bool has_begun(const json_t *begun, const char *stage)
-{
-    size_t k;
-    json_t *one;
-    json_array_foreach(begun, k, one) if (json_is_string(one) &&
-                                          strcmp(json_string_value(one), stage) == 0) return true;
-    return false;
-}
-
-/* "begun" <- it with the stage (with), or without, in their order; no key for none. */
 static apsm_status set_begun(apsm_run *run, const char *stage, bool with)
 {
-    const json_t *before = json_object_get(run->manifest, "begun");
-    json_t *begun = json_array();
-    int failed = !begun;
-    for (size_t k = 0; k < STAGES && !failed; k++) {
-        const bool it = strcmp(stages[k], stage) == 0;
-        if (it ? with : has_begun(before, stages[k]))
-            failed = json_array_append_new(begun, json_string(stages[k]));
-    }
-    if (!failed && json_array_size(begun) == 0)
-        json_object_del(run->manifest, "begun");
-    else if (!failed)
-        failed = json_object_set(run->manifest, "begun", begun);
-    json_decref(begun);
-    return failed ? no_memory(run) : APSM_OK;
+    return manifest_json_set_begun(run->manifest, stage, with) ? no_memory(run) : APSM_OK;
 }
 
 apsm_status stage_undo(apsm_run *run, const char *stage)
 {
-    for (size_t k = 0; k < STAGES; k++) {
-        if (stage_is_before(stages[k], stage)) continue;
-        json_object_del(json_object_get(run->manifest, "stages"), stages[k]);
-        if (outputs_has_some_of(run, stages[k])) APSM_TRY(set_begun(run, stages[k], true));
+    for (size_t k = 0; stage_of_all(k); k++) {
+        const char *one = stage_of_all(k);
+        if (stage_is_before(one, stage)) continue;
+        json_object_del(json_object_get(run->manifest, "stages"), one);
+        if (outputs_has_some_of(run, one)) APSM_TRY(set_begun(run, one, true));
     }
     outputs_forget(run, stage);
     return APSM_OK;

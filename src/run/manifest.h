@@ -1,9 +1,12 @@
-/* manifest.h -- manifest.json: what was run on what, when, and what it took. */
+/* manifest.h -- the record that a run keeps of itself (folder/manifest_json.h): what was run on
+ * what, when, and what it took. */
 #ifndef APSM_RUN_MANIFEST_H
 #define APSM_RUN_MANIFEST_H
 
 #include <jansson.h>
 
+#include "folder/manifest_json.h"
+#include "folder/stages.h"
 #include "run/session.h"
 
 /* Reads the folder's manifest, or begins one. */
@@ -46,12 +49,6 @@ apsm_status stage_end(apsm_run *run, const char *stage, const stage_clock *clock
 /* The same for the report, which is none to be timed. */
 apsm_status stage_close(apsm_run *run, const char *stage);
 bool stage_is_done(const apsm_run *run, const char *stage);
-/* Whether a stage comes before another; false if there is none of that name. */
-bool stage_is_before(const char *stage, const char *other);
-/* The k-th of those that are recorded as done; NULL beyond the last. */
-const char *stage_name(size_t k);
-/* The k-th of all, the report among them; NULL beyond the last. */
-const char *stage_of_all(size_t k);
 /* Before the first file of a stage is written: it and later ones become undone, and the manifest,
  * which is written, says that it has begun.  guard_files has looked at the folder before. */
 apsm_status stage_start(apsm_run *run, const char *stage);

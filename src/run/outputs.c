@@ -6,96 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "folder/stages.h"
 #include "run/manifest.h"
-
-/* ---- names ---- */
-
-/* Files with one name each; stage as in the manifest. */
-static const struct {
-    const char *path, *stage;
-} single[] = { { FOLDER_INITIAL, "initialize" },
-               { FOLDER_CHECKPOINT, "optimize" },
-               { FOLDER_HISTORY, "optimize" },
-               { FOLDER_MODEL, "evaluate" },
-               { FOLDER_SCORES_CSV, "evaluate" },
-               { FOLDER_EVALUATION, "evaluate" },
-               { FOLDER_EVALUATION_CSV, "evaluate" },
-               { FOLDER_CERTIFICATE, "evaluate" },
-               { FOLDER_REPORT, "report" },
-               { FOLDER_LANDMARKS, "groom" },
-               { FOLDER_FEATURES, "evaluate" },
-               { RUN_PROJECT, "groom" },
-               { RUN_PROJECT, "initialize" },
-               { RUN_PROJECT, "optimize" },
-               { RUN_PROJECT, "evaluate" } };
-enum { SINGLE = sizeof single / sizeof single[0] };
-
-/* Folders that hold files of one kind; particles/ is initialize's and then optimize's. */
-static const struct {
-    const char *folder, *extension, *stage;
-} kinds[] = { { "groomed/", ".ply", "groom" },
-              { "groomed/whole/", ".ply", "groom" },
-              { "particles/", ".particles", "initialize" },
-              { "particles/", ".particles", "optimize" },
-              { "meshes/", ".ply", "evaluate" } };
-enum { KINDS = sizeof kinds / sizeof kinds[0] };
-
-static bool is_of_kind(const char *path, size_t length, size_t k)
-{
-    const size_t begin = strlen(kinds[k].folder), end = strlen(kinds[k].extension);
-    return length > begin + end && strncmp(path, kinds[k].folder, begin) == 0 &&
-           !memchr(path + begin, '/', length - begin) &&
-           strncmp(path + length - end, kinds[k].extension, end) == 0;
-}
-
-/* Whether the stage (NULL: any) writes files of the name path[0..length). */
-static bool writes(const char *stage, const char *path, size_t length)
-{
-    for (size_t k = 0; k < SINGLE; k++)
-        if ((!stage || strcmp(stage, single[k].stage) == 0) && strlen(single[k].path) == length &&
-            strncmp(path, single[k].path, length) == 0)
-            return true;
-    for (size_t k = 0; k < KINDS; k++)
-        if ((!stage || strcmp(stage, kinds[k].stage) == 0) && is_of_kind(path, length, k))
-            return true;
-    return false;
-}
-
-static bool is_ours(const char *path, size_t length)
-{
-    return writes(NULL, path, length) ||
-           (length == strlen(RUN_MANIFEST) && strncmp(path, RUN_MANIFEST, length) == 0);
-}
-
-bool outputs_writes_between(const char *first, const char *last, const char *path)
-{
-    for (size_t k = 0; stage_of_all(k); k++) {
-        const char *stage = stage_of_all(k);
-        const bool between = !stage_is_before(stage, first) &&
-                             (strcmp(stage, last) == 0 || stage_is_before(stage, last));
-        if (between && writes(stage, path, strlen(path))) return true;
-    }
-    return strcmp(path, RUN_MANIFEST) == 0;
-}
-
-bool outputs_is_ours(const char *path)
-{
-    return is_ours(path, strlen(path)) || strcmp(path, ".apsm.lock") == 0 ||
-           strcmp(path, RUN_JOURNAL) == 0;
-}
-
-size_t outputs_left_over(const char *path)
-{
-    static const char store[] = "state/shapes."; /* of --memory, with six letters more */
-    size_t n = strlen(path);
-    if (n == sizeof store + 5 && strncmp(path, store, sizeof store - 1) == 0) return n;
-    if (n < 4 || strcmp(path + n - 4, ".tmp") != 0) return 0;
-    n -= 4;
-    const size_t end = n;
-    while (n > 0 && path[n - 1] >= '0' && path[n - 1] <= '9') n--;
-    if (n == end || n == 0 || path[n - 1] != '.') return 0;
-    return is_ours(path, n - 1) ? n - 1 : 0;
-}
 
 /* ---- records ---- */
 
@@ -119,7 +31,7 @@ bool outputs_are_a_runs(const apsm_run *run, const char *path)
     json_array_foreach(json_object_get(run->manifest, "begun"), k, stage)
     {
         const char *name = json_string_value(stage);
-        if (name && writes(name, path, strlen(path))) return true;
+        if (name && stage_writes(name, path)) return true;
     }
     return false;
 }
@@ -149,7 +61,7 @@ void outputs_forget(apsm_run *run, const char *stage)
     json_object_foreach_safe(records(run), next, path, record)
     {
         const bool later = !stage_is_before(stage_of(record), stage);
-        if (later || writes(stage, path, strlen(path))) json_object_del(records(run), path);
+        if (later || stage_writes(stage, path)) json_object_del(records(run), path);
     }
 }
 
@@ -225,8 +137,7 @@ static apsm_status list_written(apsm_run *run, const apsm_file_list *files, hash
     h->bytes = calloc(files->n + 1, sizeof *h->bytes);
     if (!h->path || !h->sha256 || !h->bytes) return no_memory(run);
     for (size_t k = 0; k < files->n; k++)
-        if (writes(h->stage, files->path[k], strlen(files->path[k])))
-            h->path[h->n++] = files->path[k];
+        if (stage_writes(h->stage, files->path[k])) h->path[h->n++] = files->path[k];
     return APSM_OK;
 }
 
@@ -371,8 +282,7 @@ apsm_status outputs_tidy(apsm_run *run)
     APSM_TRY(outputs_list(run, &files));
     apsm_status status = APSM_OK;
     for (size_t k = 0; k < files.n && status == APSM_OK; k++)
-        if (outputs_left_over(files.path[k]))
-            status = run_remove(run, run_path(run, files.path[k]));
+        if (folder_left_over(files.path[k])) status = run_remove(run, run_path(run, files.path[k]));
     apsm_file_list_free(&files);
     return status;
 }

@@ -14,9 +14,7 @@ apsm_status outputs_record(apsm_run *run, const char *stage);
 /* One more file of a stage, path from the model folder on, as it is now. */
 apsm_status outputs_add(apsm_run *run, const char *stage, const char *path);
 
-/* Whether one of the stages from first to last writes files of this name, and
- * whether the manifest says that a file of this name is a run's (guard.h). */
-bool outputs_writes_between(const char *first, const char *last, const char *path);
+/* Whether the manifest says that a file of this name is a run's (guard.h). */
 bool outputs_are_a_runs(const apsm_run *run, const char *path);
 /* Whether a file of the stage is listed. */
 bool outputs_has_some_of(const apsm_run *run, const char *stage);
@@ -43,11 +41,7 @@ apsm_status outputs_compare(apsm_run *run, output **list, size_t *n);
 /* With --resume: refuses files of finished stages that are not what they were. */
 apsm_status outputs_check(apsm_run *run);
 
-/* Whether a run may write a file of this name, a path from the model folder on. */
-bool outputs_is_ours(const char *path);
-/* NAME of "NAME.PID.tmp", a file that a killed run was writing: its length, or 0. */
-size_t outputs_left_over(const char *path);
-/* Removes such files; only while the folder is locked. */
+/* Removes files that a killed run was writing; only while the folder is locked. */
 apsm_status outputs_tidy(apsm_run *run);
 
 #endif

@@ -99,7 +99,7 @@ static bool is_input(const verifying *v, const char *file)
 
 static void judge_unknown(const verifying *v, const char *file, bool finished)
 {
-    if (outputs_left_over(file))
+    if (folder_left_over(file))
         remark(v, "%s: left over from a run that was ended; the next run removes it", file);
     else if (strcmp(file, RUN_JOURNAL) == 0)
         remark(v, "%s: finished shapes of a run that was ended; `apsm run --resume -o %s` goes on",
@@ -107,7 +107,7 @@ static void judge_unknown(const verifying *v, const char *file, bool finished)
     else if (finished && strcmp(file, "report.html") == 0)
         remark(v, "%s: may be older than the model; `apsm report %s` makes it anew", file,
                v->folder);
-    else if (!outputs_is_ours(file))
+    else if (!folder_is_ours(file))
         disagree(v, "%s: unexpected, not written by apsm", file);
     else if (finished)
         disagree(v, "%s: unexpected, not of this model", file);
