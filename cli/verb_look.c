@@ -73,7 +73,7 @@ static void say_remark(void *ui, const char *line)
 
 apsm_status apsm_cli_verify(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    apsm_verification result;
+    apsm_verification result = { 0 };
     APSM_TRY(apsm_run_verify(ctx, args->out_dir, say_problem, say_remark, ui, &result));
     if (result.problems > 0)
         return apsm_fail(ctx, APSM_ERR_STATE, "%s: %zu disagreement%s", args->out_dir,

@@ -10,11 +10,8 @@
 #include <string.h>
 
 #include "files/files.h"
-<<<<<<< HEAD
 #include "folder/features_csv.h"
-=======
 #include "folder/manifest_json.h"
->>>>>>> 589163e (The manifest's file, the stages and the names of their files stand in the room of the folder)
 #include "folder/model_folder.h"
 #include "folder/names.h"
 #include "report/answers.h"
