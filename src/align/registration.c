@@ -15,7 +15,11 @@
  * (15) and (17) are coherent point drift (Myronenko & Song 2010) with another prior, with normals,
  * so that the sides of a sheet stay apart, and annealed instead of estimated; the two terms of (16)
  * ask that every point of the shape is reached and that every point of the reference arrives: tips
- * go to tips.  e lets points without a partner go. */
+ * go to tips.  e lets points without a partner go.
+ *
+ * (15) is nearly all of the work and nearly nothing between points that are far apart: points of
+ * the reference come in blocks of LANES near ones, and a block is passed over where all of its
+ * distances bring S below e^-20, a millionth of what e weighs. */
 #include "align/registration.h"
 
 #include <math.h>
@@ -35,6 +39,7 @@ static const double affine_size = 0.3;                      /* a */
 static const double outlier = 0.01;                         /* e, in weights of a point */
 static const double first_sigma = 0.2, last_sigma = 0.5;    /* the last in spacings of the points */
 static const double first_kappa = 2.0, last_kappa = 5.0;
+static const double negligible = 20;         /* S below e to the minus this is none */
 static const double least_eigenvalue = 1e-5; /* relative to the largest */
 
 struct apsm_registration {
@@ -43,6 +48,7 @@ struct apsm_registration {
     double *y, *n, *w; /* M x 3, M x 3, M */
     double *B;         /* C x p: from modes to weights of the kernel's centres, y[0..C) */
     double *Phi;       /* 4M x p: phi_k, then its derivatives along the axes, at every y_m */
+    uint32_t *order;   /* M: which point is at that place of the blocks */
 };
 
 void apsm_registration_free(apsm_registration *r)
@@ -53,6 +59,7 @@ void apsm_registration_free(apsm_registration *r)
     free(r->w);
     free(r->B);
     free(r->Phi);
+    free(r->order);
     free(r);
 }
 
@@ -127,6 +134,65 @@ static apsm_status make_prior(apsm_registration *r)
     return status;
 }
 
+/* ---- blocks ---- */
+
+enum { LANES = 8 };
+
+static size_t blocks_of(size_t n)
+{
+    return (n + LANES - 1) / LANES;
+}
+
+typedef struct ranked {
+    double key;
+    uint32_t m;
+} ranked;
+
+static int by_key(const void *a, const void *b)
+{
+    const ranked *x = a, *y = b;
+    if (x->key != y->key) return x->key < y->key ? -1 : 1;
+    return (x->m > y->m) - (x->m < y->m);
+}
+
+static size_t longest_axis(size_t n, const ranked *list, const double *y)
+{
+    double most = -1;
+    size_t longest = 0;
+    for (size_t c = 0; c < 3; c++) {
+        double lo = INFINITY, hi = -INFINITY;
+        for (size_t i = 0; i < n; i++) {
+            lo = fmin(lo, y[3 * list[i].m + c]);
+            hi = fmax(hi, y[3 * list[i].m + c]);
+        }
+        if (hi - lo > most) most = hi - lo, longest = c;
+    }
+    return longest;
+}
+
+/* Halves the list across its longest axis, and its halves, down to blocks. */
+static void halve(size_t n, ranked *list, const double *y)
+{
+    if (n <= LANES) return;
+    const size_t c = longest_axis(n, list, y), left = (blocks_of(n) + 1) / 2 * LANES;
+    for (size_t i = 0; i < n; i++) list[i].key = y[3 * list[i].m + c];
+    qsort(list, n, sizeof *list, by_key);
+    halve(left, list, y);
+    halve(n - left, list + left, y);
+}
+
+static apsm_status order_points(apsm_registration *r)
+{
+    ranked *list = malloc(r->M * sizeof *list);
+    r->order = malloc(r->M * sizeof *r->order);
+    const bool enough = list && r->order;
+    for (size_t k = 0; enough && k < r->M; k++) list[k].m = (uint32_t)k;
+    if (enough) halve(r->M, list, r->y);
+    for (size_t k = 0; enough && k < r->M; k++) r->order[k] = list[k].m;
+    free(list);
+    return enough ? APSM_OK : APSM_ERR_MEMORY;
+}
+
 /* ---- the reference ---- */
 
 /* To lengths in radii about the reference's centre. */
@@ -154,8 +220,9 @@ apsm_status apsm_registration_new(const apsm_cloud *cloud, apsm_registration **r
         memcpy(r->n, cloud->normal, 3 * r->M * sizeof *r->n);
         memcpy(r->w, cloud->w, r->M * sizeof *r->w);
         r->spacing = vec3_mean_spacing(r->M, r->y);
-        status = make_prior(r);
+        status = order_points(r);
     }
+    if (status == APSM_OK) status = make_prior(r);
     if (status != APSM_OK) {
         apsm_registration_free(r);
         return status;
@@ -185,78 +252,120 @@ static void move_point(const double *U, const double y[3], const double n[3], do
     }
 }
 
-enum { LANES = 16 };
+/* Points of the reference where they are; those beyond its M have no weight.  Weights of (16) are
+ * in single precision: they say which points attract which, to 1e-6. */
+typedef struct block {
+    float x[3][LANES], n[3][LANES];
+    float w[LANES], per_w[LANES]; /* and one over it */
+    float centre[3], reach2;      /* points of the shape that are farther are passed over */
+} block;
 
-static size_t padded(size_t n)
-{
-    return (n + LANES - 1) / LANES * LANES;
-}
+/* Sums of (16), and over k of A_mk and A_mk z_k. */
+typedef struct block_sums {
+    float arrived[LANES], D[LANES], z[3][LANES];
+} block_sums;
 
-/* Everything a registration works on.  x, n: where the reference's points are, M of them; in lists
- * by coordinate (xs, ns, sums) and by point (ws, per_w, arrived, D, rows of S) they are padded to a
- * whole number of LANES with points of no weight.  The weights of (16) are in single precision:
- * they say which points attract which, to 1e-6. */
+/* Everything a registration works on.  x, n: where the reference's points are, M of them. */
 typedef struct job {
     const apsm_registration *r;
     const apsm_cloud *shape;
     size_t M, K;   /* points of the reference and of the shape */
-    size_t stride; /* M, padded */
+    size_t blocks; /* of the reference */
     double sigma, kappa;
     double *z;                /* K x 3 */
     double *x, *n, *u;        /* M x 3, M x 3, 4M x 3 */
     double *target;           /* M x 3 */
     double *A, *b, *weighted; /* p x p, p x 3, M x p */
-    float *xs, *ns;           /* 3 x M */
-    float *ws, *per_w;        /* M: weights, and one over them */
-    float *S;                 /* K x M */
-    float *reached, *arrived; /* K, M: the sums in (16) */
-    float *D, *sums;          /* M, 3 x M */
+    double *D;                /* M */
+    block *block;             /* blocks */
+    block_sums *sums;         /* blocks */
+    float *S;       /* K x blocks x LANES: of the blocks that are near, one after the other */
+    float *reached; /* K: a sum of (16) */
+    uint32_t *near; /* blocks: those that are */
 } job;
+
+static size_t doubles_of(size_t bytes)
+{
+    return (bytes + sizeof(double) - 1) / sizeof(double);
+}
 
 size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
 {
-    const size_t m = padded(r->M), p = r->p, floats = 13 * m + n * m + padded(n);
-    return 3 * n + 21 * r->M + p * p + 3 * p + r->M * p + floats / 2;
+    const size_t blocks = blocks_of(r->M), p = r->p;
+    return 3 * n + 22 * r->M + p * p + 3 * p + r->M * p + doubles_of(blocks * sizeof(block)) +
+           doubles_of(blocks * sizeof(block_sums)) +
+           doubles_of(n * blocks * LANES * sizeof(float)) + doubles_of(n * sizeof(float)) +
+           doubles_of(blocks * sizeof(uint32_t));
+}
+
+static void *take(double **work, size_t bytes)
+{
+    void *here = *work;
+    *work += doubles_of(bytes);
+    return here;
 }
 
 static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *work)
 {
-    const size_t K = shape->n, M = r->M, p = r->p, m = padded(M);
-    job j = { .r = r, .shape = shape, .M = M, .K = K, .stride = m };
-    double **const array[] = { &j.z, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted };
-    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p };
+    const size_t K = shape->n, M = r->M, p = r->p, blocks = blocks_of(M);
+    job j = { .r = r, .shape = shape, .M = M, .K = K, .blocks = blocks };
+    double **const array[] = { &j.z, &j.x, &j.n, &j.u, &j.target, &j.A, &j.b, &j.weighted, &j.D };
+    const size_t size[] = { 3 * K, 3 * M, 3 * M, 12 * M, 3 * M, p * p, 3 * p, M * p, M };
     for (size_t k = 0; k < sizeof size / sizeof *size; k++) {
         *array[k] = work;
         work += size[k];
     }
-    float **const single[] = { &j.xs,      &j.ns,      &j.ws, &j.per_w, &j.S,
-                               &j.reached, &j.arrived, &j.D,  &j.sums };
-    const size_t count[] = { 3 * m, 3 * m, m, m, K * m, padded(K), m, m, 3 * m };
-    float *next = (float *)work;
-    for (size_t k = 0; k < sizeof count / sizeof *count; k++) {
-        *single[k] = next;
-        next += count[k];
-    }
-    memset(j.xs, 0, 3 * m * sizeof *j.xs);
-    memset(j.ns, 0, 3 * m * sizeof *j.ns);
-    for (size_t k = 0; k < m; k++) {
-        j.ws[k] = k < M ? (float)r->w[k] : 0.0f;
-        j.per_w[k] = k < M ? 1.0f / (float)r->w[k] : 0.0f;
+    j.block = take(&work, blocks * sizeof *j.block);
+    j.sums = take(&work, blocks * sizeof *j.sums);
+    j.S = take(&work, K * blocks * LANES * sizeof *j.S);
+    j.reached = take(&work, K * sizeof *j.reached);
+    j.near = take(&work, blocks * sizeof *j.near);
+    memset(j.block, 0, blocks * sizeof *j.block);
+    for (size_t k = 0; k < M; k++) {
+        block *b = &j.block[k / LANES];
+        b->w[k % LANES] = (float)r->w[r->order[k]];
+        b->per_w[k % LANES] = 1.0f / (float)r->w[r->order[k]];
     }
     return j;
+}
+
+/* The ball around a block's points, with the distance beyond which S is negligible. */
+static void enclose(block *b, size_t n, float beyond)
+{
+    float r2 = 0;
+    for (size_t c = 0; c < 3; c++) {
+        float lo = b->x[c][0], hi = lo;
+        for (size_t l = 1; l < n; l++) {
+            lo = b->x[c][l] < lo ? b->x[c][l] : lo;
+            hi = b->x[c][l] > hi ? b->x[c][l] : hi;
+        }
+        b->centre[c] = 0.5f * (lo + hi);
+    }
+    for (size_t l = 0; l < n; l++) {
+        float d2 = 0;
+        for (size_t c = 0; c < 3; c++)
+            d2 += (b->x[c][l] - b->centre[c]) * (b->x[c][l] - b->centre[c]);
+        r2 = d2 > r2 ? d2 : r2;
+    }
+    b->reach2 = (beyond + sqrtf(r2)) * (beyond + sqrtf(r2));
 }
 
 static void move_reference(job *j)
 {
     const apsm_registration *r = j->r;
+    const float beyond = (float)(j->sigma * sqrt(2 * negligible));
     apsm_gemm(0, 0, 4 * j->M, 3, r->p, 1, r->Phi, r->p, j->b, 3, 0, j->u, 3);
-    for (size_t m = 0; m < j->M; m++) {
+    for (size_t m = 0; m < j->M; m++)
         move_point(j->u + 12 * m, r->y + 3 * m, r->n + 3 * m, j->x + 3 * m, j->n + 3 * m);
+    for (size_t k = 0; k < j->M; k++) {
+        block *b = &j->block[k / LANES];
         for (size_t c = 0; c < 3; c++) {
-            j->xs[c * j->stride + m] = (float)j->x[3 * m + c];
-            j->ns[c * j->stride + m] = (float)j->n[3 * m + c];
+            b->x[c][k % LANES] = (float)j->x[3 * r->order[k] + c];
+            b->n[c][k % LANES] = (float)j->n[3 * r->order[k] + c];
         }
     }
+    for (size_t k = 0; k < j->blocks; k++)
+        enclose(&j->block[k], k + 1 < j->blocks ? LANES : j->M - LANES * k, beyond);
 }
 
 /* ---- the two halves of a round ---- */
@@ -276,26 +385,40 @@ static shape_point point_of(const job *j, size_t k)
     return p;
 }
 
-/* S (M) <- w_m w_k S_mk, arrived (M) += w_k S_mk; returns sum_m w_m S_mk.  Sums run in LANES, so
- * that they are the same whatever the processor's registers. */
-APSM_KERNEL static float soft_row(size_t M, const float *restrict x, const float *restrict n,
-                                  const float *restrict w, const float *restrict per_w,
-                                  const shape_point *p, float steep, float kappa, float *restrict S,
-                                  float *restrict arrived)
+/* The blocks that are near enough to z; returns how many. */
+static size_t find_near(const job *j, const float z[3])
+{
+    size_t n = 0;
+    for (size_t k = 0; k < j->blocks; k++) {
+        const block *b = &j->block[k];
+        const float x = b->centre[0] - z[0], y = b->centre[1] - z[1], t = b->centre[2] - z[2];
+        j->near[n] = (uint32_t)k;
+        n += x * x + y * y + t * t <= b->reach2;
+    }
+    return n;
+}
+
+/* S <- w_m w_k S_mk for the n near blocks, arrived += w_k S_mk; returns sum_m w_m S_mk.  steep and
+ * kappa in powers of 2. */
+APSM_KERNEL static float soft_row(size_t n, const uint32_t *restrict near,
+                                  const block *restrict blocks, const shape_point *p, float steep,
+                                  float kappa, float *restrict S, block_sums *restrict sums)
 {
     float lane[LANES] = { 0 }, sum = 0;
-    for (size_t m = 0; m < M; m += LANES) {
+    for (size_t k = 0; k < n; k++) {
+        const block *restrict b = blocks + near[k];
+        float *restrict s = S + LANES * k, *restrict arrived = sums[near[k]].arrived;
 #pragma omp simd
         for (size_t l = 0; l < LANES; l++) {
-            const size_t i = m + l;
-            const float a = x[i] - p->z[0], b = x[M + i] - p->z[1], c = x[2 * M + i] - p->z[2];
+            const float x = b->x[0][l] - p->z[0], y = b->x[1][l] - p->z[1],
+                        z = b->x[2][l] - p->z[2];
             const float cosine =
-                n[i] * p->normal[0] + n[M + i] * p->normal[1] + n[2 * M + i] * p->normal[2];
-            const float s =
-                w[i] * apsm_expf(-steep * (a * a + b * b + c * c) - kappa * (1.0f - cosine));
-            lane[l] += s;
-            S[i] = p->weight * s;
-            arrived[i] += S[i] * per_w[i];
+                b->n[0][l] * p->normal[0] + b->n[1][l] * p->normal[1] + b->n[2][l] * p->normal[2];
+            const float v =
+                b->w[l] * apsm_exp2f(-steep * (x * x + y * y + z * z) - kappa * (1.0f - cosine));
+            lane[l] += v;
+            s[l] = p->weight * v;
+            arrived[l] += s[l] * b->per_w[l];
         }
     }
     for (size_t l = 0; l < LANES; l++) sum += lane[l];
@@ -305,47 +428,59 @@ APSM_KERNEL static float soft_row(size_t M, const float *restrict x, const float
 /* (15) and the sums in (16); S_mk w_m w_k in S. */
 static void match_softly(job *j)
 {
-    const float steep = (float)(0.5 / (j->sigma * j->sigma)), kappa = (float)j->kappa;
+    const double log2_e = 1.4426950408889634;
+    const float steep = (float)(0.5 * log2_e / (j->sigma * j->sigma)),
+                kappa = (float)(log2_e * j->kappa);
     const float e = (float)(outlier / (double)j->M);
-    for (size_t m = 0; m < j->stride; m++) j->arrived[m] = e;
+    memset(j->sums, 0, j->blocks * sizeof *j->sums);
+    for (size_t k = 0; k < j->blocks; k++)
+        for (size_t l = 0; l < LANES; l++) j->sums[k].arrived[l] = e;
     for (size_t k = 0; k < j->K; k++) {
         const shape_point p = point_of(j, k);
-        j->reached[k] = e + soft_row(j->stride, j->xs, j->ns, j->ws, j->per_w, &p, steep, kappa,
-                                     j->S + k * j->stride, j->arrived);
+        const size_t n = find_near(j, p.z);
+        j->reached[k] = e + soft_row(n, j->near, j->block, &p, steep, kappa,
+                                     j->S + k * j->blocks * LANES, j->sums);
     }
 }
 
-/* D (M) += A_mk, sums (3 x M) += A_mk z_k for one k.  per_arrived: M, over the sums in (16). */
-APSM_KERNEL static void add_row(size_t M, const float *restrict S, float per_reached,
-                                const float *restrict per_arrived, float half, const float z[3],
-                                float *restrict D, float *restrict sums)
+/* D (M) += A_mk, z += A_mk z_k for one k and the n near blocks; what arrived has been inverted. */
+APSM_KERNEL static void add_row(size_t n, const uint32_t *restrict near, const float *restrict S,
+                                float per_reached, float half, const float z[3],
+                                block_sums *restrict sums)
 {
+    for (size_t k = 0; k < n; k++) {
+        block_sums *restrict to = sums + near[k];
+        const float *restrict s = S + LANES * k;
 #pragma omp simd
-    for (size_t m = 0; m < M; m++) {
-        const float A = half * S[m] * (per_reached + per_arrived[m]);
-        D[m] += A;
-        sums[m] += A * z[0];
-        sums[M + m] += A * z[1];
-        sums[2 * M + m] += A * z[2];
+        for (size_t l = 0; l < LANES; l++) {
+            const float A = half * s[l] * (per_reached + to->arrived[l]);
+            to->D[l] += A;
+            to->z[0][l] += A * z[0];
+            to->z[1][l] += A * z[1];
+            to->z[2][l] += A * z[2];
+        }
     }
 }
 
-/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m).  Overwrites arrived. */
+/* D_m = sum_k A_mk, target_m = sum_k A_mk (z_k - y_m). */
 static void find_targets(job *j)
 {
     const apsm_registration *r = j->r;
-    const size_t M = j->stride;
-    memset(j->D, 0, M * sizeof *j->D);
-    memset(j->sums, 0, 3 * M * sizeof *j->sums);
-    for (size_t m = 0; m < M; m++) j->arrived[m] = 1.0f / j->arrived[m];
+    const float half = 0.5f * (float)j->M;
+    for (size_t k = 0; k < j->blocks; k++)
+        for (size_t l = 0; l < LANES; l++) j->sums[k].arrived[l] = 1.0f / j->sums[k].arrived[l];
     for (size_t k = 0; k < j->K; k++) {
         const shape_point p = point_of(j, k);
-        add_row(M, j->S + k * M, 1.0f / j->reached[k], j->arrived, 0.5f * (float)j->M, p.z, j->D,
-                j->sums);
+        const size_t n = find_near(j, p.z);
+        add_row(n, j->near, j->S + k * j->blocks * LANES, 1.0f / j->reached[k], half, p.z, j->sums);
     }
-    for (size_t m = 0; m < j->M; m++)
+    for (size_t k = 0; k < j->M; k++) {
+        const block_sums *of = &j->sums[k / LANES];
+        const size_t m = r->order[k];
+        j->D[m] = (double)of->D[k % LANES];
         for (size_t c = 0; c < 3; c++)
-            j->target[3 * m + c] = (double)j->sums[c * M + m] - (double)j->D[m] * r->y[3 * m + c];
+            j->target[3 * m + c] = (double)of->z[c][k % LANES] - j->D[m] * r->y[3 * m + c];
+    }
 }
 
 /* (17): (sigma^2 I + Phi' D Phi) b = Phi' target. */
@@ -354,7 +489,7 @@ static apsm_status fit(job *j)
     const apsm_registration *r = j->r;
     const size_t p = r->p;
     for (size_t m = 0; m < j->M; m++) {
-        const double root = sqrt((double)j->D[m]);
+        const double root = sqrt(j->D[m]);
         for (size_t k = 0; k < p; k++) j->weighted[m * p + k] = root * r->Phi[4 * m * p + k];
     }
     apsm_syrk(p, j->M, j->weighted, 0, j->A);
