@@ -13,7 +13,7 @@
 
 enum { J = 8 };
 
-/* As in src/run/state.c. */
+/* As in src/folder/state_file.c. */
 typedef struct numbers {
     int64_t I, J, stage, epoch, epochs_run, passes_without_gain, stage1_stop, own_size;
     double h, best_mismatched, doubt;
