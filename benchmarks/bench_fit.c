@@ -7,6 +7,7 @@
  *     bench_fit poses MODEL_DIR [FOLDS]      200 random poses, every second one mirrored
  *     bench_fit strangers MODEL_DIR OTHER    shapes that are not of the kind
  *     bench_fit steps MODEL_DIR              where the time goes
+ *     bench_fit time MODEL_DIR               CPU time a shape: in any pose, and aligned
  *
  * Correspondence is compared with the particles that the joint model has, in its h. */
 #include "bench.h"
@@ -489,6 +490,37 @@ static void steps(left_out *b)
     apsm_mesh_free(&mesh);
 }
 
+/* Medians over the model's shapes, each fitted by the joint model from memory. */
+static void time_shapes(left_out *b)
+{
+    enum { MOST = 12 };
+    double t[MOST];
+    size_t faces = 0;
+    for (int aligned = 0; aligned < 2; aligned++) {
+        size_t n = 0;
+        for (size_t i = 0; i < b->folder.I && n < MOST; i++) {
+            apsm_mesh mesh;
+            apsm_fit fit;
+            apsm_fit_options o = apsm_fit_defaults();
+            o.aligned = aligned;
+            if (i == b->folder.template_index) continue;
+            must(b, model_folder_mesh(b->ctx, &b->folder, i, &mesh));
+            faces += mesh.nf;
+            const double start = bench_now();
+            must(b, apsm_fit_surface(b->ctx, b->joint, b->folder.names[i], &mesh, &o, &fit));
+            t[n++] = bench_now() - start;
+            apsm_fit_free(&fit);
+            apsm_mesh_free(&mesh);
+        }
+        qsort(t, n, sizeof *t, bench_by_value);
+        printf("{\"bench\": \"%s\", \"J\": %zu, \"faces\": %zu, \"median_ms\": %.1f, "
+               "\"least_ms\": %.1f, \"most_ms\": %.1f}\n",
+               aligned ? "aligned" : "any pose", b->folder.J, faces / n, 1e3 * t[n / 2], 1e3 * t[0],
+               1e3 * t[n - 1]);
+        faces = 0;
+    }
+}
+
 int main(int argc, char **argv)
 {
     left_out b = { 0 };
@@ -506,6 +538,7 @@ int main(int argc, char **argv)
     if (strcmp(argv[1], "poses") == 0) poses(&b);
     if (strcmp(argv[1], "strangers") == 0 && argc > 3) strangers(&b, argv[3]);
     if (strcmp(argv[1], "steps") == 0) steps(&b);
+    if (strcmp(argv[1], "time") == 0) time_shapes(&b);
     apsm_fit_model_free(b.joint);
     model_folder_free(&b.folder);
     apsm_context_free(b.ctx);

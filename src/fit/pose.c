@@ -12,7 +12,7 @@
 #include "geometry/vec3.h"
 
 enum { ROUGH_POINTS = 150, RESTING = 12 };
-static const double rough = 1e-3, at_rest = 1e-6;
+static const double rough = 1e-3, at_rest = 1e-4;
 
 typedef struct search {
     const apsm_fit_model *m;
