@@ -67,8 +67,7 @@ static double likelihood(const left_out *b, const posterior_model *q, size_t I, 
     double *work = bench_doubles(posterior_particles_work_size(q));
     posterior_scores s = { .b = bb, .B = bb + q->M };
     for (size_t i = 0; i < I; i++) {
-        must_fit(b,
-                 posterior_of_particles(q, P + i * q->D, error, &s, NULL, NULL, work));
+        must_fit(b, posterior_of_particles(q, P + i * q->D, error, &s, NULL, NULL, work));
         sum += s.log_likelihood;
     }
     free(error);
@@ -94,9 +93,9 @@ static void make_process_way(fold *f, size_t k)
             const double found = likelihood(f->b, &q, s->I, P);
             if (!(found > best)) continue;
             best = found;
-            f->way[k].posterior = fit_posterior_make(
-                s->J, 0, s->mean, s->mode, s->variance, shares[t] * total, reaches[r] * f->m->h,
-                (1 - shares[t]) * total, f->store[k]);
+            f->way[k].posterior =
+                fit_posterior_make(s->J, 0, s->mean, s->mode, s->variance, shares[t] * total,
+                                   reaches[r] * f->m->h, (1 - shares[t]) * total, f->store[k]);
         }
     free(store);
     free(P);
@@ -303,8 +302,7 @@ static void parts(const left_out *b, size_t step)
         fold f = open_fold(b, n);
         for (size_t i = n; i < b->folder.I; i += step * b->folds)
             for (int c = 0; i != b->folder.template_index && c < CUTS; c++)
-                for (size_t q = 0; q < AMOUNTS; q++)
-                    one_part(&f, i, c, missing[q], &s[c][q]);
+                for (size_t q = 0; q < AMOUNTS; q++) one_part(&f, i, c, missing[q], &s[c][q]);
         close_fold(&f);
     }
     for (size_t c = 0; c < CUTS; c++)
@@ -335,8 +333,8 @@ static void some_landmarks(const fold *f, size_t i, size_t n, sums *s)
     apsm_affine_apply(back, n, x, x);
     model_folder_to_world(&b->folder, i, own);
     for (size_t k = 0; k < WAYS; k++)
-        must_fit(b, apsm_fit_landmarks(b->ctx, &f->way[k], b->folder.names[i], n, at, x, &o,
-                                       &fit[k]));
+        must_fit(b,
+                 apsm_fit_landmarks(b->ctx, &f->way[k], b->folder.names[i], n, at, x, &o, &fit[k]));
     must_fit(b, model_folder_mesh(b->ctx, &b->folder, i, &whole));
     s->shapes++;
     judge(f, i, &whole, own, fit, known, s);

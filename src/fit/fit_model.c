@@ -30,6 +30,8 @@ void apsm_fit_model_free(apsm_fit_model *m)
     free(m->S);
     free(m->store);
     free(m->path);
+    free(m->labels);
+    free(m->unit);
     free(m);
 }
 

@@ -35,7 +35,9 @@ typedef struct fit_calibration {
 enum { FIT_CALIBRATION = sizeof(fit_calibration) / sizeof(double) };
 
 struct apsm_fit_model {
-    char *path; /* for messages */
+    char *path;   /* for messages */
+    char *labels; /* of the cohort's segmentations; NULL: none were chosen */
+    char *unit;   /* of lengths; NULL: not known */
     apsm_options options;
     apsm_shape_model model; /* world frame, with scores */
     double *T;              /* J x 3: the template's particles */

@@ -7,6 +7,7 @@
 #include "files/files.h"
 #include "fit/fit_model.h"
 #include "fit/model_file.h"
+#include "folder/manifest_json.h"
 #include "folder/model_folder.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
@@ -60,6 +61,15 @@ static void find_distances(const model_folder *f, apsm_fit_model *m)
     }
 }
 
+/* How the cohort's images were read, and what its lengths are. */
+static apsm_status take_words(const model_folder *f, apsm_fit_model *m)
+{
+    const char *labels = apsm_project_get(&f->project, "apsm", "labels");
+    if (labels && *labels) APSM_TRY(apsm_text_set(&m->labels, labels));
+    const char *unit = manifest_unit(f->manifest);
+    return unit ? apsm_text_set(&m->unit, unit) : APSM_OK;
+}
+
 static apsm_status tell_regions(apsm_context *ctx, const char *folder)
 {
     char *whole = apsm_path_join(folder, "groomed/whole");
@@ -93,6 +103,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
     APSM_TRY(apsm_options_of_project(ctx, &f->project, &m->options));
     APSM_TRY(model_folder_mesh(ctx, f, f->template_index, &mesh));
     APSM_TRY(fit_model_take_mesh(ctx, &mesh, m));
+    APSM_TRY(take_words(f, m));
     m->cropped = json_object_get(f->manifest, "cropped") ? 1 : 0;
     find_orientation(f, m);
     find_distances(f, m);

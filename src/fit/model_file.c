@@ -61,6 +61,8 @@ static void add_model(apsm_checkpoint_writer *w, const apsm_fit_model *m, const 
     apsm_checkpoint_add(w, "faces", mesh->F, 3 * mesh->nf * sizeof *mesh->F);
     apsm_checkpoint_add(w, "calibration", &m->calibration, sizeof m->calibration);
     add_numbers(w, "orientation", 10, orientation);
+    if (m->labels) apsm_checkpoint_add(w, "labels", m->labels, strlen(m->labels));
+    if (m->unit) apsm_checkpoint_add(w, "unit", m->unit, strlen(m->unit));
     if (m->cropped > 0) add_numbers(w, "cropped", 1, &m->cropped);
 }
 
@@ -145,6 +147,19 @@ static apsm_status get_options(apsm_context *ctx, apsm_fit_model *m, const apsm_
     return APSM_OK;
 }
 
+/* A text that may not be there: files of before, or nothing to say. */
+static apsm_status get_text(apsm_context *ctx, apsm_fit_model *m, const apsm_checkpoint *c,
+                            const char *name, char **text)
+{
+    size_t size;
+    const char *found = apsm_checkpoint_find(c, name, &size);
+    if (!found) return APSM_OK;
+    for (size_t k = 0; k < size; k++)
+        if ((unsigned char)found[k] < ' ') return refuse(ctx, m, "holds a text of control codes");
+    *text = strndup(found, size);
+    return *text ? APSM_OK : APSM_ERR_MEMORY;
+}
+
 static apsm_status get_mesh(apsm_context *ctx, apsm_fit_model *m, const apsm_checkpoint *c,
                             const sizes *n)
 {
@@ -210,6 +225,8 @@ apsm_status fit_model_read_file(apsm_context *ctx, apsm_fit_model *m)
         return refuse(ctx, m, "is no model folder and no file of `apsm export`, or damaged");
     if (status == APSM_OK) status = get_sizes(ctx, m, c, &n);
     if (status == APSM_OK) status = get_options(ctx, m, c);
+    if (status == APSM_OK) status = get_text(ctx, m, c, "labels", &m->labels);
+    if (status == APSM_OK) status = get_text(ctx, m, c, "unit", &m->unit);
     if (status == APSM_OK) status = get_shape_model(ctx, m, c, &n);
     if (status == APSM_OK) status = get_mesh(ctx, m, c, &n);
     if (status == APSM_OK) status = get_calibration(ctx, m, c);

@@ -201,8 +201,10 @@ static json_t *json_summary(const fit_row *row)
 static json_t *json_model(const fit_origin *o)
 {
     const apsm_shape_model *s = &o->model->model;
-    return json_pack("{s:s, s:s, s:I, s:I, s:f}", "path", o->path, "sha256", o->sha256, "shapes",
-                     (json_int_t)s->I, "particles", (json_int_t)s->J, "h", o->model->h);
+    const char *unit = o->model->unit;
+    return json_pack("{s:s, s:s, s:I, s:I, s:f, s:o}", "path", o->path, "sha256", o->sha256,
+                     "shapes", (json_int_t)s->I, "particles", (json_int_t)s->J, "h", o->model->h,
+                     "unit", unit ? json_string(unit) : json_null());
 }
 
 static apsm_status write_json(apsm_context *ctx, char *path, json_t *root)

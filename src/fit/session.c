@@ -224,6 +224,30 @@ static apsm_status list_inputs(apsm_context *ctx, session *s)
 
 /* ---- all ---- */
 
+static bool is_any_image(const apsm_input_list *list)
+{
+    for (size_t i = 0; i < list->n; i++) {
+        apsm_input_kind kind;
+        if (apsm_is_folder(list->cases[i].path)) return true;
+        if (apsm_input_kind_of(list->cases[i].path, &kind) && kind != APSM_INPUT_MESH) return true;
+    }
+    return false;
+}
+
+/* Unless told otherwise, the labels that the model's shapes had. */
+static apsm_status take_labels(apsm_context *ctx, session *s)
+{
+    const char *labels = s->model->labels;
+    if (!labels || (s->settings->labels && *s->settings->labels)) return APSM_OK;
+    apsm_labels_free(&s->reading.labels);
+    APSM_TRY(apsm_labels_parse(ctx, labels, &s->reading.labels));
+    s->reading.labels.if_several = true;
+    if (is_any_image(&s->list))
+        apsm_log(ctx, APSM_LOG_INFO, "labels of segmentations are those of the model's shapes: %s",
+                 labels);
+    return APSM_OK;
+}
+
 static apsm_status open_session(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
@@ -231,6 +255,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     APSM_TRY(list_inputs(ctx, s));
     if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
+    APSM_TRY(take_labels(ctx, s));
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &o->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);

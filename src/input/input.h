@@ -82,6 +82,7 @@ typedef struct apsm_labels {
     char **name; /* of segments, as the file has them; owned */
     char side;   /* '<' or '>': the shape is where values are below or above the level; else 0 */
     double level;
+    bool if_several; /* labels of other inputs: a mask whose only label is none of them is taken */
 } apsm_labels;
 
 /* From text: "" , "all", non-zero integers and names of segments with commas, "1,2" or "talus", or

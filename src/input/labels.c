@@ -284,8 +284,13 @@ static apsm_status unite(apsm_context *ctx, const char *path, const apsm_labels 
     }
     bool any = false;
     for (size_t i = 0; i < layers * voxels; i++) any |= is_picked(p, v->label[i], i / voxels);
+    if (!any && labels->if_several && n == 1) {
+        apsm_log(ctx, APSM_LOG_INFO, "%s: label %d is the only one, and so the shape", path,
+                 found[0].label);
+        any = p->all = true;
+    }
     if (!any) return refuse_choice(ctx, path, v, voxels, layers, true);
-    tell_missing(ctx, path, p);
+    if (!p->all) tell_missing(ctx, path, p);
     if (!remember_names(labels, v, n, found))
         return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     for (size_t i = 0; i < voxels; i++) {

@@ -3,6 +3,7 @@
 import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
 import { Packed, vertexNormals } from "./data.js";
 import * as gl from "./gl.js";
+import { length, setUnit, unitKnown, unitNote } from "./units.js";
 import { legend, weightsAt } from "./surface.js";
 
 const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
@@ -54,20 +55,21 @@ function facts(f) {
     f.mirrored === undefined ? null : ["hand", f.mirrored ? "mirrored to the model's side" : "as the model"],
     f.cropped_share > 0 ? ["cropped", `${percent(f.cropped_share)} of its surface lies beyond what the model\u2019s shapes were cropped to, and was left out`] : null,
     f.partial ? ["seen", `${percent(f.observed_share)} of the particles; the rest is what the model expects`] : null,
-    d ? ["distance of surface and fit", `${show(d.mean)} on average, ${show(d.max)} at most`] : null,
+    d ? ["distance of surface and fit", `${length(d.mean)} on average, ${length(d.max)} at most`] : null,
     f.mahalanobis === undefined ? null
       : ["distance from the mean", `Mahalanobis ${show(f.mahalanobis)} in ${plural(f.mahalanobis_modes, "mode")}; one further out is met with probability ${pText(f.tail_probability)}`],
-    f.residual === undefined ? null : ["missed by the modes", `${show(f.residual)} a coordinate (shapes left out: ${show(f.residual_usual)})`],
+    f.residual === undefined ? null : ["missed by the modes", `${length(f.residual)} a coordinate (shapes left out: ${length(f.residual_usual)})`],
     f.certificate ? ["certificate", f.certificate.verdict] : null,
   ].filter(Boolean);
 }
 
 export function fillFits(model, { radius }) {
+  setUnit(model.model.unit ?? null);
   const rows = model.table, count = (v) => rows.filter((r) => r.verdict === v).length;
   byId("title").textContent = `Fits \u201c${model.title}\u201d`;
   document.title = `${model.title} \u2013 fits`;
   byId("summary").textContent = `${plural(rows.length, "new shape")} by the model ${model.model.path} ` +
-    `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). Lengths are in the unit of the input (mm for images).`;
+    `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). Lengths are in ${unitKnown() ? unitNote() : "the unit of the input"}.`;
   const fine = count("good") === rows.length;
   byId("verdict").append(el("div", { class: `verdict ${fine ? "good" : "bad"}` },
     el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
@@ -127,8 +129,8 @@ export function fillFits(model, { radius }) {
     const made = parts(k), colour = made.geometry[state.colour] ? state.colour : "difference";
     const reach = state.same ? (common ||= everywhere()) : reachOf(k), most = model.largest_distance;
     const how = {
-      difference: ["signed", [-reach, reach], [`\u2212${show(reach)} inside the mean`, "0", `+${show(reach)} outside`]],
-      deviation: ["heat", [0, most], ["sure", `standard deviation ${show(most)}`]],
+      difference: ["signed", [-reach, reach], [`\u2212${length(reach)} inside the mean`, "0", `+${length(reach)} outside`]],
+      deviation: ["heat", [0, most], ["sure", `standard deviation ${length(most)}`]],
       observed: ["signed", [2, -1], ["not seen", "seen"]],
     }[colour];
     view.set({ surface: made.geometry[colour], particles: state.particles ? made.dots : null, palette: how[0], range: how[1] });
