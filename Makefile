@@ -75,10 +75,11 @@ sanitize: deps ## all tests with address and undefined-behaviour sanitizers
 fuzz: deps ## readers on bytes that libFuzzer makes up, for a minute (needs clang)
 	@scripts/fuzz
 
-test-fuzz: deps ## readers on 10,000 damaged files, with sanitizers
+test-fuzz: deps ## all readers on 20,000 damaged files, with sanitizers
 	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)
-	@cmake --build $(BUILD)-sanitize -j$(JOBS) --target test_damaged
+	@cmake --build $(BUILD)-sanitize -j$(JOBS) --target test_damaged test_damaged_files
 	$(BUILD)-sanitize/test_damaged 700
+	$(BUILD)-sanitize/test_damaged_files 700
 
 bench: deps ## the short set of benchmarks, and CPU by step beside an earlier commit's; a line of JSON each
 	@cmake -S . -B $(BUILD) -DAPSM_BENCHMARKS=ON $(CMAKE_FLAGS)

@@ -145,6 +145,13 @@ void apsm_report_progress(apsm_context *ctx, const apsm_progress *progress)
     if (ctx && ctx->progress) ctx->progress(ctx->progress_user, progress);
 }
 
+/* What is quoted from a file may hold anything; an error is one line. */
+static void keep_one_line(char *text)
+{
+    for (; *text; text++)
+        if ((unsigned char)*text < ' ' || *text == '\x7f') *text = '?';
+}
+
 apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format, ...)
 {
     if (ctx) {
@@ -154,6 +161,7 @@ apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format,
         va_start(args, format);
         vsnprintf(text, sizeof text, format, args);
         va_end(args);
+        keep_one_line(text);
         memcpy(ctx->error, text, sizeof text);
     }
     return status;

@@ -10,6 +10,7 @@
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/project_xml.h"
 #include "files/sheets.h"
 
 static bool has_extension(const char *path, const char *extension)
@@ -25,7 +26,8 @@ bool apsm_is_spreadsheet(const char *path)
 
 bool apsm_is_project_file(const char *path)
 {
-    return has_extension(path, ".swproj") || apsm_is_spreadsheet(path);
+    return has_extension(path, ".swproj") || apsm_is_spreadsheet(path) ||
+           apsm_is_parameter_file(path);
 }
 
 bool apsm_says_yes(const char *text)

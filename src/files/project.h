@@ -41,7 +41,8 @@ typedef struct apsm_project {
 /* Whether a text says yes, as ShapeWorks understands it: yes, true or 1, in any case.  NULL: no. */
 bool apsm_says_yes(const char *text);
 
-/* Whether path ends in .swproj or .xlsx, in any case. */
+/* Whether path ends in .swproj, .xlsx or .xml (of ShapeWorks before version 6, read only), in any
+ * case. */
 bool apsm_is_project_file(const char *path);
 
 /* An empty project for the given folder.  apsm_project_free leaves {0}. */

@@ -9,6 +9,7 @@
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/project_xml.h"
 #include "files/sheets.h"
 
 /* What the steps of reading share. */
@@ -328,6 +329,7 @@ static apsm_status read_options(const reading *r)
 static apsm_status read_root(apsm_context *ctx, const char *path, json_t **root)
 {
     workbook w;
+    if (apsm_is_parameter_file(path)) return project_from_xml(ctx, path, root);
     if (!apsm_is_spreadsheet(path)) return apsm_json_read(ctx, path, root);
     APSM_TRY(workbook_read(ctx, path, &w));
     const apsm_status status = project_from_sheets(ctx, path, &w, root);

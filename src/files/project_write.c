@@ -7,6 +7,7 @@
 
 #include "files/io.h"
 #include "files/project_columns.h"
+#include "files/project_xml.h"
 #include "files/sheets.h"
 
 /* Sets key to text; NULL removes it.  json_string refuses what is not UTF-8. */
@@ -130,6 +131,9 @@ static json_t *make_row(const apsm_project *p, const apsm_subject *s, int *error
 static apsm_status write_root(apsm_context *ctx, const char *path, const json_t *root)
 {
     workbook w;
+    if (apsm_is_parameter_file(path))
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: parameter files are read, not written; write a .swproj", path);
     if (!apsm_is_spreadsheet(path)) return apsm_json_write(ctx, path, root);
     APSM_TRY(sheets_from_project(ctx, path, root, &w));
     const apsm_status status = workbook_write(ctx, path, &w);

@@ -204,53 +204,70 @@ typedef struct sheet {
     char **cell;  /* columns: of the present line */
 } sheet;
 
-/* Ends the field at *at and moves to the next one; *last: it was the line's. */
-static char *next_field(sheet *s, bool *last)
+/* Where the field at `at` ends: at a separator, the end of the line or that of the file; NULL if a
+ * quote is not closed, or something follows that is none of these. */
+static char *field_end(char *at, char separator)
 {
-    char *from = s->at, *to = s->at;
-    if (*from == '"') {
-        for (s->at++; *s->at && (*s->at != '"' || s->at[1] == '"'); s->at++) {
-            if (*s->at == '"') s->at++;
-            *to++ = *s->at;
+    const char stops[] = { separator, '\n', '\r', '\0' };
+    if (*at != '"') return at + strcspn(at, stops);
+    for (at++; *at && (*at != '"' || at[1] == '"'); at++)
+        if (*at == '"') at++;
+    if (!*at++) return NULL;
+    return !*at || strchr(stops, *at) ? at : NULL;
+}
+
+/* Without quotes, doubled ones once; ended in place. */
+static char *field_text(char *from, const char *end)
+{
+    char *to = from;
+    const char *at = from;
+    if (*from == '"')
+        for (at++; at + 1 < end; at++) {
+            if (*at == '"') at++;
+            *to++ = *at;
         }
-        if (*s->at) s->at++;
-    } else {
-        while (*s->at && *s->at != s->separator && *s->at != '\n' && *s->at != '\r') s->at++;
-        to = s->at;
-    }
-    while (*s->at == '\r') s->at++;
-    *last = *s->at != s->separator;
-    if (*s->at) s->at++;
+    else
+        to += end - from;
     *to = '\0';
     while (to > from && to[-1] == ' ') *--to = '\0';
     return from + strspn(from, " ");
 }
 
-static size_t count_fields(const char *line, char separator)
+/* How many fields the line has; 0: a quote is wrong. */
+static size_t count_fields(char *line, char separator)
 {
-    size_t n = 1;
-    bool quoted = false;
-    for (; *line && (quoted || (*line != '\n' && *line != '\r')); line++) {
-        if (*line == '"') quoted = !quoted;
-        n += !quoted && *line == separator;
+    for (size_t n = 1;; n++, line++) {
+        line = field_end(line, separator);
+        if (!line) return 0;
+        if (*line != separator) return n;
     }
-    return n;
 }
 
-/* The fields of the next line that has any into cell; false: no more. */
+/* The fields of the next line that has any into cell; *there: false, no more. */
 static apsm_status next_line(sheet *s, char **cell, bool *there)
 {
-    bool last = false;
-    size_t n = 0;
     while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
     *there = *s->at != '\0';
     if (!*there) return APSM_OK;
     s->line++;
-    if (count_fields(s->at, s->separator) != s->columns)
+    const size_t fields = count_fields(s->at, s->separator);
+    if (fields == 0)
+        return apsm_fail(s->ctx, APSM_ERR_FORMAT,
+                         "%s:%zu: a quote is not closed, or something follows it; quote whole "
+                         "fields",
+                         s->path, s->line);
+    if (fields != s->columns)
         return apsm_fail(s->ctx, APSM_ERR_FORMAT,
                          "%s:%zu: has %zu fields, the header %zu; make all lines alike", s->path,
-                         s->line, count_fields(s->at, s->separator), s->columns);
-    while (!last) cell[n++] = next_field(s, &last);
+                         s->line, fields, s->columns);
+    for (size_t k = 0; k < fields; k++) {
+        char *const end = field_end(s->at, s->separator), *const first = s->at;
+        for (const char *c = first; c < end; c++) s->line += *c == '\n';
+        const bool last = k + 1 == fields;
+        s->at = end + (last ? strspn(end, "\r") : 1);
+        if (last) s->at += *s->at == '\n';
+        cell[k] = field_text(first, end); /* may end where `end` points to */
+    }
     return APSM_OK;
 }
 
@@ -336,8 +353,8 @@ apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const
     const size_t head = strcspn(s.at, "\n");
     s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
     s.columns = count_fields(s.at, s.separator);
-    s.title = calloc(s.columns, sizeof *s.title);
-    s.cell = calloc(s.columns, sizeof *s.cell);
+    s.title = calloc(s.columns + 1, sizeof *s.title);
+    s.cell = calloc(s.columns + 1, sizeof *s.cell);
     apsm_status status = s.title && s.cell ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK && (size == 0 || s.columns < 2))
         status = apsm_fail(ctx, APSM_ERR_FORMAT,

@@ -140,6 +140,12 @@ write("insideout.ply", ply(V, [f[::-1] for f in F]))
 # ---- projects and names ----
 write("empty.swproj", '{"data": []}')
 write("nameless.swproj", '{"data": [{"name": "x"}]}')
+write("old.xml", '<?xml version="1.0" ?>\n<number_of_particles> 32 </number_of_particles>\n<!-- two -->\n<inputs>\nquads.ply\n'
+      "  big.ply\n</inputs>\n<fixed_domains> 1 </fixed_domains>\n")
+write("points.xml", "<point_files>\na.particles\n</point_files>\n")
+write("planes.xml", "<inputs> quads.ply </inputs>\n<cutting_planes> 0 0 0 1 0 0 0 1 0 </cutting_planes>\n")
+write("torn.xml", "<inputs>\nquads.ply\n</input")
+write("entity.xml", '<!DOCTYPE a [<!ENTITY b "c">]><inputs>&b;</inputs>')
 write("newline/a\nb.ply", ply(V, F))
 write("escape/\x1b[31mred.ply", ply(V, F))
 write("caf\u00e9 o/a \u00fc\u0308.ply", ply(V, F))

@@ -56,6 +56,17 @@ done
 expect 1 "empty.swproj: names no shapes" check empty.swproj
 expect 1 "nameless.swproj: shape 1 (x) names no input" check nameless.swproj
 
+# ---- parameter files of ShapeWorks before version 6 ----
+expect 0 "2 shapes" info old.xml
+expect 0 "-J 32 takes as many" run old.xml -o old --dry-run --ignore fixed
+expect 1 "--ignore fixed" run old.xml -o old --dry-run
+expect 0 "" convert old.xml -o old.swproj
+grep -q '"shape_1": "quads.ply"' old.swproj || fail "old.xml: its inputs are not in $(cat old.swproj)"
+expect 1 "names no inputs; its point_files are particles" check points.xml
+expect 1 "its constraints (cutting_planes)" check planes.xml
+expect 1 "torn.xml:3: " check torn.xml
+expect 1 "entity.xml:1: " check entity.xml
+
 # ---- names ----
 expect 2 "control character" check newline
 expect 2 "control character" check escape
