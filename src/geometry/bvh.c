@@ -284,9 +284,21 @@ static query make_query(const apsm_bvh *bvh, const double x[3], double max_dista
     return s;
 }
 
+/* Asks for memory that will be needed soon. */
+LANE_INLINE void fetch(const void *p)
+{
+#if defined(__GNUC__)
+    __builtin_prefetch(p);
+#else
+    (void)p;
+#endif
+}
+
 /* Looks at the triangles that wait.  The least distance wins; of equal ones the smallest face. */
 static void decide(const apsm_bvh *bvh, query *s)
 {
+    for (int k = 0; k < s->waiting; k++)
+        if (s->distance2[k] <= s->cut) fetch(bvh->mesh->F + 3 * (size_t)bvh->face[s->wait[k]]);
     for (int k = 0; k < s->waiting; k++) {
         if (s->distance2[k] > s->cut) continue;
         const uint32_t face = bvh->face[s->wait[k]];
@@ -327,6 +339,7 @@ static void drop_averse(const apsm_bvh *bvh, query *s, int first)
 LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
 {
     float d2[LEAF], least = INFINITY;
+    fetch(bvh->face + LEAF * (size_t)number);
     if (leaf_distances(&bvh->leaves[number], s->q, d2) > s->cut) return;
     if (s->waiting > WAIT - LEAF) decide(bvh, s);
     const int before = s->waiting;
@@ -340,6 +353,12 @@ LANE_INLINE void visit_leaf(const apsm_bvh *bvh, query *s, uint32_t number)
         least = s->distance2[k] < least ? s->distance2[k] : least;
     const float way = sqrtf(least) + s->error, bound = way * way * (float)SLACK;
     if (bound < s->bound) set_bound(s, bound);
+}
+
+LANE_INLINE void fetch_leaf(const apsm_bvh *bvh, uint32_t number)
+{
+    const char *l = (const char *)&bvh->leaves[number];
+    for (size_t k = 0; k < sizeof(leaf); k += 64) fetch(l + k);
 }
 
 /* Looks at the leaves that may be within the bound, which falls on the way, near boxes first.
@@ -362,6 +381,8 @@ APSM_KERNEL static void search(const apsm_bvh *bvh, uint32_t begin, query *s)
         const node *n = &bvh->nodes[ref_number(ref)];
         box_distances(n, s->q, d2);
         top = push_children(n, d2, s->bound, stack, top);
+        if (top > 0 && ref_count((uint32_t)stack[top - 1]) > 0)
+            fetch_leaf(bvh, ref_number((uint32_t)stack[top - 1]));
     }
 }
 
