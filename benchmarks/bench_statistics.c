@@ -40,7 +40,7 @@ static void parametric(const scene *s, size_t n, const size_t *row, const double
         memcpy(Y + i * s->J * 3, s->Y + row[i] * s->J * 3, s->J * 3 * sizeof *Y);
     }
     bench_must(apsm_design_make(s->ctx, n, 1, Z, 1, T, &design));
-    const apsm_permutation_input in = { &design, Y, s->J, 3, NULL, 1, 0, NULL, 0, 0 };
+    const apsm_permutation_input in = { &design, Y, s->J, 3, NULL, 1, 0, NULL, 0, 0, false };
     bench_must(apsm_permutation_test(s->ctx, &in, &r));
     for (size_t j = 0; j < s->J; j++) /* F = T^2 (n - 4) / (3 (n - 2)) with 3 and n - 4 */
         p[j] = fit_tail_f(r.statistic[j] * ((double)n - 4) / 3, 3, (double)n - 4);
@@ -102,10 +102,15 @@ static void covariate(const scene *s, double *x)
     }
 }
 
-static void test_set(const scene *s, const double *group, bool with_covariate, uint64_t set,
-                     bool peers, apsm_permutation_result *r)
+/* How a set is tested. */
+typedef struct test_kind {
+    bool with_covariate, unequal, peers;
+} test_kind;
+
+static void test_set(const scene *s, const double *group, test_kind kind, uint64_t set,
+                     apsm_permutation_result *r)
 {
-    const size_t N = s->N, width = with_covariate ? 2 : 1;
+    const size_t N = s->N, width = kind.with_covariate ? 2 : 1;
     double *Z = bench_doubles(2 * N), *x = bench_doubles(N);
     size_t *row = bench_alloc(N * sizeof *row);
     apsm_design design = { 0 };
@@ -113,16 +118,16 @@ static void test_set(const scene *s, const double *group, bool with_covariate, u
     for (size_t i = 0; i < N; i++) {
         row[i] = i;
         Z[i * width] = 1;
-        if (with_covariate) Z[i * width + 1] = x[i];
+        if (kind.with_covariate) Z[i * width + 1] = x[i];
     }
     bench_must(apsm_design_make(s->ctx, N, width, Z, 1, group, &design));
-    const apsm_permutation_input in = { &design,         s->Y, s->J,    3, NULL,
-                                        s->permutations, 6,    s->near, 0, 0 };
+    const apsm_permutation_input in = { &design, s->Y,    s->J, 3, NULL,        s->permutations,
+                                        6,       s->near, 0,    0, kind.unequal };
     apsm_context_set_seed(s->ctx, set);
     bench_must(apsm_permutation_test(s->ctx, &in, r));
     parametric(s, N, row, group, s->p_parametric);
     for (size_t j = 0; j < s->J; j++) s->p_peers[j] = 1;
-    if (peers) as_peers(s, group, set, s->p_peers);
+    if (kind.peers) as_peers(s, group, set, s->p_peers);
     apsm_design_free(&design);
     free(Z), free(x), free(row);
 }
@@ -145,17 +150,24 @@ typedef struct null_kind {
     double share;        /* of the shapes in the first group */
     double spread;       /* what deviations of that group from the mean are multiplied with */
     bool with_covariate; /* size is allowed for */
+    bool unequal;        /* the test allows for it */
 } null_kind;
 
 static const null_kind null_kinds[] = {
-    { "half and half", 0.5, 1, false },
-    { "30 % against 70 %", 0.3, 1, false },
-    { "half and half, size allowed for", 0.5, 1, true },
-    { "30 % against 70 %, size allowed for", 0.3, 1, true },
-    { "half and half, one group spread 1.5 times", 0.5, 1.5, false },
-    { "30 % spread 1.5 times", 0.3, 1.5, false },
-    { "70 % spread 1.5 times", 0.7, 1.5, false },
-    { "30 % spread 1.5 times, size allowed for", 0.3, 1.5, true },
+    { "half and half", 0.5, 1, false, false },
+    { "30 % against 70 %", 0.3, 1, false, false },
+    { "half and half, size allowed for", 0.5, 1, true, false },
+    { "30 % against 70 %, size allowed for", 0.3, 1, true, false },
+    { "half and half, one group spread 1.5 times", 0.5, 1.5, false, false },
+    { "30 % spread 1.5 times", 0.3, 1.5, false, false },
+    { "70 % spread 1.5 times", 0.7, 1.5, false, false },
+    { "30 % spread 1.5 times, size allowed for", 0.3, 1.5, true, false },
+    { "half and half", 0.5, 1, false, true },
+    { "30 % against 70 %", 0.3, 1, false, true },
+    { "half and half, one group spread 1.5 times", 0.5, 1.5, false, true },
+    { "30 % spread 1.5 times", 0.3, 1.5, false, true },
+    { "70 % spread 1.5 times", 0.7, 1.5, false, true },
+    { "30 % spread 1.5 times, size allowed for", 0.3, 1.5, true, true },
 };
 enum { NULL_KINDS = sizeof null_kinds / sizeof *null_kinds };
 
@@ -179,7 +191,7 @@ static void null_sets(scene *s, const null_kind *kind, size_t sets, bool peers)
         apsm_permutation_result r = { 0 };
         draw_groups(s, (size_t)(kind->share * (double)s->N), set, group);
         spread_group(s, group, kind->spread);
-        test_set(s, group, kind->with_covariate, set, peers, &r);
+        test_set(s, group, (test_kind){ kind->with_covariate, kind->unequal, peers }, set, &r);
         for (int k = 0; k < RULES; k++) {
             bool any = false;
             for (size_t j = 0; j < s->J; j++) any = any || alarm(s, &r, k, j);
@@ -188,9 +200,10 @@ static void null_sets(scene *s, const null_kind *kind, size_t sets, bool peers)
         apsm_permutation_result_free(&r);
     }
     for (int k = 0; k < RULES - !peers; k++)
-        printf("{\"null\": \"%s\", \"shapes\": %zu, \"sets\": %zu, \"rule\": \"%s\", "
-               "\"sets_with_an_alarm\": %.4f}\n",
-               kind->name, s->N, sets, rules[k], alarms[k] / (double)sets);
+        printf(
+            "{\"null\": \"%s\", \"unequal\": %d, \"shapes\": %zu, \"sets\": %zu, \"rule\": \"%s\", "
+            "\"sets_with_an_alarm\": %.4f}\n",
+            kind->name, kind->unequal, s->N, sets, rules[k], alarms[k] / (double)sets);
     fflush(stdout);
     free(group);
 }
@@ -213,7 +226,7 @@ static void plant(scene *s, const double *group, const bool *planted, double shi
             if (group[i] > 0 && planted[j]) s->Y[(i * s->J + j) * 3] += shift * s->sd[j];
 }
 
-static void planted_sets(scene *s, size_t sets, double shift)
+static void planted_sets(scene *s, size_t sets, double shift, bool unequal)
 {
     double *group = bench_doubles(s->N), found[RULES] = { 0 }, wrong[RULES] = { 0 }, all = 0;
     bool *planted = bench_alloc(s->J * sizeof *planted);
@@ -222,7 +235,7 @@ static void planted_sets(scene *s, size_t sets, double shift)
         draw_groups(s, s->N / 2, set, group);
         choose_patch(s, set, planted);
         plant(s, group, planted, shift);
-        test_set(s, group, false, set, true, &r);
+        test_set(s, group, (test_kind){ false, unequal, !unequal }, set, &r);
         for (size_t j = 0; j < s->J; j++) {
             all += planted[j];
             for (int k = 0; k < RULES; k++)
@@ -231,9 +244,10 @@ static void planted_sets(scene *s, size_t sets, double shift)
         apsm_permutation_result_free(&r);
     }
     for (int k = 0; k < RULES; k++)
-        printf("{\"planted\": \"%.1f sd\", \"shapes\": %zu, \"sets\": %zu, \"rule\": \"%s\", "
+        printf("{\"planted\": \"%.1f sd\", \"unequal\": %d, \"shapes\": %zu, \"sets\": %zu, "
+               "\"rule\": \"%s\", "
                "\"found\": %.3f, \"false_particles_a_set\": %.2f}\n",
-               shift, s->N, sets, rules[k], found[k] / all, wrong[k] / (double)sets);
+               shift, unequal, s->N, sets, rules[k], found[k] / all, wrong[k] / (double)sets);
     free(group), free(planted);
 }
 
@@ -266,7 +280,9 @@ static void time_orders(apsm_context *ctx, double shift, double risk)
     apsm_design design = { 0 };
     apsm_permutation_result r = { 0 };
     bench_must(apsm_design_make(ctx, N, 2, Z, 1, T, &design));
-    const apsm_permutation_input in = { &design, Y, J, 3, NULL, 10000, 6, near, risk, level };
+    const apsm_permutation_input in = {
+        &design, Y, J, 3, NULL, 10000, 6, near, risk, level, false
+    };
     const double start = bench_now();
     bench_must(apsm_permutation_test(ctx, &in, &r));
     printf("{\"time\": \"%g sd over 40 particles\", \"stop_risk\": %g, \"orders\": %zu, "
@@ -284,7 +300,7 @@ int main(int argc, char **argv)
     scene s = { .ctx = apsm_context_new(),
                 .permutations = argc > 3 ? strtoul(argv[3], NULL, 10) : 499 };
     if (argc < 2 || !s.ctx) {
-        fprintf(stderr, "usage: bench_statistics MODEL_DIR [SETS PERMUTATIONS], or time\n");
+        fprintf(stderr, "usage: bench_statistics MODEL_DIR [SETS PERMUTATIONS [FIRST]], or time\n");
         return 2;
     }
     for (int k = 0; k < 4 && strcmp(argv[1], "time") == 0; k++)
@@ -304,10 +320,13 @@ int main(int argc, char **argv)
     s.near = bench_alloc(s.J * 6 * sizeof *s.near);
     bench_must(apsm_neighbours6(s.J, m.model.mean, s.near));
     deviations(&s);
-    for (size_t k = 0; k < NULL_KINDS; k++) null_sets(&s, &null_kinds[k], sets, false);
+    const size_t first = argc > 4 ? strtoul(argv[4], NULL, 10) : 0;
+    for (size_t k = first; k < NULL_KINDS; k++) null_sets(&s, &null_kinds[k], sets, false);
     null_sets(&s, &null_kinds[0], sets / 10 + 1, true);
-    planted_sets(&s, sets / 10 + 1, 1.0);
-    planted_sets(&s, sets / 10 + 1, 1.5);
+    for (int unequal = 0; unequal < 2; unequal++) {
+        planted_sets(&s, sets / 10 + 1, 1.0, unequal);
+        planted_sets(&s, sets / 10 + 1, 1.5, unequal);
+    }
     model_folder_free(&m);
     return 0;
 }

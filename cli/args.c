@@ -132,6 +132,7 @@ static const cli_slot texts[] = {
     { CLI_ON, offsetof(cli_args, on) },
     { CLI_WITHIN, offsetof(cli_args, within) },
     { CLI_STOP_RISK, offsetof(cli_args, stop_risk) },
+    { CLI_VARIANCES, offsetof(cli_args, variances) },
     { CLI_PERMUTATIONS, offsetof(cli_args, permutations) },
     { CLI_BOOTSTRAPS, offsetof(cli_args, bootstraps) },
     { CLI_HAND, offsetof(cli_args, hand) },

@@ -82,8 +82,8 @@ typedef struct cli_args {
     const char *parts, *align_parts, *shared; /* of run: several parts a subject; NULL: one */
     const char *what, *shape, *view, *width;  /* of render, as given; NULL if not */
     const char *hand, *extent;                /* of fit, as given; NULL if not */
-    const char *subjects, *formula, *of, *at, *on, *within, *permutations, *bootstraps,
-        *stop_risk;         /* of test */
+    const char *subjects, *formula, *of, *at, *on, *within, *permutations, *bootstraps, *stop_risk,
+        *variances;         /* of test */
     const char *landmarks;  /* of fit: the file; NULL if not */
     const char *model;      /* of export: the file; NULL if not */
     const char *modes, *sd; /* of export, as given; NULL if not */

@@ -84,6 +84,10 @@ static const cli_option own[] = {
       "who was measured repeatedly: compares within each of its levels only; asymmetry: the column "
       "of the subjects",
       NULL },
+    { "variances", 0, CLI_VARIANCES, CLI_GROUP_INPUT, CLI_TEST, "WORD", NULL, NULL,
+      "equal (subjects may change places) or unequal (one group may vary more than another, errors "
+      "being symmetric: their signs are drawn) (default equal)",
+      NULL },
     { "permutations", 0, CLI_PERMUTATIONS, CLI_GROUP_RUN, TESTS, "N", NULL, NULL,
       "orders of the subjects to go through; all there are, if they are not more (default 10000)",
       NULL },

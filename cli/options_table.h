@@ -32,6 +32,7 @@ typedef enum cli_action {
     CLI_PERMUTATIONS,
     CLI_BOOTSTRAPS,
     CLI_STOP_RISK,
+    CLI_VARIANCES,
     CLI_EXTENT,
     CLI_LANDMARKS, /* fit: a text of its own; else as CLI_SETS */
     CLI_MODEL,

@@ -23,6 +23,13 @@ static apsm_status take_count(apsm_context *ctx, const char *option, const char 
                      text, least, most);
 }
 
+static apsm_status take_variances(apsm_context *ctx, const char *word, bool *unequal)
+{
+    *unequal = word && strcmp(word, "unequal") == 0;
+    if (!word || *unequal || strcmp(word, "equal") == 0) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG, "--variances '%s': give equal or unequal", word);
+}
+
 static apsm_status take_risk(apsm_context *ctx, const char *text, double *risk)
 {
     if (!text) return APSM_OK;
@@ -45,6 +52,7 @@ static apsm_status take_settings(apsm_context *ctx, const cli_args *args, apsm_t
                                .within = args->within };
     APSM_TRY(take_count(ctx, "permutations", args->permutations, 1, MOST, &s->permutations));
     APSM_TRY(take_count(ctx, "bootstraps", args->bootstraps, 0, MOST, &s->bootstraps));
+    APSM_TRY(take_variances(ctx, args->variances, &s->unequal));
     APSM_TRY(take_risk(ctx, args->stop_risk, &s->stop_risk));
     if (args->bootstraps && s->bootstraps == 0) s->bootstraps = SIZE_MAX;
     if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));

@@ -4,6 +4,7 @@
 #ifndef APSM_STATISTICS_H
 #define APSM_STATISTICS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "apsm/context.h"
@@ -23,6 +24,8 @@ typedef struct apsm_test_settings {
     const char *within;   /* column whose levels were measured repeatedly; NULL: none */
     size_t permutations;  /* default 10,000; all there are, if they are not more */
     size_t bootstraps;    /* default 1,000; SIZE_MAX: none */
+    bool unequal;         /* errors may vary by different amounts but are symmetric: signs are drawn
+                             in place of orders */
     double stop_risk;     /* random orders end early when all that is at 5 % is known, at most with
                              this probability of being wrong; 0 (default): never */
 } apsm_test_settings;

@@ -12,7 +12,7 @@
 
 #define FORMAT_TEST "apsm-test"
 enum { TEST_VERSION = 1 };
-static const double alpha = 0.05, power = 0.8;
+static const double alpha = 0.05, power = 0.8, wide = 1.5;
 
 static const char *const on_texts[] = {
     "form: particles as the model has them, size included",
@@ -84,6 +84,8 @@ static json_t *json_result(const group_test *t, const char *model_sha256)
                              "permutations", (json_int_t)r->permutations, "exact", r->exact);
     if (!root) return NULL;
     json_object_set_new(root, "model_sha256", json_string(model_sha256));
+    if (t->spread > 0) json_object_set_new(root, "variance_ratio", json_real(t->spread));
+    if (t->s->unequal) json_object_set_new(root, "variances", json_string("unequal"));
     if (t->s->stop_risk > 0)
         json_object_set_new(root, "stopping",
                             json_pack("{s:f, s:b}", "risk", t->s->stop_risk, "early", r->stopped));
@@ -236,14 +238,13 @@ void group_test_tell(const group_test *t)
         used += t->used[i];
         uncertain += t->used[i] && !model_folder_is_certified(&t->m, i);
     }
-    apsm_log(
-        t->ctx, APSM_LOG_INFO,
-        "%s on %s of %zu %s: p = %.4g (%s%zu orders%s), %.1f %% of the variance that the other "
-        "terms leave",
-        t->title ? t->title : of, group_test_on_word(t), used,
-        t->title || t->within ? "shapes" : "subjects", r->p_ratio, r->exact ? "all " : "",
-        r->permutations, r->stopped ? ", more would not change it" : "",
-        100 * r->ratio / (1 + r->ratio));
+    apsm_log(t->ctx, APSM_LOG_INFO,
+             "%s on %s of %zu %s: p = %.4g (%s%zu %s%s), %.1f %% of the variance that the other "
+             "terms leave",
+             t->title ? t->title : of, group_test_on_word(t), used,
+             t->title || t->within ? "shapes" : "subjects", r->p_ratio, r->exact ? "all " : "",
+             r->permutations, t->s->unequal ? "draws of signs" : "orders",
+             r->stopped ? ", more would not change it" : "", 100 * r->ratio / (1 + r->ratio));
     if (t->V > 1)
         apsm_log(t->ctx, APSM_LOG_INFO,
                  "of %zu %s at 5 %%: %zu family-wise, %zu by false discovery rate%s%zu%s", t->V,
@@ -254,6 +255,12 @@ void group_test_tell(const group_test *t)
                  "told apart by shape: area under the ROC curve %.2f (95 %%: %.2f to %.2f), "
                  "cross-validated",
                  t->classification.auc, t->classification.auc_low, t->classification.auc_high);
+    if (t->spread > wide && !t->s->unequal)
+        apsm_log(
+            t->ctx, APSM_LOG_WARNING,
+            "one group varies %.1f times as much as another (variance): where groups differ in "
+            "size, too, single particles give false alarms; see what --variances unequal says",
+            t->spread);
     if (uncertain > 0)
         apsm_log(t->ctx, APSM_LOG_WARNING,
                  "%zu of the %zu shapes are not certified: look at them before you trust this",

@@ -229,8 +229,34 @@ static apsm_status test(group_test *t)
                                         .neighbours = t->near ? NEIGHBOURS : 0,
                                         .near = t->near,
                                         .stop_risk = t->s->stop_risk,
-                                        .level = 0.05 };
+                                        .level = 0.05,
+                                        .unequal = t->s->unequal };
     return apsm_permutation_test(t->ctx, &in, &t->result);
+}
+
+/* Variances of the tested groups, of what the full model leaves. */
+static apsm_status compare_spreads(group_test *t)
+{
+    const size_t width = t->V * t->w;
+    if (!t->stratum || t->within) return APSM_OK;
+    double *left = malloc((t->N * width + 2 * t->N + 1) * sizeof *left), least = INFINITY, most = 0;
+    if (!left) return APSM_ERR_MEMORY;
+    double *sum = left + t->N * width, *n = sum + t->N;
+    memset(sum, 0, 2 * t->N * sizeof *sum);
+    apsm_design_residuals(&t->design, t->design.q, width, t->Y, left);
+    for (size_t i = 0; i < t->N; i++) {
+        n[t->stratum[i]]++;
+        for (size_t k = 0; k < width; k++)
+            sum[t->stratum[i]] += left[i * width + k] * left[i * width + k];
+    }
+    for (size_t g = 0; g < t->N && n[g] > 0; g++) {
+        if (n[g] < 2) continue;
+        least = fmin(least, sum[g] / (n[g] - 1));
+        most = fmax(most, sum[g] / (n[g] - 1));
+    }
+    t->spread = least > 0 && isfinite(least) ? most / least : 0;
+    free(left);
+    return APSM_OK;
 }
 
 /* Levels of the tested category that occur, as effects; a number's slope; or single coefficients.
@@ -327,6 +353,7 @@ apsm_status group_test_judge(group_test *t)
 {
     APSM_TRY(take_normals(t));
     APSM_TRY(test(t));
+    APSM_TRY(compare_spreads(t));
     APSM_TRY(measure_effects(t));
     return classify(t);
 }

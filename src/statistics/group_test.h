@@ -42,6 +42,7 @@ typedef struct group_test {
     double *direction; /* J x 3 */
     uint32_t *near;
     apsm_permutation_result result;
+    double spread; /* largest variance of a tested group over the smallest; 0: no groups */
     size_t effects;
     told_effect *effect;
     apsm_classification classification;

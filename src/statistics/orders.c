@@ -202,3 +202,9 @@ void apsm_orders_get(const apsm_orders *orders, uint64_t seed, size_t k, size_t 
     else
         get_random(orders, seed, k, sigma);
 }
+
+void apsm_orders_signs(size_t N, uint64_t seed, size_t k, double *sign)
+{
+    apsm_random rng = apsm_random_stream(seed, APSM_STREAM_PERMUTATION, k, 1);
+    for (size_t i = 0; i < N; i++) sign[i] = apsm_random_below(&rng, 2) ? 1 : -1;
+}

@@ -31,4 +31,7 @@ void apsm_orders_free(apsm_orders *orders);
 void apsm_orders_get(const apsm_orders *orders, uint64_t seed, size_t k, size_t *sigma,
                      size_t *work);
 
+/* sign (N, out): 1 or -1, a draw of the stream (seed, k). */
+void apsm_orders_signs(size_t N, uint64_t seed, size_t k, double *sign);
+
 #endif

@@ -6,7 +6,10 @@
  * = (P^T Q)^T: rows of Q are dealt out, e stays.  Many orders make one matrix product.
  *
  * Leading columns of Q that are constant within blocks (the intercept, subjects that were measured
- * repeatedly) have C = 0 in all orders and are left out. */
+ * repeatedly) have C = 0 in all orders and are left out.
+ *
+ * Where errors are symmetric but vary by different amounts, signs of e are drawn in place of orders
+ * (Winkler et al. 2014, 2.2: independent and symmetric errors): C = Q^T S e, G stays again. */
 #include "statistics/permutation_test.h"
 
 #include <math.h>
@@ -35,6 +38,7 @@ typedef struct testing {
     apsm_permutation_result *r;
     struct worker {
         size_t *sigma;                /* 3 N: with work */
+        double *sign;                 /* N */
         double *Q;                    /* BATCH q x N */
         double *C;                    /* BATCH q x Vw */
         double *statistic, *enhanced; /* V */
@@ -110,17 +114,28 @@ static double statistics(const testing *t, const double *C, double *statistic)
     return left > 0 ? h / left : INFINITY;
 }
 
+/* Order sigma, with signs, becomes number b of the batch. */
+static void deal(const testing *t, size_t b, struct worker *k)
+{
+    const size_t N = t->d->N, q = t->q;
+    for (size_t i = 0; i < N; i++) {
+        const double *row = t->d->Q + k->sigma[i] * t->d->q + t->skip;
+        for (size_t c = 0; c < q; c++) k->Q[(b * q + c) * N + i] = k->sign[i] * row[c];
+    }
+}
+
 /* C of n orders from number `from` on. */
 static void products(apsm_context *ctx, const testing *t, size_t from, size_t n, struct worker *k)
 {
-    const size_t N = t->d->N, q = t->q, width = t->in->V * t->in->w;
-    const double *Q = t->d->Q + t->skip;
+    const size_t N = t->d->N, width = t->in->V * t->in->w;
     for (size_t b = 0; b < n; b++) {
-        apsm_orders_get(&t->orders, apsm_context_seed(ctx), from + b, k->sigma, k->sigma + N);
-        for (size_t i = 0; i < N; i++)
-            for (size_t c = 0; c < q; c++) k->Q[(b * q + c) * N + i] = Q[k->sigma[i] * t->d->q + c];
+        if (t->in->unequal)
+            apsm_orders_signs(N, apsm_context_seed(ctx), from + b, k->sign);
+        else
+            apsm_orders_get(&t->orders, apsm_context_seed(ctx), from + b, k->sigma, k->sigma + N);
+        deal(t, b, k);
     }
-    apsm_gemm(0, 0, n * q, width, N, 1, k->Q, N, t->e, width, 0, k->C, width);
+    apsm_gemm(0, 0, n * t->q, width, N, 1, k->Q, N, t->e, width, 0, k->C, width);
 }
 
 static double largest(size_t n, const double *x)
@@ -225,7 +240,8 @@ static bool is_constant_in_blocks(const apsm_design *d, const size_t *block, siz
 static void skip_constant_columns(testing *t)
 {
     const apsm_design *d = t->d;
-    while (t->skip < d->r && is_constant_in_blocks(d, t->in->block, t->skip)) t->skip++;
+    while (!t->in->unequal && t->skip < d->r && is_constant_in_blocks(d, t->in->block, t->skip))
+        t->skip++;
     t->q = d->q - t->skip;
     t->r_left = d->r - t->skip;
 }
@@ -238,13 +254,15 @@ static apsm_status make_workers(apsm_context *ctx, testing *t)
     for (size_t k = 0; t->worker && k < t->workers; k++) {
         struct worker *w = &t->worker[k];
         w->sigma = malloc(3 * N * sizeof *w->sigma);
+        w->sign = malloc((N + 1) * sizeof *w->sign);
         w->Q = malloc(BATCH * q * N * sizeof *w->Q);
         w->C = malloc(BATCH * q * width * sizeof *w->C);
         w->statistic = malloc(2 * V * sizeof *w->statistic);
         w->p = calloc(3 * V, sizeof *w->p);
         w->tfce = tfce_work_make(V);
-        if (!w->sigma || !w->Q || !w->C || !w->statistic || !w->p || !w->tfce.order)
+        if (!w->sigma || !w->sign || !w->Q || !w->C || !w->statistic || !w->p || !w->tfce.order)
             return APSM_ERR_MEMORY;
+        for (size_t i = 0; i < N; i++) w->sigma[i] = i, w->sign[i] = 1;
         w->enhanced = w->statistic + V;
         w->familywise = w->p + V;
         w->cluster = w->p + 2 * V;
@@ -285,6 +303,7 @@ static void testing_free(testing *t)
     for (size_t k = 0; t->worker && k < t->workers; k++) {
         struct worker *w = &t->worker[k];
         free(w->sigma);
+        free(w->sign);
         free(w->Q);
         free(w->C);
         free(w->statistic);
@@ -425,7 +444,10 @@ static apsm_status test(apsm_context *ctx, testing *t)
         if (!t->graph.start) return APSM_ERR_MEMORY;
     }
     APSM_TRY(judge_given(ctx, t));
-    APSM_TRY(apsm_orders_make(ctx, t->d, in->block, in->permutations, &t->orders));
+    if (in->unequal)
+        t->orders.count = in->permutations;
+    else
+        APSM_TRY(apsm_orders_make(ctx, t->d, in->block, in->permutations, &t->orders));
     t->r->exact = t->orders.exact;
     APSM_TRY(go_through_orders(ctx, t));
     settle(t);

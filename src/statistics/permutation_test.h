@@ -19,6 +19,8 @@ typedef struct apsm_permutation_input {
     /* Random orders end early once it is known on which side of `level` every p and q lies, at most
      * with this probability of one being wrong; 0: never. */
     double stop_risk, level;
+    bool unequal; /* errors are symmetric but may vary by different amounts: signs are drawn, not
+                     orders, and block counts for nothing */
 } apsm_permutation_input;
 
 /* Owns its arrays; zero-initialise with {0}, apsm_permutation_result_free leaves it so. */

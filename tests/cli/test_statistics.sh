@@ -87,6 +87,7 @@ refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
     fail "stop-risk: $(cat said)"
 grep -q '"early": true' early/group_size.json || fail "a clear difference goes through all orders: $(cat said)"
 grep -q 'more would not change it' said || fail "ending early is not told: $(cat said)"
+refuse 2 "give equal or unequal" model --formula '~ group' --variances none
 refuse 2 "give a probability below 0.5" model --formula '~ group' --stop-risk 2
 
 # ---- left and right: five subjects, one of them measured again ----

@@ -168,6 +168,16 @@ error <- sqrt((theirs * (1 - theirs) + 0.005) / 200)
 if (any(abs(theirs - c(ours$p_ratio, ours$p, ours$familywise)) > 5 * error)) stop("p of random orders")
 near(figure(read_text(at("c", "age_form.json")), "p_standard_error"), sqrt(theirs[1] * (1 - theirs[1]) / 10001), "error of p")
 
+# Signs in place of orders: p within its error of 400 draws of our own.
+text <- read_text(at("v", "group_form.json"))
+left <- qr.resid(qr(one), some)
+drawn <- replicate(400, explained(left * sample(c(-1, 1), 10, TRUE), one, cbind(one, group), 3)$ratio)
+p <- figure(text, "p")
+ours <- mean(c(1, drawn >= figure(text, "ratio")))
+if (abs(p - ours) > 5 * sqrt((p * (1 - p) + 0.005) / 400)) stop("p by signs is ", p, ", not ", ours)
+spreads <- sapply(c(1, -1), function(g) sum(scale(some[group == g, ], scale = FALSE)^2) / 4)
+near(figure(text, "variance_ratio"), max(spreads) / min(spreads), "ratio of variances")
+
 # Three groups and an interaction.
 dose <- factor(known$dose)
 contrasts(dose) <- contr.sum(3)

@@ -40,6 +40,7 @@ run run "$folder/cohort" -o "$folder/model" -J 32 --faces 800 --stage1-epochs 2 
 } >"$folder/table.csv"
 for on in form shape size modes; do run test "$folder/model" --subjects "$folder/table.csv" --formula '~ group' --on $on -o "$folder/a"; done
 run test "$folder/model" --formula '~ age + group' --subjects "$folder/table.csv" -o "$folder/c" --bootstraps 0
+run test "$folder/model" --formula '~ group' --subjects "$folder/table.csv" -o "$folder/v" --bootstraps 0 --variances unequal
 run test "$folder/model" --formula '~ dose + age' --subjects "$folder/table.csv" -o "$folder/d" --bootstraps 0 --permutations 99
 run test "$folder/model" --formula '~ group*age' --of group:age --subjects "$folder/table.csv" -o "$folder/d" --bootstraps 0 --permutations 99
 run test "$folder/model" --formula '~ side' --within person --subjects "$folder/table.csv" -o "$folder/e"
