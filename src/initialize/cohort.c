@@ -139,11 +139,19 @@ static void free_shape(apsm_shape *s)
     free(s->VN);
 }
 
+size_t cohort_movers(const apsm_cohort *c)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < c->I; i++) n += i != c->template_index && cohort_moves(c, i);
+    return n;
+}
+
 void apsm_cohort_free(apsm_cohort *cohort)
 {
     if (cohort->shape)
         for (size_t i = 0; i < cohort->I; i++) free_shape(&cohort->shape[i]);
     free(cohort->shape);
+    free(cohort->fixed);
     free(cohort->anchors.has);
     free(cohort->anchors.x);
     for (size_t i = 0; cohort->features.value && i < cohort->features.I; i++)

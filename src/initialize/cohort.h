@@ -49,9 +49,18 @@ typedef struct apsm_cohort {
     size_t I;
     apsm_shape *shape;     /* I */
     size_t template_index; /* t */
+    bool *fixed;           /* I: particles that take part and stay where they are; NULL: none */
     apsm_anchors anchors;
     apsm_features features;
 } apsm_cohort;
+
+/* Whether the particles of shape i may move. */
+static inline bool cohort_moves(const apsm_cohort *c, size_t i)
+{
+    return !(c->fixed && c->fixed[i]);
+}
+/* How many shapes beside the template have particles that may move. */
+size_t cohort_movers(const apsm_cohort *cohort);
 
 #define APSM_FIELD_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
     REAL(S, field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")

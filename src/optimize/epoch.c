@@ -47,6 +47,7 @@ apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_index, vo
     const double *grad[APSM_TERMS_MOST];
     double weight[APSM_TERMS_MOST];
     *record = (shape_record){ .error2 = NAN };
+    if (!cohort_moves(op.cohort, op.batch[k])) return APSM_OK;
     for (size_t t = 0; t < op.n_terms; t++) {
         double *g = w->grad + t * op.J * 3;
         const bool on = op.terms[t]->is_on(&op);
@@ -116,6 +117,7 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user
     double *P = particles(op, i), *step = op->step + k * op->J * 3;
     const double minus_one = -1, *const grad = step;
     const double clip = op->o->step.step_clip > 0 ? op->o->step.step_clip * op->state->h : INFINITY;
+    if (!cohort_moves(op->cohort, i)) return APSM_OK;
     op->record[i].step = apsm_step(op->J, 1, &minus_one, &grad, clip, step) / op->state->h;
     for (size_t x = 0; x < op->J * 3; x++) {
         P[x] += step[x];

@@ -411,7 +411,7 @@ static apsm_status round_of_shape(apsm_context *ctx, size_t i, int worker, void 
 {
     (void)ctx;
     const round_task *t = user;
-    if (i == t->f->cohort->template_index) return APSM_OK;
+    if (i == t->f->cohort->template_index || !cohort_moves(t->f->cohort, i)) return APSM_OK;
     return take_round(t, i, &t->work[worker], &t->result[i]);
 }
 
@@ -427,7 +427,8 @@ apsm_status fidelity_round_of(const apsm_fidelity *f, const apsm_fidelity_prior 
 
 static void sum_up(const round_task *t, size_t I, apsm_fidelity_record *record)
 {
-    const double others = I > 1 ? (double)(I - 1) : 1;
+    const size_t movers = cohort_movers(t->f->cohort);
+    const double others = movers > 0 ? (double)movers : 1;
     for (size_t i = 0; i < I; i++) {
         const shape_result *r = &t->result[i];
         record->before += r->before / others;

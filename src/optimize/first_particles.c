@@ -153,6 +153,7 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     const carry *c = user;
     const size_t bytes = c->J * 3 * sizeof *c->P;
     double *P = c->P + i * c->J * 3;
+    if (!cohort_moves(c->cohort, i)) return APSM_OK;
     if (i == c->cohort->template_index) {
         memcpy(P, c->T, bytes);
         return APSM_OK;
@@ -165,31 +166,41 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     return apsm_keep(ctx, "first", i, bytes, P);
 }
 
-/* Particles T, normals TN (J x 3 each) and spacing h of the template. */
+/* Particles T (J x 3) spread over the template; S (J) is scratch. */
 static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
-                                 const apsm_optimize_options *options, size_t J, double *T,
-                                 double *TN, double *h)
+                                 const apsm_optimize_options *options, size_t J,
+                                 apsm_surface_point *S, double *T)
 {
-    const apsm_shape *shape = &cohort->shape[cohort->template_index];
+    const size_t t = cohort->template_index;
+    const apsm_shape *shape = &cohort->shape[t];
+    APSM_TRY(sample_shape(ctx, shape, J, S));
+    positions(shape, J, S, T);
+    apsm_anchors_hold(cohort, t, T);
+    APSM_TRY(apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, T));
+    if (shape->rim.n == 0) return APSM_OK;
+    APSM_TRY(apsm_seat_rim(shape, J, T));
+    apsm_anchors_hold(cohort, t, T);
+    return apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, T);
+}
+
+/* The template's particles c->T, which are c->P's where it is fixed, with normals TN and spacing.
+ */
+static apsm_status begin_with_template(apsm_context *ctx, carry *c, double *T, double *TN)
+{
+    const size_t t = c->cohort->template_index, J = c->J;
+    const apsm_shape *shape = &c->cohort->shape[t];
     apsm_surface_point *S = malloc(J * sizeof *S);
     uint32_t *N6 = malloc(J * APSM_NEIGHBOURS * sizeof *N6);
-    apsm_status status = S && N6 ? sample_shape(ctx, shape, J, S) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        positions(shape, J, S, T);
-        apsm_anchors_hold(cohort, cohort->template_index, T);
-        status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
-    }
-    if (status == APSM_OK && shape->rim.n > 0) {
-        status = apsm_seat_rim(shape, J, T);
-        apsm_anchors_hold(cohort, cohort->template_index, T);
-        if (status == APSM_OK)
-            status = apsm_spread(ctx, cohort, cohort->template_index, options, J, SPREAD_EPOCHS, T);
-    }
+    apsm_status status = S && N6 ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK && cohort_moves(c->cohort, t))
+        status = seed_template(ctx, c->cohort, c->options, J, S, T);
+    else if (status == APSM_OK)
+        memcpy(T, c->P + t * J * 3, J * 3 * sizeof *T);
     if (status == APSM_OK) {
         apsm_shape_look_up(shape, J, T, S, NULL, TN);
         status = apsm_neighbours6(J, T, N6);
     }
-    if (status == APSM_OK) *h = apsm_spacing(J, T, N6, NULL);
+    if (status == APSM_OK) c->h = apsm_spacing(J, T, N6, NULL);
     free(S);
     free(N6);
     return status;
@@ -211,7 +222,7 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     double *T = malloc(6 * J * sizeof *T);
     if (!T) return APSM_ERR_MEMORY;
     carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
-    apsm_status status = seed_template(ctx, cohort, options, J, T, T + 3 * J, &c.h);
+    apsm_status status = begin_with_template(ctx, &c, T, T + 3 * J);
     c.on_rim = malloc(J * sizeof *c.on_rim);
     if (status == APSM_OK && !c.on_rim) status = APSM_ERR_MEMORY;
     if (status == APSM_OK)

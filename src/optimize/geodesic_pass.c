@@ -22,13 +22,14 @@ static apsm_walk_options walk_options(const apsm_optimize_options *o, double h)
     return w;
 }
 
-/* Where the particles of shape i are on its mesh; P moves there too. */
+/* Where the particles of shape i are on its mesh; P, unless it is fixed, moves there too. */
 static apsm_status surface_points(const pass *p, size_t i, apsm_surface_point **S)
 {
     *S = malloc(p->J * sizeof **S);
     if (!*S) return APSM_ERR_MEMORY;
     double *P = p->P + i * p->J * 3;
-    apsm_shape_look_up(&p->cohort->shape[i], p->J, P, *S, P, NULL);
+    apsm_shape_look_up(&p->cohort->shape[i], p->J, P, *S, cohort_moves(p->cohort, i) ? P : NULL,
+                       NULL);
     return APSM_OK;
 }
 
@@ -52,7 +53,7 @@ static apsm_status walk_shape(apsm_context *ctx, size_t i, int worker, void *use
 {
     (void)ctx, (void)worker;
     pass *p = user;
-    if (i == p->cohort->template_index) return APSM_OK;
+    if (i == p->cohort->template_index || !cohort_moves(p->cohort, i)) return APSM_OK;
     const apsm_shape *shape = &p->cohort->shape[i];
     apsm_surface_point *S = NULL;
     apsm_geodesic_work *g = NULL;
@@ -74,10 +75,11 @@ static apsm_status walk_shape(apsm_context *ctx, size_t i, int worker, void *use
 static geodesic_pass_result sum_up(const pass *p)
 {
     geodesic_pass_result r = { 0 };
+    const size_t movers = cohort_movers(p->cohort);
     for (size_t i = 0; i < p->cohort->I; i++) {
-        if (i == p->cohort->template_index) continue;
+        if (i == p->cohort->template_index || !cohort_moves(p->cohort, i)) continue;
         const double share = (double)p->report[i].after[1] / (double)p->J;
-        r.mean += share / (double)(p->cohort->I - 1);
+        r.mean += share / (double)movers;
         if (share > r.worst) r.worst = share;
         r.walked += (long)p->report[i].moved;
     }

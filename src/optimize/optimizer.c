@@ -149,7 +149,8 @@ static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
     geodesic_pass_result pass;
     memset(op->fresh, 0, op->I * sizeof *op->fresh);
     APSM_TRY(geodesic_pass(op->ctx, op->cohort, op->o, op->J, op->state->h, op->state->P, &pass));
-    for (size_t i = 0; i < op->I; i++) apsm_anchors_hold(op->cohort, i, particles(op, i));
+    for (size_t i = 0; i < op->I; i++)
+        if (cohort_moves(op->cohort, i)) apsm_anchors_hold(op->cohort, i, particles(op, i));
     r->mismatched = pass.mean;
     r->worst_mismatched = pass.worst;
     r->walked = pass.walked;
@@ -163,12 +164,17 @@ static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
 
 /* ---- epoch, stage, run ---- */
 
+/* Over those that move. */
 static double mean_over_shapes(const optimizer *op, size_t field)
 {
     double sum = 0;
-    for (size_t i = 0; i < op->I; i++)
+    size_t n = 0;
+    for (size_t i = 0; i < op->I; i++) {
+        if (!cohort_moves(op->cohort, i)) continue;
         sum += *(const double *)((const char *)&op->record[i] + field);
-    return sum / (double)op->I;
+        n++;
+    }
+    return sum / (double)n;
 }
 
 static void fill_record(const optimizer *op, apsm_epoch_record *r)

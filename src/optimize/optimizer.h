@@ -110,6 +110,7 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
 
 /* First particles P (I x J x 3, out, world frame): a farthest-point sample of the template, spread,
  * then carried to every shape as options->initialize says.  docs/method.md, "Initialisation".
+ * Rows of fixed shapes are in, and stay; if the template is one, its particles are carried.
  * APSM_ERR_GEOMETRY names a shape with fewer vertices than particles. */
 apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
                                  const apsm_optimize_options *options, size_t J,

@@ -56,6 +56,7 @@ static void pull_template(optimizer *op)
     const double factor = weight(op);
     for (size_t k = 0; k < op->batch_size; k++) {
         if (op->batch[k] != op->cohort->template_index) continue;
+        if (!cohort_moves(op->cohort, op->batch[k])) continue;
         double *step = op->step + k * op->J * 3;
         for (size_t l = 0; l < op->batch_size; l++)
             for (size_t x = 0; x < op->J * 3; x++)
