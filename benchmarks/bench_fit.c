@@ -77,6 +77,18 @@ static double joint_distance(const left_out *b, size_t i, const apsm_mesh *mesh)
     return d.two_way.mean;
 }
 
+/* The figures that verdicts stand on, relative to what the model knows of its own shapes. */
+static void tell_form(const apsm_fit_model *m, const char *name, const apsm_fit *fit)
+{
+    const fit_calibration *c = &m->calibration;
+    fprintf(stderr,
+            "%s: %s (%s): pose %.2f of the usual, distance %.2f and miss %.2f of the worst, tail "
+            "%.3f\n",
+            name, apsm_fit_verdict_text(fit->verdict), fit->reason, fit->pose_residual / c->pose,
+            fit->distance.two_way.mean / m->h / c->distance_most,
+            fit->residual / m->h / c->residual_most, fit->tail);
+}
+
 static void whole(left_out *b)
 {
     double slip = 0, in = 0, out = 0, time = 0, worst = 0;
@@ -98,9 +110,7 @@ static void whole(left_out *b)
             must(b, apsm_fit_surface(b->ctx, m, b->folder.names[i], &mesh, &o, &fit));
             const double t = bench_now() - start;
             count[fit.verdict]++;
-            if (fit.verdict != APSM_FIT_GOOD)
-                fprintf(stderr, "%s: %s: %s\n", b->folder.names[i],
-                        apsm_fit_verdict_text(fit.verdict), fit.reason);
+            tell_form(m, b->folder.names[i], &fit);
             if (fit.verdict != APSM_FIT_REFUSED) {
                 double *world = bench_doubles(3 * fit.J);
                 apsm_affine_apply(M, fit.J, fit.local, world);
@@ -386,9 +396,7 @@ static void count_verdicts(const left_out *b, const apsm_mesh *mesh, const char 
     const apsm_fit_options o = apsm_fit_defaults();
     must(b, apsm_fit_surface(b->ctx, b->joint, name, mesh, &o, &fit));
     count[fit.verdict]++;
-    if (fit.verdict == APSM_FIT_GOOD)
-        fprintf(stderr, "%s: good: distance %.3f h, residual %.2f of the usual, tail %.3f\n", name,
-                fit.distance.two_way.mean / fit.h, fit.residual / fit.residual_usual, fit.tail);
+    tell_form(b->joint, name, &fit);
     apsm_fit_free(&fit);
 }
 

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/report.h"
 #include "apsm/statistics.h"
 #include "files/files.h"
 #include "verbs.h"
@@ -121,7 +122,6 @@ apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui
 
 apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
-    (void)ui;
     const char *seed = cli_args_get(args, "seed");
     const apsm_norm_settings settings = { .folder = args->inputs[0],
                                           .n_files = args->n_inputs - 1,
@@ -130,5 +130,9 @@ apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                                           .formula = args->formula,
                                           .out = args->out_dir };
     if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
-    return apsm_statistics_norm(ctx, &settings);
+    APSM_TRY(apsm_statistics_norm(ctx, &settings));
+    APSM_TRY(apsm_norm_report_write(ctx, settings.folder, settings.out));
+    cli_say(ui, "norm: figures in norm.csv, to look at: %s%s/norm.html",
+            settings.out ? settings.out : settings.folder, settings.out ? "" : "/statistics");
+    return APSM_OK;
 }

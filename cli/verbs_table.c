@@ -105,7 +105,8 @@ static const cli_verb_info verbs[] = {
       "how unusual a new shape is, given age, sex or whatever is known",
       "Compares shapes that were fitted (their world particles, or a folder of fit) with those of "
       "the model: percentile and z of the whole shape, of every mode, of every particle, after "
-      "what the formula allows for, with how sure that is. Writes norm.json, norm.csv and "
+      "what the formula allows for, with how sure that is; sizes and columns of the table, "
+      "too. Writes norm.json, norm.csv, norm.html (to look at) and "
       "NAME_norm.csv to statistics/ in the model folder, or to the folder of -o.",
       .first = "a model folder and shapes", .more = "a model folder and shapes",
       .call = apsm_cli_norm },

@@ -24,6 +24,13 @@ APSM_API apsm_status apsm_report_write(apsm_context *ctx, const char *folder) AP
  * need review first; the table has all. */
 APSM_API apsm_status apsm_fit_report_write(apsm_context *ctx, const char *folder) APSM_NODISCARD;
 
+/* Writes FOLDER/norm.html for what apsm_statistics_norm has left in folder (NULL: statistics/ in
+ * the model folder) about new shapes and that model: each shape coloured by how unusual it is,
+ * beside the shape that the norm expects, with its figures and how sure they are.  Surfaces of the
+ * first 60 shapes are on the page. */
+APSM_API apsm_status apsm_norm_report_write(apsm_context *ctx, const char *model,
+                                            const char *folder) APSM_NODISCARD;
+
 #ifdef __cplusplus
 }
 #endif

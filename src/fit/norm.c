@@ -1,50 +1,17 @@
 /* `apsm norm`: shapes that were fitted, among those of the model. */
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/statistics.h"
 #include "core/random.h"
 #include "files/files.h"
-#include "fit/norm_model.h"
-#include "fit/tail.h"
-#include "folder/model_folder.h"
-#include "statistics/formula.h"
-#include "statistics/particle_files.h"
+#include "fit/norm_job.h"
 #include "statistics/permutation_test.h"
 #include "statistics/results.h"
 
-#define FORMAT_NORM "apsm-norm"
-enum { NORM_VERSION = 1, HALVINGS = 50, LEAST_FREEDOM = 5 };
-static const double modes_share = 0.95, alpha = 0.05;
-
-/* What is said of one new shape. */
-typedef struct norm_result {
-    double distance, percentile, low, high, p, z; /* of the whole shape */
-    double halves_low, halves_high;               /* of the percentile, over halves */
-    double p_particles;                           /* of the most unusual particle, familywise */
-    double *t;                                    /* modes */
-    double *T2, *p_of, *q_of;                     /* J */
-} norm_result;
-
-typedef struct norm_job {
-    apsm_context *ctx;
-    const apsm_norm_settings *s;
-    model_folder m;
-    particle_files files;
-    const char **names; /* I + n, borrowed */
-    apsm_table table;
-    apsm_formula formula;
-    size_t N, n, q, modes; /* shapes used, new ones, coefficients */
-    size_t *row;           /* N + n, of the table */
-    double *X;             /* N + n x q */
-    double *Y;             /* N x J x 3 */
-    norm_model model, score_model;
-    double *least; /* N: smallest p of the particles of every shape, left out */
-    norm_result *result;
-} norm_job;
+enum { HALVINGS = 50, LEAST_FREEDOM = 5 };
+static const double modes_share = 0.95;
 
 /* ---- what is given ---- */
 
@@ -80,16 +47,16 @@ static apsm_status list_names(norm_job *w)
     return APSM_OK;
 }
 
-/* norm.csv, or a file for each new shape. */
+/* norm.csv, the page, or a file for each new shape. */
 static apsm_status claim_files(const norm_job *w)
 {
     char *folder = results_folder(w->s->folder, w->s->out);
     apsm_status status = folder ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t f = 0; f <= w->n && status == APSM_OK; f++) {
         char name[512] = "norm.csv";
-        const char *const names[] = { name };
+        const char *const names[] = { name, "norm.html" };
         if (f > 0) snprintf(name, sizeof name, "%.400s_norm.csv", w->files.name[f - 1]);
-        status = results_claim(w->ctx, folder, "norm.json", FORMAT_NORM, 1, names);
+        status = results_claim(w->ctx, folder, "norm.json", FORMAT_NORM, 2, names);
     }
     free(folder);
     return status;
@@ -100,9 +67,7 @@ static apsm_status read_all(norm_job *w)
     const apsm_norm_settings *s = w->s;
     if (!s->folder || s->n_files == 0)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "norm: no model folder or no shapes");
-    APSM_TRY(model_folder_read(
-        w->ctx, s->folder, FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_CERTIFIED,
-        &w->m));
+    APSM_TRY(model_folder_read(w->ctx, s->folder, FOLDER_ALL, &w->m));
     APSM_TRY(particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->files));
     w->n = w->files.n;
     APSM_TRY(claim_files(w));
@@ -305,6 +270,11 @@ static apsm_status judge_particles(const norm_job *w, size_t k, norm_result *r)
     if (!r->t || !r->T2 || !r->p_of || !r->q_of) return APSM_ERR_MEMORY;
     for (size_t v = 0; v < w->modes; v++) r->t[v] = norm_t(&w->score_model, k, v);
     norm_particles_new(&w->model, k, r->T2, r->p_of);
+    if (w->normal) {
+        r->along = malloc((J + 1) * sizeof *r->along);
+        if (!r->along) return APSM_ERR_MEMORY;
+        norm_t_along(&w->model, k, w->normal, r->along);
+    }
     for (size_t j = 0; j < J; j++) least = fmin(least, r->p_of[j]);
     for (size_t i = 0; i < w->N; i++) as_unusual += w->least[i] <= least;
     r->p_particles = (double)(as_unusual + 1) / (double)(w->N + 1);
@@ -382,156 +352,16 @@ static apsm_status judge(norm_job *w)
 {
     w->result = calloc(w->n + 1, sizeof *w->result);
     if (!w->result) return APSM_ERR_MEMORY;
+    APSM_TRY(norm_find_normals(w));
     for (size_t k = 0; k < w->n; k++) {
         judge_whole(&w->model, k, &w->result[k]);
         APSM_TRY(judge_particles(w, k, &w->result[k]));
     }
+    APSM_TRY(norm_judge_values(w));
     return judge_halves(w);
 }
 
-/* ---- results ---- */
-
-/* Share of Student's t with nu degrees of freedom below t. */
-static double student(double t, double nu)
-{
-    const double beyond = fit_tail_f(t * t, 1, nu) / 2;
-    return t > 0 ? 1 - beyond : beyond;
-}
-
-static json_t *json_shape(const norm_job *w, size_t k)
-{
-    const norm_result *r = &w->result[k];
-    const double nu = (double)(w->N - w->q);
-    json_t *modes = json_array();
-    for (size_t v = 0; v < w->modes; v++)
-        json_array_append_new(
-            modes, json_pack("{s:f, s:f}", "z", r->t[v], "percentile", 100 * student(r->t[v], nu)));
-    return json_pack("{s:s, s:f, s:f, s:[f, f], s:[o, o], s:f, s:f, s:f, s:o, s:o, s:o}", "name",
-                     w->files.name[k], "distance", r->distance, "percentile", 100 * r->percentile,
-                     "percentile_interval", 100 * r->low, 100 * r->high, "percentile_of_halves",
-                     apsm_json_number_or_null(100 * r->halves_low),
-                     apsm_json_number_or_null(100 * r->halves_high), "p", r->p, "z", r->z,
-                     "p_particles", r->p_particles, "modes", modes, "particle_p",
-                     apsm_json_vector(w->m.J, r->p_of), "particle_q",
-                     apsm_json_vector(w->m.J, r->q_of));
-}
-
-static json_t *json_result(const norm_job *w)
-{
-    json_t *shapes = json_array(), *uncertified = json_array();
-    for (size_t k = 0; k < w->n; k++) json_array_append_new(shapes, json_shape(w, k));
-    for (size_t i = 0; i < w->N; i++)
-        if (!model_folder_is_certified(&w->m, w->row[i]))
-            json_array_append_new(uncertified, json_string(w->names[w->row[i]]));
-    return json_pack("{s:s, s:i, s:o, s:I, s:I, s:o, s:o}", "format", FORMAT_NORM, "version",
-                     NORM_VERSION, "formula",
-                     w->s->formula ? json_string(w->s->formula) : json_null(), "shapes",
-                     (json_int_t)w->N, "coefficients", (json_int_t)w->q, "not_certified",
-                     uncertified, "new", shapes);
-}
-
-static void write_table(const norm_job *w, apsm_writer *csv)
-{
-    apsm_writer_printf(csv, "name,distance,percentile,percentile_low,percentile_high,halves_low,"
-                            "halves_high,p,z,p_particles,unusual_particles");
-    for (size_t v = 0; v < w->modes; v++) apsm_writer_printf(csv, ",mode_%zu_z", v + 1);
-    apsm_writer_printf(csv, "\n");
-    for (size_t k = 0; k < w->n; k++) {
-        const norm_result *r = &w->result[k];
-        size_t unusual = 0;
-        for (size_t j = 0; j < w->m.J; j++) unusual += r->q_of[j] <= alpha;
-        const double cells[] = {
-            r->distance,         100 * r->percentile,  100 * r->low, 100 * r->high,
-            100 * r->halves_low, 100 * r->halves_high, r->p,         r->z,
-            r->p_particles,      (double)unusual
-        };
-        apsm_writer_csv(csv, w->files.name[k]);
-        for (size_t c = 0; c < sizeof cells / sizeof *cells; c++) {
-            apsm_writer_printf(csv, ",");
-            if (isfinite(cells[c])) apsm_writer_number(csv, cells[c]);
-        }
-        for (size_t v = 0; v < w->modes; v++) {
-            apsm_writer_printf(csv, ",");
-            apsm_writer_number(csv, r->t[v]);
-        }
-        apsm_writer_printf(csv, "\n");
-    }
-}
-
-/* Of one shape: where it should be, how far off it is. */
-static void write_particles(const norm_job *w, size_t k, apsm_writer *csv)
-{
-    const norm_result *r = &w->result[k];
-    const double *p = w->files.P + k * w->model.V, *e = w->model.E0 + k * w->model.V;
-    apsm_writer_printf(csv, "particle,x,y,z,dx,dy,dz,standardised,p,q\n");
-    for (size_t j = 0; j < w->m.J; j++) {
-        const double cells[] = { p[3 * j],       p[3 * j + 1], p[3 * j + 2],
-                                 e[3 * j],       e[3 * j + 1], e[3 * j + 2],
-                                 sqrt(r->T2[j]), r->p_of[j],   r->q_of[j] };
-        apsm_writer_printf(csv, "%zu", j);
-        for (size_t c = 0; c < sizeof cells / sizeof *cells; c++) {
-            apsm_writer_printf(csv, ",");
-            if (isfinite(cells[c])) apsm_writer_number(csv, cells[c]);
-        }
-        apsm_writer_printf(csv, "\n");
-    }
-}
-
-/* File f: the results, their table, and of every shape. */
-static apsm_status write_file(const norm_job *w, const char *folder, size_t f)
-{
-    char name[512];
-    snprintf(name, sizeof name,
-             f > 1 ? "%.400s_norm.csv"
-             : f   ? "norm.csv"
-                   : "norm.json",
-             f > 1 ? w->files.name[f - 2] : "");
-    char *path = apsm_path_join(folder, name);
-    apsm_writer *csv = NULL;
-    json_t *root = f == 0 ? json_result(w) : NULL;
-    apsm_status status = !path  ? APSM_ERR_MEMORY
-                         : root ? apsm_json_write(w->ctx, path, root)
-                                : apsm_writer_open(w->ctx, path, &csv);
-    if (status == APSM_OK && csv) {
-        if (f == 1)
-            write_table(w, csv);
-        else
-            write_particles(w, f - 2, csv);
-        status = apsm_writer_commit(csv);
-    }
-    if (status == APSM_OK && f < 2) apsm_log(w->ctx, APSM_LOG_INFO, "written: %s", path);
-    json_decref(root);
-    free(path);
-    return status;
-}
-
-static apsm_status write_results(const norm_job *w)
-{
-    char *folder = results_folder(w->s->folder, w->s->out);
-    apsm_status status = folder ? apsm_make_folder(w->ctx, folder) : APSM_ERR_MEMORY;
-    for (size_t f = 0; f < w->n + 2 && status == APSM_OK; f++) status = write_file(w, folder, f);
-    free(folder);
-    return status;
-}
-
-static void tell(const norm_job *w)
-{
-    size_t uncertain = 0;
-    for (size_t i = 0; i < w->N; i++) uncertain += !model_folder_is_certified(&w->m, w->row[i]);
-    for (size_t k = 0; k < w->n; k++) {
-        const norm_result *r = &w->result[k];
-        apsm_log(w->ctx, APSM_LOG_INFO,
-                 "%s: as a whole farther from what is expected than %.0f %% of %zu shapes (95 %%: "
-                 "%.0f to %.0f), z %.2f; most unusual particle p = %.3g",
-                 w->files.name[k], 100 * r->percentile, w->N, 100 * r->low, 100 * r->high, r->z,
-                 r->p_particles);
-    }
-    if (uncertain > 0)
-        apsm_log(w->ctx, APSM_LOG_WARNING,
-                 "%zu of the %zu shapes of the norm are not certified: look at them before you "
-                 "trust this",
-                 uncertain, w->N);
-}
+/* ---- all ---- */
 
 static void norm_job_free(norm_job *w)
 {
@@ -540,6 +370,7 @@ static void norm_job_free(norm_job *w)
         free(w->result[k].T2);
         free(w->result[k].p_of);
         free(w->result[k].q_of);
+        free(w->result[k].along);
     }
     free(w->result);
     free(w->names);
@@ -547,6 +378,8 @@ static void norm_job_free(norm_job *w)
     free(w->X);
     free(w->Y);
     free(w->least);
+    free(w->normal);
+    norm_values_free(w);
     norm_model_free(&w->model);
     norm_model_free(&w->score_model);
     particle_files_free(&w->files);
@@ -562,8 +395,8 @@ apsm_status apsm_statistics_norm(apsm_context *ctx, const apsm_norm_settings *se
     if (status == APSM_OK) status = make_design(&w);
     if (status == APSM_OK) status = make_models(&w);
     if (status == APSM_OK) status = judge(&w);
-    if (status == APSM_OK) status = write_results(&w);
-    if (status == APSM_OK) tell(&w);
+    if (status == APSM_OK) status = norm_write_results(&w);
+    if (status == APSM_OK) norm_tell(&w);
     norm_job_free(&w);
     return status;
 }

@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "fit/tail.h"
+#include "geometry/vec3.h"
 #include "linalg/linalg.h"
 
 void norm_model_free(norm_model *model)
@@ -98,6 +99,20 @@ double norm_t(const norm_model *m, size_t k, size_t v)
     double sum = 0;
     for (size_t i = 0; i < m->N; i++) sum += m->E[i * m->V + v] * m->E[i * m->V + v];
     return m->E0[k * m->V + v] / sqrt(sum / (double)(m->N - m->q) * (1 + m->h0[k]));
+}
+
+void norm_t_along(const norm_model *m, size_t k, const double *normal, double *t)
+{
+    for (size_t j = 0; j < m->V / 3; j++) {
+        const double *n = normal + 3 * j;
+        double sum = 0;
+        for (size_t i = 0; i < m->N; i++) {
+            const double d = vec3_dot(m->E + i * m->V + 3 * j, n);
+            sum += d * d;
+        }
+        t[j] = vec3_dot(m->E0 + k * m->V + 3 * j, n) /
+               sqrt(sum / (double)(m->N - m->q) * (1 + m->h0[k]));
+    }
 }
 
 /* ---- particles ---- */

@@ -29,6 +29,8 @@ double norm_distance_own(const norm_model *model, size_t i);
 
 /* t of variable v of new shape k: Student's t with N - q degrees of freedom. */
 double norm_t(const norm_model *model, size_t k, size_t v);
+/* The same of every particle's distance along a unit normal (V); t (V / 3, out). */
+void norm_t_along(const norm_model *model, size_t k, const double *normal, double *t);
 
 /* p (J, out) of every particle of new shape k by Hotelling's T^2 of three coordinates, and T2 (J,
  * out; NULL: not asked for).  As above for shape i of the cohort, left out. N - q > 4. */

@@ -29,6 +29,18 @@ while read -r line; do
         fail "labels were taken without a word: $(cat said)"
 done < <(commands)
 [ -s hippocampi/statistics/norm.csv ] || fail "no norm"
+grep -q 'id="data"' hippocampi/statistics/norm.html || fail "no page of the norm"
+sed -n '/"values"/,$p' hippocampi/statistics/norm.json | grep -q '"name": "centroid size"' ||
+    fail "no norm of the size"
+
+# A column of numbers without a formula: z = (x - mean) / (sd sqrt(1 + 1 / N)).
+awk -F, 'BEGIN { OFS = "," } NR == 1 { print "name,weight" } NR > 1 && $1 != "new_patient" { print $1, NR * NR }
+    END { print "new_patient,150" }' table.csv >weights.csv
+expect 0 "" norm hippocampi fits --subjects weights.csv -o plain
+z=$(tr -d '\n ' <plain/norm.json | sed 's/.*"name":"weight"[^}]*"z":\([-0-9.e]*\).*/\1/')
+awk -F, -v z="$z" 'NR > 1 && $1 != "new_patient" { s += $2; q += $2 * $2; n++ }
+    END { m = s / n; sd = sqrt((q - n * m * m) / (n - 1)); w = (150 - m) / (sd * sqrt(1 + 1 / n))
+          exit !(z != "" && w > 2 && (z - w) ^ 2 < 1e-12) }' weights.csv || fail "z of a column is $z"
 
 expect 0 "" export hippocampi --model one.apsm
 expect 0 "model's shapes: 1,2" fit one.apsm new_patient.nii.gz -o moved

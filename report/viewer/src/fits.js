@@ -7,7 +7,7 @@ import { length, setUnit, unitKnown, unitNote } from "./units.js";
 import { legend, weightsAt } from "./surface.js";
 
 const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
-const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
+export const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
 
 export class Fits extends Packed {
   constructor(root, bytes) {
@@ -19,17 +19,18 @@ export class Fits extends Packed {
   }
 }
 
-function differences(model, V) {
-  const out = new Float32Array(V.length / 3), { V0, N0 } = model;
+/** Distances of V from V0 along the normals N0. */
+export function differences({ V0, N0 }, V) {
+  const out = new Float32Array(V.length / 3);
   for (let k = 0; k < V.length; k += 3)
     out[k / 3] = (V[k] - V0[k]) * N0[k] + (V[k + 1] - V0[k + 1]) * N0[k + 1] + (V[k + 2] - V0[k + 2]) * N0[k + 2];
   return out;
 }
 
-/** Bars of the scores in standard deviations; the band is where two thirds and 95 % of shapes lie. */
-function scoreChart(shown, name) {
-  const n = Math.min(shown.scores.length, 15), W = 420, H = 220, left = 40, right = 10, top = 10, bottom = 34;
-  const z = shown.scores.slice(0, n).map((b, k) => b / Math.sqrt(shown.variances[k]));
+/** Bars of numbers in standard deviations, the first 15; the band is where 95 % of shapes lie. */
+export function zChart(all, name, below) {
+  const n = Math.min(all.length, 15), W = 420, H = 220, left = 40, right = 10, top = 10, bottom = 34;
+  const z = all.slice(0, n);
   const most = Math.max(3, ...z.map(Math.abs));
   const y = (v) => top + ((most - v) / (2 * most)) * (H - top - bottom), x = (k) => left + ((k + 0.5) / n) * (W - left - right);
   const wide = Math.min(18, (0.7 * (W - left - right)) / n);
@@ -44,7 +45,7 @@ function scoreChart(shown, name) {
         svg("title", {}, `mode ${k + 1}: ${show(v)} sd`)),
       svg("text", { x: x(k), y: H - bottom + 15, "text-anchor": "middle" }, String(k + 1)),
     ]),
-    svg("text", { x: (left + W - right) / 2, y: H - 4, "text-anchor": "middle" }, "mode; score in standard deviations of the model"));
+    svg("text", { x: (left + W - right) / 2, y: H - 4, "text-anchor": "middle" }, below));
 }
 
 function facts(f) {
@@ -63,6 +64,27 @@ function facts(f) {
   ].filter(Boolean);
 }
 
+/** Takes the model's sections away; returns what adds one. */
+export function clearPage(links) {
+  document.querySelector("nav").replaceChildren(...links.map(([id, text]) => el("a", { href: `#${id}` }, text)));
+  document.querySelector(".skip").setAttribute("href", `#${links[0][0]}`);
+  const main = document.querySelector("main");
+  for (const section of main.querySelectorAll("section")) section.remove();
+  return (id, text) => {
+    const body = el("div", { class: "body" });
+    main.append(el("section", { id, "aria-labelledby": `h-${id}` }, el("h2", { id: `h-${id}` }, text), body));
+    return body;
+  };
+}
+
+/** n and p choose the next and the previous of `count`. */
+export function stepByKeys(count, state, choose) {
+  addEventListener("keydown", (e) => {
+    if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
+    if (e.key === "n" || e.key === "p") choose((state.chosen + (e.key === "n" ? 1 : -1) + count) % count);
+  });
+}
+
 export function fillFits(model, { radius }) {
   setUnit(model.model.unit ?? null);
   const rows = model.table, count = (v) => rows.filter((r) => r.verdict === v).length;
@@ -78,15 +100,7 @@ export function fillFits(model, { radius }) {
         .filter(([v]) => count(v) > 0).map(([v, text]) => `${count(v)} ${text}. `),
       "A shape that is refused is not of the model\u2019s kind, and has no particles.")));
 
-  document.querySelector("nav").replaceChildren(el("a", { href: "#shape" }, "Shape"), el("a", { href: "#table" }, "Table"));
-  const main = document.querySelector("main");
-  for (const section of main.querySelectorAll("section")) section.remove();
-  const section = (id, text) => {
-    const body = el("div", { class: "body" });
-    main.append(el("section", { id, "aria-labelledby": `h-${id}` }, el("h2", { id: `h-${id}` }, text), body));
-    return body;
-  };
-  document.querySelector(".skip").setAttribute("href", "#shape");
+  const section = clearPage([["shape", "Shape"], ["table", "Table"]]);
   const body = section("shape", "A shape and the mean");
 
   const state = { chosen: model.shown[0]?.shape ?? -1, colour: "difference", same: true, particles: false };
@@ -136,7 +150,8 @@ export function fillFits(model, { radius }) {
     view.set({ surface: made.geometry[colour], particles: state.particles ? made.dots : null, palette: how[0], range: how[1] });
     meanView.set({ surface: bare, particles: null });
     key.replaceChildren(legend(how[0], how[2]));
-    chart.replaceChildren(scoreChart(model.shown[k], f.name));
+    const { scores, variances } = model.shown[k];
+    chart.replaceChildren(zChart(scores.map((b, m) => b / Math.sqrt(variances[m])), f.name, "mode; score in standard deviations of the model"));
   };
   const choose = (i) => { state.chosen = i; picker.value = String(i); dress(); };
   const select = choice("Shape ", rows.map((r, i) => [String(i), `${r.name}${r.verdict === "good" ? "" : ` (${r.verdict})`}`]), String(state.chosen), (v) => choose(Number(v)));
@@ -163,9 +178,6 @@ export function fillFits(model, { radius }) {
       r.mirrored === undefined ? "\u2013" : r.mirrored ? "mirrored" : "same"]), [3, 4, 5, 6]));
   const first = rows.findIndex((r, i) => r.verdict !== "good" && model.of.has(i));
   choose(first >= 0 ? first : state.chosen);
-  addEventListener("keydown", (e) => {
-    if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
-    if (e.key === "n" || e.key === "p") choose((state.chosen + (e.key === "n" ? 1 : -1) + rows.length) % rows.length);
-  });
+  stepByKeys(rows.length, state, choose);
   return { state, choose };
 }

@@ -11,6 +11,7 @@ import { copyText, fileName, saveCsv, saveSvg, saveButton, saveTools } from "./s
 import { modeBasis } from "./modes.js";
 import { readLink, writeLink } from "./link.js";
 import { Fits, fillFits } from "./fits.js";
+import { Norms, fillNorms } from "./norms.js";
 import { legend, stageOf } from "./surface.js";
 import { fieldEnds, fieldsOf, spreadParts } from "./fields.js";
 import { fillParts, jointModes, partsOf, partsOfParticles, tableOfSpaces, tellApart } from "./joint.js";
@@ -813,13 +814,14 @@ function setStage() {
   return radius;
 }
 
-function startFits(fits) {
+/** A page of new shapes: data of the class Fits or Norms. */
+function startShapes(data, V0, fillPage) {
   byId("link").hidden = true;
-  const stage = stageOf(fits.V0, [fits.V0]);
+  const stage = stageOf(V0, [V0]);
   gl.setStage(stage.centre, stage.radius, stage.yaw);
   tryGraphics();
-  const page = fillFits(fits, { radius: 0.02 * stage.radius });
-  window.apsmReport = { model: fits, ...page, pose: gl.pose, idle: gl.idle };
+  const page = fillPage(data, { radius: 0.02 * stage.radius });
+  window.apsmReport = { model: data, ...page, pose: gl.pose, idle: gl.idle };
   document.documentElement.dataset.ready = "yes";
 }
 
@@ -833,9 +835,10 @@ function tryGraphics() {
 
 async function start() {
   chooseTheme();
-  const page = await readPage(byId("data").textContent, { "apsm-report": Model, "apsm-fits": Fits });
+  const page = await readPage(byId("data").textContent, { "apsm-report": Model, "apsm-fits": Fits, "apsm-norms": Norms });
   byId("data").remove();
-  if (page instanceof Fits) return startFits(page);
+  if (page instanceof Fits) return startShapes(page, page.V0, fillFits);
+  if (page instanceof Norms) return startShapes(page, page.surfaces(0).expected, fillNorms);
   model = page;
   setUnit(model.unit ?? null);
   const reach = setStage();

@@ -88,10 +88,28 @@ static void planted_bump_is_found(void **state)
     norm_model_free(&m);
 }
 
+/* Along an axis t is that of the coordinate; turned about, it changes its sign. */
+static void along_normals_is_as_coordinates(void **state)
+{
+    (void)state;
+    double X[(N + 1) * Q], Y[(N + 1) * V], normal[V] = { 0 }, t[J];
+    norm_model m;
+    data(5, N + 1, X, Y);
+    for (size_t j = 0; j < J; j++) normal[3 * j + j % 3] = j % 2 ? -1 : 1;
+    assert_ok(norm_model_make(NULL, N, 1, Q, X, V, Y, Y + N * V, &m));
+    norm_t_along(&m, 0, normal, t);
+    for (size_t j = 0; j < J; j++) {
+        const double one = norm_t(&m, 0, 3 * j + j % 3);
+        assert_true(fabs(t[j] - (j % 2 ? -one : one)) < 1e-12 * (1 + fabs(one)));
+    }
+    norm_model_free(&m);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(left_out_is_as_new),
                                         cmocka_unit_test(level_is_kept),
-                                        cmocka_unit_test(planted_bump_is_found) };
+                                        cmocka_unit_test(planted_bump_is_found),
+                                        cmocka_unit_test(along_normals_is_as_coordinates) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
