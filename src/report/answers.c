@@ -29,9 +29,9 @@ static apsm_status read_columns(apsm_context *ctx, const model_folder *m, json_t
     return status;
 }
 
-/* Results of `apsm test` and `apsm predict`. */
+/* Results of `apsm test`, `apsm predict` and `apsm asymmetry`. */
 typedef struct result_lists {
-    json_t *tests, *predictions;
+    json_t *tests, *predictions, *asymmetries;
 } result_lists;
 
 /* A result joins its list if it is of this model. */
@@ -39,12 +39,16 @@ static apsm_status take_result(apsm_context *ctx, const char *path, const char *
                                const result_lists *lists)
 {
     json_t *root = NULL;
-    APSM_TRY(apsm_json_read(ctx, path, &root));
+    const apsm_status status = apsm_json_read(ctx, path, &root);
+    if (status == APSM_ERR_MEMORY) return status;
+    if (status != APSM_OK)
+        apsm_log(ctx, APSM_LOG_WARNING, "not in the report: %s", apsm_error_text(ctx));
     const char *format = json_string_value(json_object_get(root, "format"));
     const char *of = json_string_value(json_object_get(root, "model_sha256"));
     json_t *list = !format                                  ? NULL
                    : strcmp(format, "apsm-test") == 0       ? lists->tests
                    : strcmp(format, "apsm-prediction") == 0 ? lists->predictions
+                   : strcmp(format, "apsm-asymmetry") == 0  ? lists->asymmetries
                                                             : NULL;
     if (list) {
         if (of && strcmp(of, model) == 0)
@@ -89,19 +93,22 @@ apsm_status answers_read(apsm_context *ctx, const model_folder *m, json_t **answ
     *answers = NULL;
     char *folder = model_folder_path(m, "statistics");
     json_t *columns = json_array();
-    const result_lists lists = { json_array(), json_array() };
-    apsm_status status =
-        folder && columns && lists.tests && lists.predictions ? APSM_OK : APSM_ERR_MEMORY;
+    const result_lists lists = { json_array(), json_array(), json_array() };
+    apsm_status status = folder && columns && lists.tests && lists.predictions && lists.asymmetries
+                             ? APSM_OK
+                             : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = read_columns(ctx, m, columns);
     if (status == APSM_OK && apsm_is_folder(folder)) status = read_results(ctx, m, folder, &lists);
     if (status == APSM_OK && json_array_size(columns) + json_array_size(lists.tests) +
-                                     json_array_size(lists.predictions) >
+                                     json_array_size(lists.predictions) +
+                                     json_array_size(lists.asymmetries) >
                                  0)
-        *answers = json_pack("{s:O, s:O, s:O}", "columns", columns, "tests", lists.tests,
-                             "predictions", lists.predictions);
+        *answers = json_pack("{s:O, s:O, s:O, s:O}", "columns", columns, "tests", lists.tests,
+                             "predictions", lists.predictions, "asymmetries", lists.asymmetries);
     json_decref(columns);
     json_decref(lists.tests);
     json_decref(lists.predictions);
+    json_decref(lists.asymmetries);
     free(folder);
     return status;
 }

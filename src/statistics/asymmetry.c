@@ -298,7 +298,10 @@ static apsm_status write_table(const asymmetry *a, group_test *t, const char *pa
 
 static apsm_status write_json(const asymmetry *a, const group_test *t, const char *path)
 {
+    char sha256[65];
+    APSM_TRY(group_test_hash(t, sha256));
     json_t *root = json_result(a, t);
+    if (root) json_object_set_new(root, "model_sha256", json_string(sha256));
     const apsm_status status = apsm_json_write(a->ctx, path, root);
     json_decref(root);
     if (status == APSM_OK) apsm_log(a->ctx, APSM_LOG_INFO, "written: %s", path);

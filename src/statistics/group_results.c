@@ -163,7 +163,7 @@ static apsm_status write_csv(const group_test *t, const char *path)
     return apsm_writer_commit(csv);
 }
 
-static apsm_status hash_model(const group_test *t, char hex[65])
+apsm_status group_test_hash(const group_test *t, char hex[65])
 {
     char *path = model_folder_path(&t->m, FOLDER_MODEL);
     const apsm_status status = path ? apsm_sha256_file(t->ctx, path, hex) : APSM_ERR_MEMORY;
@@ -200,7 +200,7 @@ static apsm_status write_files(const group_test *t)
     char *folder = results_folder(t->s->folder, t->s->out);
     result_name(t, sizeof stem, stem);
     apsm_status status = folder ? apsm_make_folder(t->ctx, folder) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = hash_model(t, sha256);
+    if (status == APSM_OK) status = group_test_hash(t, sha256);
     for (int k = 0; k < 2 && status == APSM_OK; k++) {
         snprintf(name, sizeof name, "%s.%s", stem, k ? "csv" : "json");
         char *path = apsm_path_join(folder, name);

@@ -63,6 +63,8 @@ apsm_status group_test_design(group_test *t) APSM_NODISCARD;
 apsm_status group_test_judge(group_test *t) APSM_NODISCARD;
 /* Results into their folder, and the table of --subjects into the model folder. */
 apsm_status group_test_write(const group_test *t) APSM_NODISCARD;
+/* SHA-256 of the model that the results are about. */
+apsm_status group_test_hash(const group_test *t, char hex[65]) APSM_NODISCARD;
 void group_test_tell(const group_test *t);
 void group_test_free(group_test *t);
 

@@ -193,6 +193,9 @@ awk -v p="$p" 'BEGIN { exit !(p < 0.01) }' || fail "volumes that differ by 1.7: 
 "$apsm" report model --quiet || fail "no report"
 sed -i 's/"model_sha256": "[0-9a-f]*/&0/' model/statistics/group_volume.json
 "$apsm" report model 2>&1 | grep -q "is of another model" || fail "results of another model are shown"
+echo '{ "name": ' >model/statistics/mine.json
+"$apsm" report model >said 2>&1 || fail "a damaged file in statistics/ stops the report: $(cat said)"
+[ "$(grep -c 'not in the report: .*mine.json' said)" -eq 1 ] || fail "a damaged file is not told once: $(cat said)"
 rm -r model/statistics
 "$apsm" measure model define.json --quiet && "$apsm" verify model >said 2>&1 ||
     fail "verify does not know measurements: $(tail -n 1 said)"

@@ -357,6 +357,13 @@ const tests = {
     assert.match(await page.textContent("#answers .split"), /mean of left/);
     assert.equal(await page.locator("#answers .wide circle.point").count(), 8);
     assert.equal(await page.locator("#answers .wide svg > path[style*=stroke]").count(), 2);
+    await page.locator("#answers label", { hasText: "Regression lines" }).click();
+    assert.equal(await page.locator("#answers .wide path.regression").count(), 2);
+    assert.match(await page.textContent("#answers .wide"), /Lines of least squares: .*r = /);
+    await page.locator("#answers label", { hasText: "Ellipses" }).click();
+    assert.equal(await page.locator("#answers .wide svg > path[style*=stroke]").count(), 2);
+    await page.locator("#answers label", { hasText: "Regression lines" }).click();
+    assert.equal(await page.locator("#answers .wide svg > path[style*=stroke]").count(), 0);
   },
   async "a click in the certificate goes to the place"(page) {
     await page.getByTitle("show particle 7 on c", { exact: true }).click();

@@ -3,7 +3,7 @@
 import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
 import { vertexNormals } from "./data.js";
 import { colourAt, cssGradient, palettes } from "./colors.js";
-import { agreement, colourScatter } from "./charts.js";
+import { agreement, colourScatter, regressions } from "./charts.js";
 import { saveButton, saveSvg } from "./save.js";
 import { weightsAt } from "./surface.js";
 
@@ -14,16 +14,30 @@ const pText = (p) => (p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : sho
 
 const correction = { p_familywise: "family-wise", p_cluster: "by clusters", q: "false discovery rate", p_uncorrected: "uncorrected" };
 
+// Names that need no backquotes have them for the program's sake.
+const plain = (t) => t.formula.replaceAll("`", "");
+const unitOf = (t) => (!t.title ? "subjects" : t.title.startsWith("Directional") ? "sides of subjects" : "shapes");
+const heading = (t) => `${t.title ? `${t.title}: ` : ""}${t.of} on ${t.on}`;
+
 function sentence(t) {
-  const what = { form: "form (shape and size)", shape: "shape (size taken out)", size: "size", modes: "modes" }[t.on] ?? t.on;
+  const what = { form: "form (shape and size)", shape: "shape (size taken out)", size: "size", modes: "the modes taken together" }[t.on] ?? t.on;
+  const share = `p = ${pText(t.p)}, ${percent(t.share_of_variance)} of the variance that the other terms leave.`;
+  if (t.title) return `${t.title} of ${what} is ${t.p <= 0.05 ? "" : "not "}shown: ${share}`;
   const strength = t.p <= 0.05 ? "goes with" : "is not shown to go with";
-  return `${what[0].toUpperCase()}${what.slice(1)} ${strength} ${t.of}: p = ${pText(t.p)}, ${percent(t.share_of_variance)} of the variance that the other terms leave.`;
+  const verb = t.on === "modes" ? strength.replace("goes", "go").replace("is not", "are not") : strength;
+  return `${what[0].toUpperCase()}${what.slice(1)} ${verb} ${t.of}: ${share}`;
 }
-const orders = (t) => t.exact ? `all ${t.permutations.toLocaleString("en")} orders of the subjects` : `${t.permutations.toLocaleString("en")} random orders of the subjects`;
+const orders = (t) => {
+  const n = t.permutations.toLocaleString("en");
+  const early = t.stopping?.early ? `, more being stopped when every conclusion at 5 % was known with a risk of ${t.stopping.risk} (confidence sequences)` : "";
+  if (t.variances === "unequal") return `${n} random draws of the signs of what the other terms leave, since groups may vary by different amounts${early}`;
+  return t.exact ? `all ${n} orders of the subjects` : `${n} random orders of the subjects${early}`;
+};
 
 function methods(t) {
   const many = t.statistic.length > 1, particles = t.p_cluster !== undefined;
-  return `The effect of ${t.of} on ${t.on_text} was tested in ${t.subjects} subjects with the linear model ${t.formula}` +
+  const [word, ...rest] = t.on_text.split(": "), on = `${t.on === "column" || !rest.length || word === "column" ? t.on : word} (${rest.join(": ")})`;
+  return `${t.title ? `${t.title} of ${on}` : `The effect of ${t.of} on ${on}`} was tested in ${t.subjects} ${unitOf(t)} with the linear model ${plain(t)}` +
     `${t.within ? `, within ${t.within},` : ""} by permutation (Freedman and Lane), with ${orders(t)}` +
     `${t.exact ? "" : ` (standard error of p ${show(t.p_standard_error, 2)})`}. ` +
     "All variables together were tested by the ratio of explained to residual sums of squares. " +
@@ -50,7 +64,9 @@ function copyButton(text, label = "Copy") {
 }
 
 function figuresOf(t) {
-  const rows = [["p, all together", pText(t.p)], ["share of variance", percent(t.share_of_variance)], ["subjects", String(t.subjects)], ["orders", `${t.permutations.toLocaleString("en")}${t.exact ? ", all" : ""}`]];
+  const rows = [["p, all together", pText(t.p)], ["share of variance", percent(t.share_of_variance)], [unitOf(t), String(t.subjects)],
+    [t.variances === "unequal" ? "draws of signs" : "orders", `${t.permutations.toLocaleString("en")}${t.exact ? ", all" : t.stopping?.early ? ", ended early" : ""}`]];
+  if (t.variance_ratio) rows.push(["variance, widest group to narrowest", show(t.variance_ratio, 2)]);
   const unit = t.p_cluster ? "particles" : "variables";
   if (t.statistic.length > 1)
     for (const [key, word] of Object.entries(correction))
@@ -70,11 +86,12 @@ function mapOf(t, stage) {
   const V = V0.slice(), N = N0.slice(), value = new Float32Array(V.length / 3), D = new Float32Array(V.length), one = new Float32Array(V.length / 3);
   const surface = tools.surfaceGeometry(V, F, N, value);
   const { view, box } = tools.makeView(`mean surface with the effect of ${t.of}`);
-  const state = { effect: 0, what: "along", by: t.p_cluster ? "p_cluster" : "p_familywise", limit: 1, amount: 0 };
+  const some = t.effects.length > 0;
+  const state = { effect: 0, what: some ? "along" : "share", by: t.p_cluster ? "p_cluster" : "p_familywise", limit: 1, amount: 0 };
   const key = el("div"), told = el("p", { class: "small soft", "aria-live": "polite" }), ends = el("span", { class: "value" });
-  const difference = / minus /.test(t.effects[0].name) && !/mean of all/.test(t.effects[0].name);
+  const difference = some && / minus /.test(t.effects[0].name) && !/mean of all/.test(t.effects[0].name);
   const signedOf = (e) => e.along_normal, maps = {
-    along: ["effect along the normal", signedOf, "signed"], standardised: ["effect in standard deviations", (e) => e.standardised, "heat"],
+    ...(some && { along: ["effect along the normal", signedOf, "signed"], standardised: ["effect in standard deviations", (e) => e.standardised, "heat"] }),
     share: ["share of variance", () => t.share, "heat"], p: ["\u2212log10 p", () => t[state.by].map((p) => -Math.log10(Math.max(p, 1e-12))), "heat"],
   };
   const draw = () => {
@@ -85,7 +102,7 @@ function mapOf(t, stage) {
     most = most || 1;
     for (let v = 0; v < one.length; v++) value[v] = p[at.nearest(v)] <= state.limit ? one[v] : 0;
     kept = p.filter((q) => q <= state.limit).length;
-    at.spread(e.effect.flat(), 3, D);
+    if (e) at.spread(e.effect.flat(), 3, D);
     for (let k = 0; k < V.length; k++) V[k] = V0[k] + state.amount * D[k];
     vertexNormals(V, F, N);
     for (const name of ["position", "normal", "value"]) surface.getAttribute(name).needsUpdate = true;
@@ -94,7 +111,7 @@ function mapOf(t, stage) {
     told.textContent = state.limit >= 1 ? `All ${p.length} particles are coloured.` : `${kept} of ${p.length} particles have p \u2264 ${show(state.limit, 2)} (${correction[state.by]}); elsewhere the surface is plain.`;
     const [a, b] = difference ? e.name.split(" minus ") : ["", ""];
     ends.textContent = difference ? (Math.abs(state.amount) < 0.01 ? "between both" : state.amount === 0.5 ? `mean of ${a}` : state.amount === -0.5 ? `mean of ${b}` : `${show(2 * Math.abs(state.amount), 2)} \u00d7 towards ${state.amount > 0 ? a : b}`)
-      : `${state.amount < 0 ? "\u2212" : "+"}${show(Math.abs(state.amount), 2)} \u00d7 the effect`;
+      : state.amount === 0 ? "the mean itself" : `${state.amount < 0 ? "\u2212" : "+"}${show(Math.abs(state.amount), 2)} \u00d7 the effect`;
   };
   const limit = el("input", { type: "range", min: -4, max: 0, step: 0.01, value: 0, "aria-label": "threshold of p", oninput: () => { state.limit = Number(limit.value) >= 0 ? 1 : 10 ** Number(limit.value); draw(); } });
   const reach = difference ? 2 : Math.max(1, Math.abs(stage.scaleOf(t)));
@@ -105,12 +122,12 @@ function mapOf(t, stage) {
     el("div", {},
       el("div", { class: "tools" },
         t.effects.length > 1 && choice("Effect", t.effects.map((e, k) => [String(k), e.name]), "0", (v) => { state.effect = Number(v); draw(); }),
-        choice("Colour", Object.entries(maps).map(([k, m]) => [k, m[0]]), "along", (v) => { state.what = v; draw(); }),
+        choice("Colour", Object.entries(maps).map(([k, m]) => [k, m[0]]), state.what, (v) => { state.what = v; draw(); }),
         choice("p", only(["p_cluster", "p_familywise", "q", "p_uncorrected"]), state.by, (v) => { state.by = v; draw(); }),
         el("button", { type: "button", onclick: () => { limit.value = Math.log10(0.05); state.limit = 0.05; draw(); } }, "Only p \u2264 0.05"),
         el("button", { type: "button", onclick: () => { limit.value = 0; state.limit = 1; draw(); } }, "All")),
       el("label", { class: "stack" }, "Threshold of p: from 0.0001 to all", limit),
-      el("label", { class: "stack" }, difference ? `From ${t.effects[0].name.split(" minus ")[1]} to ${t.effects[0].name.split(" minus ")[0]}: ` : "Mean surface along the effect: ", ends, amount),
+      some && el("label", { class: "stack" }, difference ? `From ${t.effects[0].name.split(" minus ")[1]} to ${t.effects[0].name.split(" minus ")[0]}: ` : "Mean surface along the effect: ", ends, amount),
       difference && el("div", { class: "tools" }, [[-0.5, t.effects[0].name.split(" minus ")[1]], [0, "between"], [0.5, t.effects[0].name.split(" minus ")[0]]].map(([s, word]) =>
         el("button", { type: "button", onclick: () => { amount.value = s; state.amount = s; draw(); } }, word))),
       stage.tableOf(t)));
@@ -119,16 +136,29 @@ function mapOf(t, stage) {
 }
 
 function showTest(t, stage) {
-  const mapped = t.p_cluster !== undefined && t.effects.length > 0 && t.effects[0].effect.length === stage.J;
+  const mapped = t.p_cluster !== undefined && t.share.length === stage.J;
   const tableOf = () => el("div", {}, table(["figure", "value"], figuresOf(t)), copyButton(() => figuresOf(t).map((r) => r.join("\t")).join("\n"), "Copy the table"));
   const map = mapped ? mapOf(t, { ...stage, tableOf }) : null;
   const modes = !mapped && t.statistic.length > 1 && el("details", {}, el("summary", {}, `Every mode (${t.statistic.length})`),
     table(["mode", "p", "p family-wise", "q", "share of variance"], t.statistic.map((_, k) => [String(k + 1), pText(t.p_uncorrected[k]), pText(t.p_familywise[k]), pText(t.q[k]), percent(t.share[k])]), [0, 1, 2, 3, 4]));
-  return el("article", { class: "test" }, el("h3", {}, `${t.of} on ${t.on}: ${t.formula}`), el("p", {}, sentence(t)),
+  return el("article", { class: "test" }, el("h3", {}, `${heading(t)}: ${plain(t)}`), el("p", {}, sentence(t)),
     t.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${t.not_certified.slice(0, 8).join(", ")}${t.not_certified.length > 8 ? " and more" : ""}. Look at them before you trust this.`),
     t.left_out.length > 0 && el("p", { class: "soft" }, `Left out for unknown values: ${t.left_out.slice(0, 8).join(", ")}${t.left_out.length > 8 ? ` and ${t.left_out.length - 8} more` : ""}.`),
     map ? map.node : tableOf(), modes,
     el("details", {}, el("summary", {}, "Methods, for the manuscript"), el("p", {}, methods(t)), copyButton(() => methods(t), "Copy the text")));
+}
+
+// ---- left and right ----
+
+const sources = { individuals: "subjects differ", directional: "sides differ, in all alike", fluctuating: "sides differ, in each in its own way", error: "measured again" };
+
+function showAsymmetry(a) {
+  const rows = a.sources.map((s) => [sources[s.source] ?? s.source, show(s.degrees_of_freedom), show(s.sum_of_squares), show(s.mean_square), show(s.f), s.p === null ? "\u2013" : pText(s.p)]);
+  const head = ["source", "df", "sum of squares", "mean square", "F", "p"];
+  return el("article", { class: "test" }, el("h3", {}, `Asymmetry of ${a.on}: ${a.sides.join(" against ")}`),
+    el("p", {}, `${plural(a.subjects, "subject")}, ${plural(a.shapes, "shape")}. Directional asymmetry is tested against fluctuating, that against error; degrees of freedom are those of one number.` +
+      (a.sources.some((s) => s.source === "fluctuating" && s.p !== null) ? "" : " Sides were not measured repeatedly, so that fluctuating asymmetry holds the error of measurement and is not tested.")),
+    table(head, rows, [1, 2, 3, 4, 5]), copyButton(() => [head, ...rows].map((r) => r.join("\t")).join("\n"), "Copy the table"));
 }
 
 // ---- what shape tells of a column ----
@@ -136,6 +166,7 @@ function showTest(t, stage) {
 function tellPrediction(p) {
   const [low, high] = p.share_interval;
   if (p.levels.length) return `From its shape a subject is told to be ${p.levels[1]} rather than ${p.levels[0]} with an area under the ROC curve of ${show(p.auc, 2)}.`;
+  if (p.share_explained <= 0) return `Not shown to be predictable: shape tells ${p.of} no better than its mean does (left out, ${percent(p.share_explained)} of the variance; 95 %: ${percent(low)} to ${percent(high)}).`;
   return `${low > 0 ? "" : "Not shown to be predictable: "}${percent(p.share_explained)} of the variance of ${p.of} (95 %: ${percent(low)} to ${percent(high)}) is predicted by shape, with a mean error of ${show(p.mean_absolute_error)}.`;
 }
 
@@ -183,10 +214,11 @@ function showPrediction(p, stage) {
 
 // ---- scores by columns ----
 
-function showScores(model, columns, tools) {
+function showScores(model, columns, tools, tested) {
   const K = model.mean.modes.length, sd = model.variances.map(Math.sqrt), total = model.variances.reduce((a, b) => a + b, 0) || 1;
   if (K < 2 || columns.length === 0) return null;
-  const state = { column: 0, p: 0, q: 1, ellipses: true }, plot = el("figure", { class: "chart wide" });
+  const first = Math.max(0, columns.findIndex((c) => c.name === tested), tested ? -1 : columns.findIndex((c) => c.name !== "mirrored"));
+  const state = { column: first, p: 0, q: 1, ellipses: true, line: false }, plot = el("figure", { class: "chart wide" });
   const draw = () => {
     const c = columns[state.column], { p, q } = state, known = c.values.filter((v) => v !== null);
     const lo = Math.min(...known), hi = Math.max(...known);
@@ -198,10 +230,11 @@ function showScores(model, columns, tools) {
     }]));
     plot.replaceChildren(el("h4", {}, `Scores, coloured by ${c.name}`),
       colourScatter({ title: `${across.name} and ${up.name} by ${c.name}`, ring: 2, onpick: tools.choose, points, ellipses: state.ellipses && c.category,
-        xLabel: across.name, yLabel: up.name }),
+        lines: state.line ? (c.category ? "groups" : "all") : null, xLabel: across.name, yLabel: up.name }),
       c.category
         ? el("p", { class: "keys" }, c.levels.map((word, k) => [el("span", { class: "key", style: `background:${GROUPS[k % GROUPS.length]}` }), ` ${word} (${c.values.filter((v) => v === k).length})  `]))
         : el("div", { class: "legend" }, Object.assign(el("div", { class: "strip" }), { style: `background:${cssGradient(palettes.heat)}` }), el("div", { class: "ends" }, el("span", {}, show(lo)), el("span", {}, c.name), el("span", {}, show(hi)))),
+      ...(state.line ? [el("p", {}, "Lines of least squares: ", regressions(points, c.category).map((r) => `${r.group === null ? "all shapes" : c.levels[r.group]} ${show(r.slope)} sd up for 1 across, r = ${show(r.r, 2)} (${r.n})`).join("; "), ".")] : []),
       el("p", {}, `${c.category ? "Ellipses: where 95 % of a group's shapes are expected (normal distribution, three shapes at least). " : ""}${c.values.some((v) => v === null) ? "Empty circles: unknown. " : ""}Dashed: two standard deviations of all.`),
       el("p", { class: "saves screen" }, saveButton("SVG", "this plot", () => saveSvg(`scores_${p + 1}_${q + 1}`, plot.querySelector("svg")))));
   };
@@ -219,17 +252,17 @@ function showScores(model, columns, tools) {
   draw();
   return el("article", { class: "test" },
     el("div", { class: "tools" },
-      choice("Colour by", columns.map((c, k) => [String(k), c.name]), "0", (v) => { state.column = Number(v); draw(); }),
+      choice("Colour by", columns.map((c, k) => [String(k), c.name]), String(first), (v) => { state.column = Number(v); draw(); }),
       choice("across", modes, "0", (v) => { state.p = Number(v); draw(); }), choice("up", modes, "1", (v) => { state.q = Number(v); draw(); }),
-      checkbox("Ellipses", true, (on) => { state.ellipses = on; draw(); })), plot);
+      checkbox("Ellipses", true, (on) => { state.ellipses = on; draw(); }), checkbox("Regression lines", false, (on) => { state.line = on; draw(); })), plot);
 }
 
 /** Fills the section if there is something to tell; tools are main.js's. */
 export function fillAnswers(model, tools) {
   const section = byId("answers"), answers = model.answers;
   const columns = (answers?.columns ?? []).filter((c) => c.values.some((v) => v !== null) && !(c.category && c.levels.length < 2));
-  const predictions = answers?.predictions ?? [];
-  if (!answers || (answers.tests.length === 0 && columns.length === 0 && predictions.length === 0)) {
+  const predictions = answers?.predictions ?? [], asymmetries = answers?.asymmetries ?? [];
+  if (!answers || (answers.tests.length === 0 && asymmetries.length === 0 && columns.length === 0 && predictions.length === 0)) {
     section.hidden = true;
     document.querySelector('nav a[href="#answers"]').hidden = true;
     return;
@@ -253,16 +286,17 @@ export function fillAnswers(model, tools) {
   tests.forEach((t, k) => {
     if (k === 0) return nodes.push(showTest(t, stage));
     const fold = el("details", { ontoggle: () => { if (fold.open && fold.children.length === 1) fold.append(showTest(t, stage)); } },
-      el("summary", {}, `${t.of} on ${t.on}: p = ${pText(t.p)} (${t.formula})`));
+      el("summary", {}, `${heading(t)}: p = ${pText(t.p)} (${plain(t)})`));
     nodes.push(fold);
   });
   predictions.forEach((p, k) => {
     if (k === 0 && tests.length === 0) return nodes.push(showPrediction(p, stage));
     const fold = el("details", { ontoggle: () => { if (fold.open && fold.children.length === 1) fold.append(showPrediction(p, stage)); } },
-      el("summary", {}, `${p.of} from shape: ${p.levels.length ? `area under the ROC curve ${show(p.auc, 2)}` : `${percent(p.share_explained)} of its variance`}`));
+      el("summary", {}, `${p.of} from shape: ${p.levels.length ? `area under the ROC curve ${show(p.auc, 2)}` : p.share_explained > 0 ? `${percent(p.share_explained)} of its variance` : "no better than the mean"}`));
     nodes.push(fold);
   });
   body.append(...nodes);
-  const scores = showScores(model, columns, tools);
+  body.append(...asymmetries.map(showAsymmetry));
+  const scores = showScores(model, columns, tools, tests.map((t) => t.of).find((of) => columns.some((c) => c.name === of)));
   if (scores) body.append(scores);
 }

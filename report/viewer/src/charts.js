@@ -83,8 +83,8 @@ export function histogram({ series, hi, bins = 40 }) {
 }
 
 /** points: [{name, x, y, title, chosen, always}]; names are placed where they collide with nothing. */
-export function scatter({ title, points, xLabel, yLabel, onpick, ring, under = null }) {
-  const reach = Math.max(ring, ...points.map((p) => Math.max(Math.abs(p.x), Math.abs(p.y)))) * 1.08;
+export function scatter({ title, points, xLabel, yLabel, onpick, ring, extent = 0, under = null }) {
+  const reach = Math.max(ring, extent, ...points.map((p) => Math.max(Math.abs(p.x), Math.abs(p.y)))) * 1.08;
   const width = W - LEFT - RIGHT, height = H - TOP - BOTTOM, unit = Math.min(width, height) / (2 * reach);
   const wide = reach * (width / Math.min(width, height)), high = reach * (height / Math.min(width, height));
   const x = scale(-wide, wide, LEFT, W - RIGHT), y = scale(-high, high, H - BOTTOM, TOP);
@@ -136,14 +136,37 @@ function ellipse(points, x, y) {
 }
 
 /** scatter with a colour for every point, and an ellipse for every group that has one. */
-export function colourScatter({ points, ellipses, ...rest }) {
-  const groups = new Map();
+export function colourScatter({ points, ellipses, lines = null, ...rest }) {
+  const groups = new Map(), sides = [(p) => p.x, (p) => p.y];
   for (const p of points) if (p.group !== null && p.group !== undefined) groups.set(p.group, [...(groups.get(p.group) ?? []), p]);
-  const under = (x, y) => [...groups.values()].map((g) => {
-    const d = ellipse(g, x, y);
-    return d && svg("path", { d, style: `fill:none;stroke:${g[0].colour};stroke-width:1.5` });
+  const under = (x, y) => [
+    ellipses && [...groups.values()].map((g) => {
+      const d = ellipse(g, x, y);
+      return d && svg("path", { d, style: `fill:none;stroke:${g[0].colour};stroke-width:1.5` });
+    }),
+    lines && regressions(points, lines === "groups").map((r) =>
+      svg("path", { class: "regression", d: `M${x(r.from).toFixed(1)} ${y(r.at(r.from)).toFixed(1)}L${x(r.to).toFixed(1)} ${y(r.at(r.to)).toFixed(1)}`, style: `stroke:${r.group === null ? "var(--text)" : r.colour};stroke-width:2` })),
+  ];
+  // An ellipse reaches so far from 0 to both sides.
+  const extent = Math.max(0, ...[...groups.values()].filter((g) => ellipses && g.length > 2).flatMap((g) => sides.map((of) => {
+    const mean = g.reduce((a, p) => a + of(p), 0) / g.length, square = g.reduce((a, p) => a + (of(p) - mean) ** 2, 0) / (g.length - 1);
+    return Math.abs(mean) + Math.sqrt(5.991 * square);
+  })));
+  return scatter({ points, ...rest, extent, under });
+}
+
+/** Lines of least squares of y on x: of all points, or of every group; over the points' own range. */
+export function regressions(points, byGroup) {
+  const keys = byGroup ? [...new Set(points.map((p) => p.group))].filter((g) => g !== null && g !== undefined) : [null];
+  return keys.flatMap((group) => {
+    const some = group === null ? points : points.filter((p) => p.group === group), n = some.length;
+    const mx = some.reduce((a, p) => a + p.x, 0) / n, my = some.reduce((a, p) => a + p.y, 0) / n;
+    let xx = 0, xy = 0, yy = 0;
+    for (const p of some) { xx += (p.x - mx) ** 2; xy += (p.x - mx) * (p.y - my); yy += (p.y - my) ** 2; }
+    if (n < 3 || !(xx > 0) || !(yy > 0)) return [];
+    const slope = xy / xx;
+    return [{ group, n, slope, r: xy / Math.sqrt(xx * yy), at: (x) => my + slope * (x - mx), from: Math.min(...some.map((p) => p.x)), to: Math.max(...some.map((p) => p.x)), colour: some[0].colour }];
   });
-  return scatter({ points, ...rest, under: ellipses ? under : null });
 }
 
 /** Known and predicted values, with the line on which they agree. */

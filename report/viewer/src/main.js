@@ -862,6 +862,8 @@ async function start() {
   chooseShape(worstShape());
   const link = readLink();
   if (link) followLink(link);
+  // The browser went to #section before the page had its height.
+  else if (/^#[a-z]+$/.test(location.hash)) document.querySelector(location.hash)?.scrollIntoView();
   addEventListener("keydown", (e) => {
     if (e.target.closest?.("input, select, button, summary") || e.ctrlKey || e.metaKey || e.altKey) return;
     if (e.key === "n" || e.key === "p") chooseShape((state.chosen + (e.key === "n" ? 1 : -1) + model.I) % model.I);
