@@ -4,7 +4,8 @@
  *   make_synthetic SHAPE OUT.ply [OPTION VALUE...]
  *   make_synthetic IN.ply OUT.ply [OPTION VALUE...]
  *   make_synthetic supershape OUT.vtk [index I] [count N]    a closed contour of one mode
- *   make_synthetic KIND OUT_DIR [OPTION VALUE...]    a cohort with truth: make_cohort.c
+ *   make_synthetic joint OUT_DIR [OPTION VALUE...]   joints of two ellipsoids with planted pose and
+ * shape make_synthetic KIND OUT_DIR [OPTION VALUE...]    a cohort with truth: make_cohort.c
  *
  * SHAPE: ellipsoid, bump or plate (shape `index` of `count` of a cohort, synthetic.h), sphere,
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
@@ -12,7 +13,13 @@
  * mean square of a smooth random deformation as a share of the box's diagonal) with its seed,
  * mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale,
  * patch (degrees about z: a field "heat" of the vertices, a bell about the direction there, 30
- * degrees wide); applied in this order whatever their order on the command line. */
+ * degrees wide); applied in this order whatever their order on the command line.
+ *
+ * Options of joints: count, level, seed (of the motions), angle (the second part turns about a
+ * point between both, from -angle to angle degrees, evenly), form (and is longer by from -form to
+ * form of itself, in another order), away (between the parts' centres), move (0: subjects lie as
+ * they were made, else each is moved as a whole).  OUT_DIR/shapes/sNN_a.ply, sNN_b.ply;
+ * OUT_DIR/truth.csv. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -22,6 +29,7 @@
 #include "apsm/formats.h"
 #include "core/random.h"
 #include "files/files.h"
+#include "geometry/affine.h"
 #include "geometry/clip.h"
 #include "make_cohort.h"
 #include "option_words.h"
@@ -165,6 +173,106 @@ static int make_contour(apsm_context *ctx, const char *path, double share)
     return apsm_writer_commit(w) != APSM_OK;
 }
 
+/* ---- joints ---- */
+
+enum { J_COUNT, J_LEVEL, J_SEED, J_ANGLE, J_FORM, J_AWAY, J_MOVE, J_OPTIONS };
+static const char *const joint_names[J_OPTIONS] = { "count", "level", "seed", "angle",
+                                                    "form",  "away",  "move" };
+
+/* An ellipsoid that has no symmetry: always the same. */
+static apsm_mesh make_part(int d, int level)
+{
+    apsm_mesh mesh = synthetic_shape((synthetic_kind)0, d == 0 ? 1 : 3, 6, level);
+    wobble(0.04, d == 0 ? 3 : 8, &mesh);
+    return mesh;
+}
+
+/* The mesh is longer by form along its first principal axis: about its centroid, so that the rigid
+ * motion that fits it to itself best is none. */
+static void lengthen(double form, apsm_mesh *mesh)
+{
+    double c[3] = { 0 }, A[9] = { 0 }, U[9], s[3], V[9];
+    for (size_t k = 0; k < 3 * mesh->nv; k++) c[k % 3] += mesh->V[k] / (double)mesh->nv;
+    for (size_t k = 0; k < mesh->nv; k++)
+        for (size_t a = 0; a < 9; a++)
+            A[a] += (mesh->V[3 * k + a / 3] - c[a / 3]) * (mesh->V[3 * k + a % 3] - c[a % 3]);
+    apsm_svd3(A, U, s, V);
+    for (size_t k = 0; k < mesh->nv; k++) {
+        double *x = mesh->V + 3 * k, along = 0;
+        for (size_t a = 0; a < 3; a++) along += (x[a] - c[a]) * U[3 * a];
+        for (size_t a = 0; a < 3; a++) x[a] += form * along * U[3 * a];
+    }
+}
+
+/* Part b: longer by form, away from a, turned about the middle between both. */
+static void pose_part(const double v[J_OPTIONS], double angle, double form, apsm_mesh *b)
+{
+    const double n = sqrt(14), u[3] = { 1 / n, 2 / n, 3 / n };
+    lengthen(form, b);
+    for (size_t k = 0; k < b->nv; k++) {
+        double *x = b->V + 3 * k;
+        x[0] += v[J_AWAY] / 2;
+        turn(u, angle * M_PI / 180, x);
+        x[0] += v[J_AWAY] / 2;
+    }
+}
+
+static void move_subject(apsm_random *rng, apsm_mesh mesh[2])
+{
+    double u[3], t[3], norm = 0;
+    for (int c = 0; c < 3; c++) u[c] = apsm_random_normal(rng), norm += u[c] * u[c];
+    for (int c = 0; c < 3; c++) u[c] /= sqrt(norm), t[c] = 20 * apsm_random_normal(rng);
+    const double angle = 0.3 * apsm_random_normal(rng);
+    for (int d = 0; d < 2; d++)
+        for (size_t k = 0; k < mesh[d].nv; k++) {
+            turn(u, angle, mesh[d].V + 3 * k);
+            for (int c = 0; c < 3; c++) mesh[d].V[3 * k + (size_t)c] += t[c];
+        }
+}
+
+static apsm_status write_joint(apsm_context *ctx, const char *folder, const double v[J_OPTIONS],
+                               size_t i, apsm_writer *truth)
+{
+    const size_t n = (size_t)v[J_COUNT];
+    const double at = n > 1 ? 2 * (double)i / (double)(n - 1) - 1 : 0;
+    const double other = cos(2.5 * M_PI * at); /* even: has no correlation with the turn */
+    const double angle = v[J_ANGLE] * at, form = v[J_FORM] * other;
+    apsm_random rng = apsm_random_stream((uint64_t)v[J_SEED], APSM_STREAM_TEST, i, 0);
+    apsm_mesh mesh[2] = { make_part(0, (int)v[J_LEVEL]), make_part(1, (int)v[J_LEVEL]) };
+    apsm_status status = APSM_OK;
+    pose_part(v, angle, form, &mesh[1]);
+    if (v[J_MOVE] != 0) move_subject(&rng, mesh);
+    for (int d = 0; d < 2; d++) {
+        char path[1024];
+        snprintf(path, sizeof path, "%s/shapes/s%02zu_%c.ply", folder, i, 'a' + d);
+        if (status == APSM_OK) status = apsm_write_mesh(ctx, path, &mesh[d]);
+        apsm_mesh_free(&mesh[d]);
+    }
+    apsm_writer_printf(truth, "s%02zu,%.9g,%.9g\n", i, angle, form);
+    return status;
+}
+
+static int make_joint(apsm_context *ctx, int argc, char **argv)
+{
+    double v[J_OPTIONS] = { [J_COUNT] = 8, [J_LEVEL] = 3, [J_AWAY] = 100, [J_MOVE] = 1 };
+    char path[1024];
+    apsm_writer *truth = NULL;
+    if (!option_words(argc - 3, argv + 3, J_OPTIONS, joint_names, v)) return 2;
+    snprintf(path, sizeof path, "%s/shapes", argv[2]);
+    apsm_status status = apsm_make_folder(ctx, path);
+    snprintf(path, sizeof path, "%s/truth.csv", argv[2]);
+    if (status == APSM_OK) status = apsm_writer_open(ctx, path, &truth);
+    if (status == APSM_OK) apsm_writer_printf(truth, "name,angle,form\n");
+    for (size_t i = 0; i < (size_t)v[J_COUNT] && status == APSM_OK; i++)
+        status = write_joint(ctx, argv[2], v, i, truth);
+    if (status == APSM_OK)
+        status = apsm_writer_commit(truth);
+    else if (truth)
+        apsm_writer_abort(truth);
+    if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
+    return status != APSM_OK;
+}
+
 static int make_one(apsm_context *ctx, int argc, char **argv)
 {
     double v[OPTIONS] = { [LEVEL] = 3, [COUNT] = 5, [SCALE] = 1, [OPEN] = 1, [PATCH] = NAN };
@@ -199,7 +307,9 @@ int main(int argc, char **argv)
     if (argc < 3) return usage();
     apsm_context *ctx = apsm_context_new();
     if (!ctx) return 1;
-    const int code = is_cohort(argv[1]) ? make_cohort(ctx, argc, argv) : make_one(ctx, argc, argv);
+    const int code = is_cohort(argv[1])              ? make_cohort(ctx, argc, argv)
+                     : strcmp(argv[1], "joint") == 0 ? make_joint(ctx, argc, argv)
+                                                     : make_one(ctx, argc, argv);
     apsm_context_free(ctx);
     return code == 2 ? usage() : code;
 }

@@ -1,0 +1,38 @@
+#!/bin/bash
+# Joints with planted pose and shape (make_synthetic joint): what was put in comes out, in its own modes.
+# $1 is the program, $2 make_synthetic.
+. "$(dirname "$0")/head.sh"
+fast="--parts a=_a,b=_b --align-parts a -J 40 --faces 1500 --stage1-epochs 4 --stage2-epochs 2 --quiet"
+
+# Sum of the squares of the scores in a table: the variance, up to a factor.
+power() { awk -F, 'NR > 1 { for (k = 2; k <= NF; k++) s += $k * $k } END { print s + 0 }' "$1"; }
+# The square of the correlation of column 2 of a table of scores with column C of truth.csv.
+explained() { paste -d, "$1" "$2/truth.csv" | awk -F, -v c="$3" 'NR > 1 { n++; x = $2; y = $(NF - 2 + c - 1)
+    sx += x; sy += y; xx += x * x; yy += y * y; xy += x * y }
+    END { print (xy - sx * sy / n) ^ 2 / ((xx - sx * sx / n) * (yy - sy * sy / n)) }'; }
+# The largest error in degrees of the turns of part b from the first subject on.
+worst_turn() { awk -F, 'NR == FNR { if (FNR > 1) angle[$1] = $2; next }
+    FNR == 1 { for (k = 1; k <= NF; k++) if ($k == "b_rx") c = k; next }
+    { x = $c; y = $(c + 1); z = $(c + 2) }
+    FNR == 2 { x0 = x; y0 = y; z0 = z; a0 = angle[$1] }
+    { t = sqrt((x - x0) ^ 2 + (y - y0) ^ 2 + (z - z0) ^ 2); e = t - (angle[$1] - a0); if (e < 0) e = -e; if (e > m) m = e }
+    END { print m }' "$1/truth.csv" "$2/poses.csv"; }
+holds() { awk "BEGIN { exit !($1) }" || fail "$2"; }
+
+# A turn alone, by 15 degrees to either side: below 1 % of the variance is shape, and the angles are known.
+"$synthetic" joint turns count 8 angle 15 seed 4 || exit 1
+"$apsm" run turns/shapes -o t $fast >said 2>&1 || fail "turns: $(tail -n 2 said)"
+shape=$(power t/shape_scores.csv) pose=$(power t/pose_scores.csv)
+holds "$shape < 0.01 * ($shape + $pose)" "a turn leaves $shape in shape, $pose in pose"
+holds "$(worst_turn turns t) < 0.7" "the turns are off by up to $(worst_turn turns t) degrees"
+holds "$(explained t/pose_scores.csv turns 2) > 0.998" "the first mode of pose explains $(explained t/pose_scores.csv turns 2) of the turn"
+
+# Both: each is the first mode of its own kind.
+"$synthetic" joint both count 9 angle 12 form 0.12 seed 5 || exit 1
+"$apsm" run both/shapes -o m $fast >said 2>&1 || fail "both: $(tail -n 2 said)"
+holds "$(explained m/pose_scores.csv both 2) > 0.99" "turns with shapes: $(explained m/pose_scores.csv both 2)"
+holds "$(explained m/shape_scores.csv both 3) > 0.99" "shapes with turns: $(explained m/shape_scores.csv both 3)"
+holds "$(worst_turn both m) < 1" "turns with shapes are off by up to $(worst_turn both m) degrees"
+# The two have nothing to do with each other.
+holds "$(explained m/shape_scores.csv both 2) < 0.1" "shape follows the turn: $(explained m/shape_scores.csv both 2)"
+exit $failed
