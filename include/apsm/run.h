@@ -42,7 +42,18 @@ typedef struct apsm_run_settings {
      * call without it finds them there.  shards 0: all shapes. */
     size_t shard, shards;
     const struct apsm_company *company; /* borrowed; NULL: the processes do not know each other */
+    const struct apsm_surroundings *surroundings; /* borrowed until apsm_run_close; NULL: nothing */
 } apsm_run_settings;
+
+/* What lies around the shapes, such as the other bones of a joint: rebuilt surfaces that go into it
+ * are penalised (option "contact"). */
+typedef struct apsm_surroundings {
+    void *user;
+    /* Surfaces around the shape that was read from path, in the frame of its groomed mesh: n meshes
+     * in a malloc'ed array, all given away.  Called by several threads. */
+    apsm_status (*of)(void *user, apsm_context *ctx, const char *path, size_t *n,
+                      apsm_mesh **meshes);
+} apsm_surroundings;
 
 /* Processes that do a job together, each with its own run of the same folder and settings but
  * shard.  The first of them (0) does apsm_run_all, the others apsm_run_help. */

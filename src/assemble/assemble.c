@@ -9,6 +9,7 @@
 #include "files/files.h"
 #include "folder/manifest_json.h"
 #include "folder/names.h"
+#include "run/manifest.h"
 #include "run/source.h"
 
 /* ---- the folder ---- */
@@ -110,32 +111,60 @@ static size_t inputs_of_part(const joint_job *job, size_t d, const char **inputs
     return n;
 }
 
-static apsm_status run_part(const joint_job *job, size_t d, const char *(*set)[2],
-                            const char **inputs)
+/* Arrays that a part's job is described with, and what lies around the part: NULL before all are
+ * groomed. */
+typedef struct describing {
+    const char *(*set)[2];
+    const char **inputs;
+    joint_around *around;
+} describing;
+
+static apsm_status groom(const joint_job *job, apsm_run *run)
+{
+    return job->settings->run.resume && stage_is_done(run, "groom") ? APSM_OK : apsm_run_groom(run);
+}
+
+/* All steps of part d; the first alone, as long as nothing is known of the others. */
+static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
 {
     apsm_run *run = NULL;
     apsm_run_settings settings = job->settings->run;
+    const apsm_surroundings surroundings = { w->around, joint_around_of };
+    const bool dry = settings.dry;
     settings.folder = job->part[d].folder;
-    settings.n_set = options_of_part(job, d, set);
-    settings.set = (const char *const(*)[2])set;
-    settings.n_inputs = inputs_of_part(job, d, inputs);
-    settings.inputs = inputs;
-    settings.resume = job->settings->run.resume && apsm_is_folder(settings.folder);
+    settings.n_set = options_of_part(job, d, w->set);
+    settings.set = (const char *const(*)[2])w->set;
+    settings.n_inputs = inputs_of_part(job, d, w->inputs);
+    settings.inputs = w->inputs;
+    settings.resume = w->around || (settings.resume && apsm_is_folder(settings.folder));
+    if (w->around) {
+        w->around->of = d;
+        settings.overwrite = false;
+        settings.surroundings = &surroundings;
+    }
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu)", job->part[d].name, d + 1, job->n);
     apsm_status status = apsm_run_open(job->ctx, &settings, &run);
-    if (status == APSM_OK) status = settings.dry ? apsm_run_dry(run) : apsm_run_all(run);
+    if (status == APSM_OK)
+        status = dry ? apsm_run_dry(run) : w->around ? apsm_run_all(run) : groom(job, run);
     apsm_run_close(run);
     return status;
 }
 
 static apsm_status run_parts(const joint_job *job)
 {
-    const char *(*set)[2] = malloc((job->settings->run.n_set + 1) * sizeof *set);
-    const char **inputs = malloc((job->subjects + 1) * sizeof *inputs);
-    apsm_status status = set && inputs ? APSM_OK : APSM_ERR_MEMORY;
-    for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, set, inputs);
-    free(set);
-    free(inputs);
+    joint_around around = { .job = job };
+    describing w = { malloc((job->settings->run.n_set + 1) * sizeof *w.set),
+                     malloc((job->subjects + 1) * sizeof *w.inputs), NULL };
+    apsm_status status = w.set && w.inputs ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, &w);
+    if (status == APSM_OK && !job->settings->run.dry) {
+        w.around = &around;
+        status = joint_around_read(job, &around);
+        for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, &w);
+        joint_around_free(&around);
+    }
+    free(w.set);
+    free(w.inputs);
     return status;
 }
 

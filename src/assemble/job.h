@@ -55,7 +55,42 @@ void joint_job_free(joint_job *job);
 /* ---- shared.c: settings->shared, in the folder, which is there ---- */
 apsm_status joint_share(joint_job *job);
 
+/* ---- paths.c: cases by their files ---- */
+
+typedef struct joint_path {
+    char *path; /* resolved; owned */
+    size_t row;
+} joint_path;
+/* Sorted by path.  Zero-initialise with {0}; joint_paths_free leaves it so. */
+typedef struct joint_paths {
+    size_t n;
+    joint_path *path;
+} joint_paths;
+apsm_status joint_paths_of_project(const apsm_project *project, joint_paths *list);
+/* Of part d: rows are subjects. */
+apsm_status joint_paths_of_subjects(const joint_job *job, size_t d, joint_paths *list);
+size_t joint_paths_find(const joint_paths *list, const char *path); /* SIZE_MAX: not there */
+void joint_paths_free(joint_paths *list);
+
+/* ---- around.c ---- */
+
+/* Owns all but job. */
+typedef struct joint_around {
+    const joint_job *job;
+    size_t of;                  /* the part that is asked about */
+    apsm_project *project;      /* n: of the parts, groomed */
+    joint_paths *row, *subject; /* n: rows of project, subjects of job */
+} joint_around;
+apsm_status joint_around_read(const joint_job *job, joint_around *around);
+void joint_around_free(joint_around *around);
+/* apsm_surroundings of part around->of; user is the joint_around. */
+apsm_status joint_around_of(void *user, apsm_context *ctx, const char *path, size_t *n,
+                            apsm_mesh **meshes);
+
 /* ---- load.c ---- */
+
+/* From the groomed mesh of a part to the frame that the subject's parts share. */
+apsm_status joint_place(apsm_context *ctx, const apsm_subject *subject, double place[16]);
 
 /* The complete subjects' particles in the frame of their inputs, mirrored ones turned to the side
  * of the others, as they lie to each other; then in one frame.  Owns everything. */

@@ -47,55 +47,18 @@ static apsm_status read_parts(const joint_job *job, joint_cohort *c)
     return c->P && c->Q ? APSM_OK : APSM_ERR_MEMORY;
 }
 
-/* Cases of a part's model are known by the file that they were read from. */
-typedef struct known_input {
-    char *path; /* resolved; owned */
-    size_t row;
-} known_input;
-
-static int by_path(const void *a, const void *b)
-{
-    return strcmp(((const known_input *)a)->path, ((const known_input *)b)->path);
-}
-
-static void free_inputs(known_input *known, size_t n)
-{
-    for (size_t i = 0; known && i < n; i++) free(known[i].path);
-    free(known);
-}
-
-static apsm_status list_inputs(const apsm_project *project, known_input **list)
-{
-    known_input *known = calloc(project->n + 1, sizeof *known);
-    *list = known;
-    if (!known) return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < project->n; i++) {
-        char *path = apsm_project_path(project, project->subjects[i].shape);
-        known[i] = (known_input){ path ? realpath(path, NULL) : NULL, i };
-        if (path && !known[i].path) known[i].path = strdup(path);
-        free(path);
-        if (!known[i].path) return APSM_ERR_MEMORY;
-    }
-    qsort(known, project->n, sizeof *known, by_path);
-    return APSM_OK;
-}
-
-static apsm_status find_rows(const joint_job *job, size_t d, const known_input *known,
+static apsm_status find_rows(const joint_job *job, size_t d, const joint_paths *known,
                              joint_cohort *c)
 {
-    const size_t n = c->folder[d].project.n;
     for (size_t i = 0; i < c->I; i++) {
         const apsm_input_case *input = &job->list.cases[job->subject[i].input[d]];
-        known_input key = { realpath(input->path, NULL), 0 };
-        const known_input *found =
-            key.path ? bsearch(&key, known, n, sizeof *known, by_path) : NULL;
-        free(key.path);
-        if (!found)
+        const size_t row = joint_paths_find(known, input->path);
+        if (row == SIZE_MAX)
             return apsm_fail(job->ctx, APSM_ERR_STATE,
                              "%s: is not among the shapes of %s; run the whole job again with "
                              "--overwrite",
                              input->path, job->part[d].folder);
-        c->row[i * c->n + d] = found->row;
+        c->row[i * c->n + d] = row;
     }
     return APSM_OK;
 }
@@ -103,10 +66,10 @@ static apsm_status find_rows(const joint_job *job, size_t d, const known_input *
 static apsm_status match(const joint_job *job, joint_cohort *c)
 {
     for (size_t d = 0; d < c->n; d++) {
-        known_input *known = NULL;
-        apsm_status status = list_inputs(&c->folder[d].project, &known);
-        if (status == APSM_OK) status = find_rows(job, d, known, c);
-        free_inputs(known, c->folder[d].project.n);
+        joint_paths known = { 0 };
+        apsm_status status = joint_paths_of_project(&c->folder[d].project, &known);
+        if (status == APSM_OK) status = find_rows(job, d, &known, c);
+        joint_paths_free(&known);
         APSM_TRY(status);
     }
     return APSM_OK;
@@ -119,10 +82,9 @@ static const apsm_subject *subject_of(const joint_cohort *c, size_t i, size_t d)
 
 /* ---- places ---- */
 
-static apsm_status place_part(apsm_context *ctx, joint_cohort *c, size_t i, size_t d)
+apsm_status joint_place(apsm_context *ctx, const apsm_subject *s, double place[16])
 {
-    double reflection[16], *place = c->place + 16 * (i * c->n + d);
-    const apsm_subject *s = subject_of(c, i, d);
+    double reflection[16];
     const char *text = apsm_subject_column(s, "reflection");
     bool plain;
     apsm_affine_identity(place);
@@ -146,7 +108,7 @@ static apsm_status place_subject(const joint_job *job, joint_cohort *c, size_t i
                 "all parts of a subject or none, and do not use --mirror-check fix",
                 job->subject[i].name, job->part[c->mirrored[i] ? 0 : d].name,
                 job->part[c->mirrored[i] ? d : 0].name);
-        APSM_TRY(place_part(job->ctx, c, i, d));
+        APSM_TRY(joint_place(job->ctx, subject_of(c, i, d), c->place + 16 * (i * c->n + d)));
     }
     return APSM_OK;
 }

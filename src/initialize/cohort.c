@@ -157,6 +157,7 @@ void apsm_cohort_free(apsm_cohort *cohort)
     for (size_t i = 0; cohort->features.value && i < cohort->features.I; i++)
         free(cohort->features.value[i]);
     free(cohort->features.value);
+    apsm_obstacles_free(&cohort->obstacles);
     *cohort = (apsm_cohort){ 0 };
 }
 

@@ -10,6 +10,7 @@
 #include "geometry/geodesic.h"
 #include "geometry/rim.h"
 #include "geometry/topology.h"
+#include "initialize/obstacles.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -52,6 +53,7 @@ typedef struct apsm_cohort {
     bool *fixed;           /* I: particles that take part and stay where they are; NULL: none */
     apsm_anchors anchors;
     apsm_features features;
+    apsm_obstacles obstacles; /* in the world */
 } apsm_cohort;
 
 /* Whether the particles of shape i may move. */

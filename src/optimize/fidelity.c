@@ -260,10 +260,12 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
     const apsm_fidelity_options *o = &t->f->o;
     const apsm_fidelity_prior *p = t->prior;
     const size_t fold = i % p->folds, D = 3 * p->J;
+    const double share = (double)(t->round + 1) / (double)o->fidelity_rounds; /* of the rounds */
     return (fidelity_weights){ .stay = diagonal * o->stay,
                                .smooth = diagonal * o->smooth,
                                .prior = diagonal * weight_of_prior(t->f),
                                .order = diagonal * o->order,
+                               .contact = o->contact * share / o->floor,
                                .shape = i,
                                .from = t->P0 + i * D,
                                .mean = p->mean + fold * D,
@@ -396,7 +398,7 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     apsm_shape_look_up(&f->cohort->shape[i], f->J, P, w->a.S, NULL, w->a.N);
     fidelity_measure(f, i, t->round, &w->a, w);
     r->before = w->a.distance;
-    const bool guided = f->anchors.nv > 0 || f->features;
+    const bool guided = f->anchors.nv > 0 || f->features || w->a.contacts > 0;
     const double limit = (f->doubt > 0 || guided ? growth : 1) * w->a.distance;
     r->moved = descend(t, i, guided ? limit + f->o.floor : limit, w);
     r->after = w->a.distance;

@@ -20,6 +20,9 @@ extern "C" {
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
     INT(S, fidelity_points, 1000, 100, 10000000,                                                   \
         "vertices of either surface, about, that (12) sums over")                                  \
+    REAL(S, contact, 30, 0, 1000,                                                                  \
+         "of a joint: weight of the penalty on rebuilt surfaces that go into the subject's other " \
+         "parts, against what the surfaces have to say; grows to this over the rounds; 0: none")   \
     FIXED(S, double, prior, 550.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
     FIXED(S, double, stay, 0.02, "lambda in (12): pull to where the stage began")                  \
     FIXED(S, double, smooth, 1.0, "mu in (12): displacements from the mean are smooth")            \

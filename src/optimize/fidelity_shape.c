@@ -2,6 +2,7 @@
  *
  *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 mu e' Q e + 1/2 kappa e' S e
  *       + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2 + landmarks (fidelity_landmarks.c)
+ *       + joint spaces (fidelity_contacts.c)
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
@@ -63,7 +64,7 @@ static void state_free(fidelity_state *s)
 
 apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w)
 {
-    const size_t J = f->J, matches = 2 * most_vertices(f);
+    const size_t J = f->J, matches = (f->cohort->obstacles.I > 0 ? 3 : 2) * most_vertices(f);
     *w = (fidelity_work){ 0 };
     const bool states = state_alloc(J, matches, &w->a) && state_alloc(J, matches, &w->b);
     w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
@@ -186,6 +187,7 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
     double sum = 0;
     for (size_t k = 0; k < n; k++) sum += s->match[k].distance;
     s->distance = sum / (double)n;
+    fidelity_find_contacts(f, i, s, w);
 }
 
 /* ---- the objective ---- */
@@ -380,6 +382,7 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_
     s->value = sum;
     fidelity_value_landmarks(f, q->shape, s);
     fidelity_value_features(f, q->shape, s, w);
+    fidelity_value_contacts(q, s);
 }
 
 /* Particles of the rim have one tangent, along it. */
@@ -533,6 +536,7 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
     if (q->order > 0) disorder(f, q, s->P, w->tangent, w);
     fidelity_add_landmarks(f, q->shape, s, w);
     fidelity_add_features(f, q->shape, s, w);
+    fidelity_add_contacts(f, q, s, w);
     if (!(q->prior > 0)) return;
     deviation(f, q, s->P, w);
     add_gradient(f->J, q->prior, w->Se, w->tangent, w->g);

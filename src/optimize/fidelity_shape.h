@@ -39,13 +39,14 @@ typedef struct fidelity_state {
     apsm_surface_point *S; /* J */
     size_t pulls, n;       /* matches: pulls of template vertices, then pushes of the shape's */
     fidelity_match *match;
-    double distance; /* mean over the matches, in h */
+    size_t contacts; /* matches behind the n: vertices of the template that lie in an obstacle */
+    double distance; /* mean over the n, in h */
     double value;    /* of (12) */
 } fidelity_state;
 
 /* Weights of the quadratic terms of (12), lengths in h. */
 typedef struct fidelity_weights {
-    double stay, smooth, prior, order;
+    double stay, smooth, prior, order, contact;
     size_t shape;       /* whose */
     const double *from; /* J x 3: particles when the stage began */
     const double *mean; /* J x 3 */
@@ -122,6 +123,12 @@ void fidelity_add_landmarks(const apsm_fidelity *f, size_t i, const fidelity_sta
 void fidelity_value_features(const apsm_fidelity *f, size_t i, fidelity_state *s, fidelity_work *w);
 void fidelity_add_features(const apsm_fidelity *f, size_t i, const fidelity_state *s,
                            fidelity_work *w);
+/* Matches behind the others, w->Y being warped to s->P; and their part. */
+void fidelity_find_contacts(const apsm_fidelity *f, size_t i, fidelity_state *s,
+                            const fidelity_work *w);
+void fidelity_value_contacts(const fidelity_weights *q, fidelity_state *s);
+void fidelity_add_contacts(const apsm_fidelity *f, const fidelity_weights *q,
+                           const fidelity_state *s, fidelity_work *w);
 /* Triangles of neighbours that are turned over against the template. */
 size_t fidelity_folds(const apsm_fidelity *f, const fidelity_state *s);
 

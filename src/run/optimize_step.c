@@ -176,6 +176,37 @@ static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state,
     return saved == APSM_OK ? status : saved;
 }
 
+/* ---- what lies around the shapes ---- */
+
+static apsm_status load_around(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    apsm_run *run = user;
+    size_t n = 0;
+    apsm_mesh *meshes = NULL;
+    char *path = apsm_project_path(&run->project, run->project.subjects[i].shape);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = run->surroundings->of(run->surroundings->user, ctx, path, &n, &meshes);
+    for (size_t k = 0; k < n; k++) {
+        apsm_mesh_transform(&meshes[k], run->transforms + 16 * i);
+        if (status == APSM_OK) status = apsm_obstacles_add(&run->cohort.obstacles, i, &meshes[k]);
+        apsm_mesh_free(&meshes[k]);
+    }
+    free(meshes);
+    free(path);
+    return status;
+}
+
+static apsm_status load_surroundings(apsm_run *run)
+{
+    const apsm_fidelity_options *o = &run->options.optimize.fidelity;
+    if (!run->surroundings || !(o->contact > 0) || !(o->fidelity > 0) ||
+        run->options.optimize.method == APSM_METHOD_PSM || run->cohort.obstacles.I > 0)
+        return APSM_OK;
+    APSM_TRY(apsm_obstacles_begin(run->cohort.I, &run->cohort.obstacles));
+    return apsm_parallel_for(run->ctx, run->cohort.I, load_around, run, NULL);
+}
+
 apsm_status apsm_run_optimize(apsm_run *run)
 {
     if (!run) return APSM_ERR_ARG;
@@ -185,6 +216,7 @@ apsm_status apsm_run_optimize(apsm_run *run)
     apsm_status status = guard_files(run, "optimize", NULL);
     if (status == APSM_OK)
         status = run_load_cohort(run, run->options.optimize.method != APSM_METHOD_PSM);
+    if (status == APSM_OK) status = load_surroundings(run);
     if (status == APSM_OK) status = load_start(run, &state, &r);
     if (status == APSM_OK) status = stage_start(run, "optimize");
     if (status == APSM_OK) status = optimize_and_save(run, &state, &r);

@@ -135,6 +135,7 @@ apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *give
     run->shard = settings->shard;
     run->shards = settings->shards;
     run->company = settings->company;
+    run->surroundings = settings->surroundings;
     run->helps = settings->shards > 0 && !(settings->company && settings->shard == 0);
     const apsm_status status = open_all(run, settings);
     if (status == APSM_OK)

@@ -50,6 +50,7 @@ struct apsm_run {
     bool share_kept; /* it has done so: the step ends there */
     size_t shard, shards;
     const apsm_company *company;
+    const apsm_surroundings *surroundings;
     apsm_deal deal; /* while groom or initialize is under way, if there are shards */
     bool dry;
     bool has_manifest; /* in the folder */

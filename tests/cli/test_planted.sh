@@ -35,4 +35,19 @@ holds "$(explained m/shape_scores.csv both 3) > 0.99" "shapes with turns: $(expl
 holds "$(worst_turn both m) < 1" "turns with shapes are off by up to $(worst_turn both m) degrees"
 # The two have nothing to do with each other.
 holds "$(explained m/shape_scores.csv both 2) < 0.1" "shape follows the turn: $(explained m/shape_scores.csv both 2)"
+
+# Halves that lie next to each other: with the penalty the rebuilt ones go less into each other, beyond what
+# the shapes themselves do, and fit no worse.
+mkdir halves
+for i in 0 1 2 3 4 5 6; do
+    "$synthetic" ellipsoid halves/s${i}_lo.ply index $i level 3 open .5 wobble 0.03 seed $i || exit 1
+    "$synthetic" ellipsoid halves/s${i}_up.ply index $i level 3 open -.5 wobble 0.03 seed $i lift 0.05 || exit 1
+done
+excess() { awk -F, '$1 ~ /^s/ && $8 > $5 { s += $8 - $5 } END { print s + 0 }' "$1/contacts.csv"; }
+distance() { sed -n '/"surface_distance": {/,/"max"/s/.*"mean": \([0-9.e-]*\),.*/\1/p' "$1/evaluation.json" | head -n 1; }
+for w in 0 30; do
+    "$apsm" run halves -o h$w --parts lo=_lo,up=_up --fill -J 32 --faces 1500 --contact $w --quiet >said 2>&1 || fail "halves: $(tail -n 2 said)"
+done
+holds "$(excess h0) > 0.05 && $(excess h30) < 0.6 * $(excess h0)" "rebuilt halves: $(excess h30) deep with the penalty, $(excess h0) without"
+holds "$(distance h30) < 1.05 * $(distance h0)" "the penalty costs: $(distance h30), $(distance h0)"
 exit $failed

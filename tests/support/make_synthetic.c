@@ -11,15 +11,16 @@
  * torus, sheet (a thin box).  Options: level (of the icosphere), index, count, hole (faces left
  * out), open (what lies above so much of the height is missing; -s: what lies below), wobble (root
  * mean square of a smooth random deformation as a share of the box's diagonal) with its seed,
- * mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), scale,
- * patch (degrees about z: a field "heat" of the vertices, a bell about the direction there, 30
- * degrees wide); applied in this order whatever their order on the command line.
+ * mirror (1: x is negated), turn (degrees about (1, 2, 3)), shift (along (1, -2, 0.5)), lift (along
+ * z), scale, patch (degrees about z: a field "heat" of the vertices, a bell about the direction
+ * there, 30 degrees wide); applied in this order whatever their order on the command line.
  *
  * Options of joints: count, level, seed (of the motions), angle (the second part turns about a
  * point between both, from -angle to angle degrees, evenly), form (and is longer by from -form to
- * form of itself, in another order), away (between the parts' centres), move (0: subjects lie as
- * they were made, else each is moved as a whole).  OUT_DIR/shapes/sNN_a.ply, sNN_b.ply;
- * OUT_DIR/truth.csv. */
+ * form of itself, along its principal axis), away (between the parts' centres), gap (else, if not
+ * 0, between their surfaces), rough (as wobble, other for every subject and part), move (0:
+ * subjects lie as they were made, else each is moved as a whole). OUT_DIR/shapes/sNN_a.ply,
+ * sNN_b.ply; OUT_DIR/truth.csv. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -31,13 +32,30 @@
 #include "files/files.h"
 #include "geometry/affine.h"
 #include "geometry/clip.h"
+#include "joint/contact.h"
 #include "make_cohort.h"
 #include "option_words.h"
 #include "synthetic.h"
 
-enum { LEVEL, INDEX, COUNT, HOLE, OPEN, WOBBLE, SEED, MIRROR, TURN, SHIFT, SCALE, PATCH, OPTIONS };
-static const char *const names[OPTIONS] = { "level", "index",  "count", "hole",  "open",  "wobble",
-                                            "seed",  "mirror", "turn",  "shift", "scale", "patch" };
+enum {
+    LEVEL,
+    INDEX,
+    COUNT,
+    HOLE,
+    OPEN,
+    WOBBLE,
+    SEED,
+    MIRROR,
+    TURN,
+    SHIFT,
+    SCALE,
+    PATCH,
+    LIFT,
+    OPTIONS
+};
+static const char *const names[OPTIONS] = { "level",  "index", "count",  "hole", "open",
+                                            "wobble", "seed",  "mirror", "turn", "shift",
+                                            "scale",  "patch", "lift" };
 
 static apsm_status make(apsm_context *ctx, const char *shape, const double v[OPTIONS],
                         apsm_mesh *mesh)
@@ -127,7 +145,8 @@ static void move(const double v[OPTIONS], apsm_mesh *mesh)
         double *x = mesh->V + 3 * i;
         if (v[MIRROR] != 0) x[0] = -x[0];
         if (v[TURN] != 0) turn(u, v[TURN] * M_PI / 180, x);
-        for (int k = 0; k < 3; k++) x[k] = v[SCALE] * (x[k] + v[SHIFT] * way[k]);
+        for (int k = 0; k < 3; k++)
+            x[k] = v[SCALE] * (x[k] + v[SHIFT] * way[k] + (k == 2 ? v[LIFT] : 0));
     }
     for (size_t f = 0; v[MIRROR] != 0 && f < mesh->nf; f++) { /* outward again */
         const uint32_t b = mesh->F[3 * f + 1];
@@ -175,9 +194,9 @@ static int make_contour(apsm_context *ctx, const char *path, double share)
 
 /* ---- joints ---- */
 
-enum { J_COUNT, J_LEVEL, J_SEED, J_ANGLE, J_FORM, J_AWAY, J_MOVE, J_OPTIONS };
-static const char *const joint_names[J_OPTIONS] = { "count", "level", "seed", "angle",
-                                                    "form",  "away",  "move" };
+enum { J_COUNT, J_LEVEL, J_SEED, J_ANGLE, J_FORM, J_AWAY, J_MOVE, J_GAP, J_ROUGH, J_OPTIONS };
+static const char *const joint_names[J_OPTIONS] = { "count", "level", "seed", "angle", "form",
+                                                    "away",  "move",  "gap",  "rough" };
 
 /* An ellipsoid that has no symmetry: always the same. */
 static apsm_mesh make_part(int d, int level)
@@ -217,6 +236,26 @@ static void pose_part(const double v[J_OPTIONS], double angle, double form, apsm
     }
 }
 
+/* Moves b along x until it is gap away from a. */
+static apsm_status bring_near(double gap, const apsm_mesh *a, apsm_mesh *b)
+{
+    enum { STEPS = 40 };
+    apsm_bvh *tree = NULL;
+    APSM_TRY(apsm_bvh_build(a, &tree));
+    apsm_status status = APSM_OK;
+    for (int k = 0; k < STEPS && status == APSM_OK; k++) {
+        apsm_bvh *other = NULL;
+        apsm_contact c = { 0 };
+        status = apsm_bvh_build(b, &other);
+        if (status == APSM_OK) apsm_contact_measure(tree, other, &c);
+        apsm_bvh_free(other);
+        const double way = c.depth > 0 ? c.depth + gap : gap - c.gap;
+        for (size_t v = 0; v < b->nv; v++) b->V[3 * v] += way;
+    }
+    apsm_bvh_free(tree);
+    return status;
+}
+
 static void move_subject(apsm_random *rng, apsm_mesh mesh[2])
 {
     double u[3], t[3], norm = 0;
@@ -240,7 +279,10 @@ static apsm_status write_joint(apsm_context *ctx, const char *folder, const doub
     apsm_random rng = apsm_random_stream((uint64_t)v[J_SEED], APSM_STREAM_TEST, i, 0);
     apsm_mesh mesh[2] = { make_part(0, (int)v[J_LEVEL]), make_part(1, (int)v[J_LEVEL]) };
     apsm_status status = APSM_OK;
+    for (int d = 0; d < 2 && v[J_ROUGH] > 0; d++)
+        wobble(v[J_ROUGH], 1000 * (uint64_t)v[J_SEED] + 2 * i + (uint64_t)d, &mesh[d]);
     pose_part(v, angle, form, &mesh[1]);
+    if (v[J_GAP] > 0) status = bring_near(v[J_GAP], &mesh[0], &mesh[1]);
     if (v[J_MOVE] != 0) move_subject(&rng, mesh);
     for (int d = 0; d < 2; d++) {
         char path[1024];

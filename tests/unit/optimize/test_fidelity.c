@@ -238,6 +238,105 @@ static void test_gradient(void **state)
     free_prior_scene(&p);
 }
 
+/* A ball whose surface just touches that of shape i at vertex v, from outside. */
+static void put_ball(scene *s, size_t i, size_t v, double radius)
+{
+    const apsm_shape *shape = &s->cohort.shape[i];
+    apsm_mesh ball = shape_sphere(3, radius);
+    for (size_t x = 0; x < 3 * ball.nv; x++)
+        ball.V[x] += shape->mesh.V[3 * v + x % 3] + 1.01 * radius * shape->VN[3 * v + x % 3];
+    assert_int_equal(apsm_obstacles_add(&s->cohort.obstacles, i, &ball), APSM_OK);
+    assert_null(ball.V);
+}
+
+/* Depths, in h, of the warped template in the obstacles. */
+static double depth_of(const apsm_fidelity *f, size_t i, const double *P, fidelity_work *w)
+{
+    double sum = 0;
+    distance_of(f, i, P, w);
+    for (size_t k = w->b.n; k < w->b.n + w->b.contacts; k++) sum += w->b.match[k].distance;
+    return sum;
+}
+
+/* What lies in another part is pushed out of it: the term's gradient is that of its value, its
+ * matrix positive; and the stage leaves less in there than without, where anything is. */
+static void test_contacts(void **state)
+{
+    (void)state;
+    enum { OF = 3 };
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    double depth[2], P[I * J * 3];
+    scene s;
+    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
+    assert_int_equal(apsm_obstacles_begin(I, &s.cohort.obstacles), APSM_OK);
+    for (size_t v = 0; v < s.cohort.shape[OF].mesh.nv; v += 97) put_ball(&s, OF, v, 9);
+    apsm_fidelity *f = new_stage(&s, &o);
+    fidelity_work w;
+    assert_int_equal(fidelity_work_alloc(f, 2, &w), APSM_OK);
+    memcpy(w.a.P, s.P + OF * J * 3, 3 * J * sizeof *w.a.P);
+    apsm_shape_look_up(&s.cohort.shape[OF], J, w.a.P, w.a.S, NULL, w.a.N);
+    fidelity_measure(f, OF, 0, &w.a, &w);
+    assert_true(w.a.contacts > 5);
+    const fidelity_weights q = { .contact = 3, .shape = OF };
+    double d[2 * J], slope = 0, curve = 0, value[2];
+    fidelity_linearise(f, OF, &w.a, &w);
+    memset(w.H, 0, 4 * J * J * sizeof *w.H);
+    memset(w.g, 0, 2 * J * sizeof *w.g);
+    fidelity_add_contacts(f, &q, &w.a, &w);
+    for (size_t x = 0; x < 2 * J; x++) d[x] = noise(3 * x + 1);
+    for (size_t x = 0; x < 2 * J; x++) {
+        slope += w.g[x] * d[x];
+        for (size_t y = 0; y <= x; y++) curve += (2 - (x == y)) * w.H[x * 2 * J + y] * d[x] * d[y];
+    }
+    const double t = 1e-6;
+    for (int k = 0; k < 2; k++) {
+        shift(f, &w.a, w.tangent, d, k ? t : -t, w.b.P);
+        fidelity_measure(f, OF, 0, &w.b, &w);
+        w.b.value = 0;
+        fidelity_value_contacts(&q, &w.b);
+        value[k] = w.b.value;
+    }
+    const double difference = (value[1] - value[0]) / (2 * t);
+    if (!(fabs(difference - slope) < 1e-4 * fabs(slope)) || !(curve > 0))
+        fail_msg("slope %.9g by differences, %.9g by the gradient; curve %g", difference, slope,
+                 curve);
+    apsm_fidelity_free(f);
+    for (int k = 0; k < 2; k++) {
+        o.contact = k ? 30 : 0;
+        run_all(&s, &o, P);
+        o.contact = 4; /* to measure */
+        f = new_stage(&s, &o);
+        depth[k] = depth_of(f, OF, P + OF * J * 3, &w);
+        apsm_fidelity_free(f);
+    }
+    if (!(depth[0] > 0) || !(depth[1] < 0.5 * depth[0]))
+        fail_msg("depth %g with the penalty, %g without", depth[1], depth[0]);
+    fidelity_work_free(&w);
+    free_scene(&s);
+}
+
+/* Obstacles that nothing touches change no byte. */
+static void test_far_obstacles(void **state)
+{
+    (void)state;
+    const apsm_fidelity_options o = apsm_fidelity_defaults();
+    double P[I * J * 3], Q[I * J * 3];
+    scene s;
+    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
+    run_all(&s, &o, P);
+    assert_int_equal(apsm_obstacles_begin(I, &s.cohort.obstacles), APSM_OK);
+    apsm_mesh ball = shape_sphere(2, 5);
+    for (size_t x = 0; x < 3 * ball.nv; x++) ball.V[x] += 300;
+    assert_int_equal(apsm_obstacles_add(&s.cohort.obstacles, 2, &ball), APSM_OK);
+    ball = shape_sphere(2, 100);
+    ball.nf -= 9; /* open: nothing lies in it */
+    assert_int_equal(apsm_obstacles_add(&s.cohort.obstacles, 2, &ball), APSM_OK);
+    assert_int_equal(s.cohort.obstacles.n[2], 1);
+    run_all(&s, &o, Q);
+    assert_memory_equal(P, Q, sizeof P);
+    free_scene(&s);
+}
+
 /* A plate that lies two thirds of its thickness off is matched side by side, not with the side that
  * happens to be closer. */
 static void test_sides_of_sheets(void **state)
@@ -732,6 +831,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_gradient),
+        cmocka_unit_test(test_contacts),
+        cmocka_unit_test(test_far_obstacles),
         cmocka_unit_test(test_sides_of_sheets),
         cmocka_unit_test(test_prior_finds_modes),
         cmocka_unit_test(test_prior_counts_distances),
