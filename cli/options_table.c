@@ -145,6 +145,10 @@ static const cli_option own[] = {
       "of folders and all folders below only the shapes whose path matches: '**/liver.nii.gz', "
       "'sub-*/anat/*_dseg.nii.gz'; ** is any number of folders",
       NULL },
+    { "fixed", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "NAMES", "fixed", NULL,
+      "of a project: shapes (names with commas, or all that it gives particles of) whose particles "
+      "stay as they are, beside those of its column fixed; the others are optimised against them",
+      NULL },
     { "ignore", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "LIST", "ignore", NULL,
       "go on without what a project asks for and is not done here: constraints, landmarks, "
       "normals, fixed, domains, reflect",
@@ -279,10 +283,10 @@ cli_option *cli_options_list(size_t *n)
 
 /* ---- Names ---- */
 
-static const char *const texts[] = { "preset",  "labels",    "reflect_match", "exclude",
-                                     "pattern", "ignore",    "domain",        "template",
-                                     "seed",    "landmarks", "unit",          "constraints",
-                                     "features" };
+static const char *const texts[] = { "preset",   "labels",    "reflect_match", "exclude",
+                                     "pattern",  "ignore",    "domain",        "template",
+                                     "seed",     "landmarks", "unit",          "constraints",
+                                     "features", "fixed" };
 enum { TEXTS = sizeof texts / sizeof *texts };
 
 bool cli_is_key(const char *key)

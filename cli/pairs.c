@@ -76,7 +76,7 @@ static apsm_status check_value(apsm_context *ctx, const char *key, const char *v
     if (strcmp(key, "labels") == 0) return cli_check_labels(ctx, value);
     if (strcmp(key, "pattern") == 0 || strcmp(key, "template") == 0 || strcmp(key, "domain") == 0 ||
         strcmp(key, "landmarks") == 0 || strcmp(key, "constraints") == 0 ||
-        strcmp(key, "features") == 0)
+        strcmp(key, "features") == 0 || strcmp(key, "fixed") == 0)
         return *value ? APSM_OK : apsm_fail(ctx, APSM_ERR_ARG, "%s is empty", key);
     return apsm_options_set(ctx, &scratch, key, value);
 }

@@ -47,6 +47,7 @@ static const struct {
     const char *folder, *extension, *stage;
 } kinds[] = { { "groomed/", ".ply", "groom" },
               { "groomed/whole/", ".ply", "groom" },
+              { "fixed/", ".particles", "groom" },
               { "particles/", ".particles", "initialize" },
               { "particles/", ".particles", "optimize" },
               { "meshes/", ".ply", "evaluate" } };

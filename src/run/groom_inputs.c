@@ -9,6 +9,7 @@
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
+#include "run/fixed.h"
 #include "run/input_check.h"
 #include "run/kept.h"
 #include "run/memory.h"
@@ -51,6 +52,7 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
     }
     APSM_TRY(
         regions_list(run, in, source->root && !source_ignores(run, "constraints") ? source : NULL));
+    APSM_TRY(fixed_find(run, in, source->root ? source : NULL));
     return refuse_labels_of_meshes(run, in);
 }
 
@@ -326,6 +328,7 @@ void groom_inputs_free(groom_inputs *in)
     apsm_labels_free(&in->labels);
     apsm_input_list_free(&in->list);
     apsm_project_free(&in->source);
+    fixed_free(in->fixed);
     free(in->ignored);
     *in = (groom_inputs){ 0 };
 }

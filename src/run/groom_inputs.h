@@ -14,7 +14,8 @@ typedef struct groom_inputs {
     apsm_labels labels;
     apsm_project source; /* whose shapes they are; {0}: none, or the run's own (own_source) */
     bool own_source;
-    char *ignored; /* what it asks for and is not done; NULL: nothing */
+    struct fixed_shapes *fixed; /* shapes whose particles stay (fixed.h); NULL: none */
+    char *ignored;              /* what it asks for and is not done; NULL: nothing */
     apsm_groom_options options;
     apsm_store *store;        /* where the meshes' arrays are; NULL: in memory */
     apsm_mesh *mesh;          /* in their own frames, mirrored where asked for */

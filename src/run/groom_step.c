@@ -13,6 +13,7 @@
 #include "run/compare_inputs.h"
 #include "run/crop_ends.h"
 #include "run/features.h"
+#include "run/fixed.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
 #include "run/guard.h"
@@ -168,6 +169,7 @@ static apsm_status align(groom_work *w)
         if (run->options.cuts.cuts != APSM_CUTS_CROP) ao.borders = borders;
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
     }
+    if (status == APSM_OK) fixed_trust(&w->in, &w->alignment);
     json_t *notes = status == APSM_OK ? notes_of_alignment(&w->alignment, names, &ao) : NULL;
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
     if (status == APSM_OK) status = groom_cut_regions(run, &w->in, &w->alignment, &cut);
@@ -176,11 +178,15 @@ static apsm_status align(groom_work *w)
     if (status == APSM_OK && cropped)
         status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
     if (status == APSM_OK) status = align_by_landmarks(w);
-    if (status == APSM_OK) avoid_handles(w);
+    if (status == APSM_OK) {
+        avoid_handles(w);
+        fixed_prefer(&w->in, w->alignment.unfit);
+    }
     if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
         status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
                                       w->alignment.unfit, w->alignment.template_index,
                                       &w->alignment.template_index);
+    if (status == APSM_OK) status = fixed_settle(run, &w->in, cropped, &w->alignment);
     if (status == APSM_OK) status = describe_grooming(w, notes);
     json_decref(notes);
     free(borders);
@@ -247,6 +253,7 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     s->has_alignment = s->has_procrustes = true; /* ShapeWorks expects both columns */
     memcpy(s->alignment, w->alignment.M + 16 * i, sizeof s->alignment);
     APSM_TRY(apsm_text_set(&s->groomed, groomed));
+    APSM_TRY(fixed_mark(&w->in, i, s));
     if (w->in.notes[i]) APSM_TRY(apsm_subject_set_column(s, "input_notes", w->in.notes[i]));
     return describe_reflection(w, i, s);
 }
@@ -264,6 +271,8 @@ static apsm_status remove_other_shapes(groom_work *w)
 {
     static const char *const files[] = { "groomed/%s.ply",
                                          WHOLE,
+                                         "fixed/%s_local.particles",
+                                         "fixed/%s_world.particles",
                                          "particles/%s_local.particles",
                                          "particles/%s_world.particles",
                                          "particles/%s_original.particles",
@@ -357,6 +366,7 @@ static apsm_status save(groom_work *w)
     APSM_TRY(run_remove(run, run_path(run, RUN_CHECKPOINT)));
     APSM_TRY(apsm_parallel_for(run->ctx, w->in.list.n, write_mesh, w, NULL));
     APSM_TRY(remove_other_shapes(w));
+    APSM_TRY(fixed_write(run, &w->in, &w->alignment));
     APSM_TRY(describe_project(w));
     APSM_TRY(list_inputs(w));
     APSM_TRY(manifest_set_ignored(run, w->in.ignored));

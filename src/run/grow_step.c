@@ -89,7 +89,10 @@ static void forget_entry(json_t *list, const char *key, const char *name)
 /* The shape's files and what the manifest says of it. */
 static apsm_status drop_shape(apsm_run *run, const char *name)
 {
-    static const char *const files[] = { "groomed/%s.ply", "particles/%s_local.particles",
+    static const char *const files[] = { "groomed/%s.ply",
+                                         "fixed/%s_local.particles",
+                                         "fixed/%s_world.particles",
+                                         "particles/%s_local.particles",
                                          "particles/%s_world.particles",
                                          "particles/%s_original.particles",
                                          "meshes/%s_reconstructed.ply" };

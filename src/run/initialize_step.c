@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "psm/psm.h"
+#include "run/fixed.h"
 #include "run/guard.h"
 #include "run/kept.h"
 #include "run/manifest.h"
@@ -24,6 +25,7 @@ static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
 /* Each shape's are kept as soon as they are there. */
 static apsm_status carry_particles(apsm_run *run, size_t J, double *P)
 {
+    APSM_TRY(fixed_load(run, J, P));
     APSM_TRY(kept_begin(run));
     APSM_TRY(kept_pieces_of_shapes(run));
     kept_deal(run);

@@ -172,7 +172,8 @@ apsm_status memory_list(apsm_run *run, groom_inputs *in)
 {
     bool meshes_only = true;
     for (size_t k = 0; k < 4; k++) {
-        static const char *const of_files[] = { "exclude", "reflect_match", "pattern", "ignore" };
+        static const char *const of_files[] = { "exclude", "reflect_match", "pattern", "ignore",
+                                                "fixed" };
         if (*apsm_run_text(run, of_files[k]))
             return apsm_fail(run->ctx, APSM_ERR_ARG,
                              "%s: is for files; a job in memory says it when a shape is added",

@@ -5,6 +5,7 @@
 
 #include "files/particles_file.h"
 #include "geometry/affine.h"
+#include "run/fixed.h"
 #include "run/session.h"
 
 typedef struct particle_files {
@@ -13,17 +14,19 @@ typedef struct particle_files {
     const double *P;
 } particle_files;
 
-/* Writes one file and stores its path, relative to the folder, in *slot. */
-static apsm_status write_frame(apsm_context *ctx, const apsm_run *run, const char *name,
+/* Writes one file and stores its path, relative to the folder, in *slot.  Of a fixed shape it is a
+ * copy of what was given. */
+static apsm_status write_frame(apsm_context *ctx, const apsm_run *run, const apsm_subject *s,
                                const char *frame, size_t J, const double *P, char **slot)
 {
     char relative[1024];
-    if (snprintf(relative, sizeof relative, "particles/%s_%s.particles", name, frame) >=
+    if (snprintf(relative, sizeof relative, "particles/%s_%s.particles", s->name, frame) >=
         (int)sizeof relative)
-        return apsm_fail(ctx, APSM_ERR_ARG, "%s: name too long", name);
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: name too long", s->name);
     char *path = run_path(run, relative);
     if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = apsm_particles_write(ctx, path, J, P);
+    apsm_status status = slot && fixed_is(s) ? fixed_copy(ctx, run, s, frame, path)
+                                             : apsm_particles_write(ctx, path, J, P);
     free(path);
     if (status == APSM_OK && slot) status = apsm_text_set(slot, relative);
     return status;
@@ -54,7 +57,7 @@ static apsm_status write_original(apsm_context *ctx, const apsm_run *run, const 
         APSM_TRY(apsm_affine_invert(M, inverse));
         apsm_affine_apply(inverse, J, P, P);
     }
-    return write_frame(ctx, run, s->name, "original", J, P, NULL);
+    return write_frame(ctx, run, s, "original", J, P, NULL);
 }
 
 /* In all frames; to_world: of the subject's groomed frame. */
@@ -66,10 +69,10 @@ static apsm_status write_frames(apsm_context *ctx, const apsm_run *run, apsm_sub
     apsm_status status = apsm_affine_invert(to_world, inverse);
     if (status == APSM_OK) {
         apsm_affine_apply(inverse, J, world, local);
-        status = write_frame(ctx, run, s->name, "local", J, local, &s->local_particles);
+        status = write_frame(ctx, run, s, "local", J, local, &s->local_particles);
     }
     if (status == APSM_OK)
-        status = write_frame(ctx, run, s->name, "world", J, world, &s->world_particles);
+        status = write_frame(ctx, run, s, "world", J, world, &s->world_particles);
     if (status == APSM_OK && run->options.writing.original_frame)
         status = write_original(ctx, run, s, J, local);
     free(local);
@@ -100,7 +103,8 @@ static apsm_status remember(apsm_run *run, size_t J, const double *P)
     memcpy(run->results.P, P, n * 3 * sizeof *P);
     run->results.I = run->project.n;
     run->results.J = J;
-    return apsm_particles_round(run->ctx, n, run->results.P);
+    APSM_TRY(apsm_particles_round(run->ctx, n, run->results.P));
+    return fixed_load(run, J, run->results.P);
 }
 
 /* Who optimises the project further asks for as many. */

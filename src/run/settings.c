@@ -12,7 +12,8 @@
 
 static const char *const texts[] = { "labels",    "reflect_match", "exclude",     "pattern",
                                      "ignore",    "domain",        "template",    "seed",
-                                     "landmarks", "unit",          "constraints", "features" };
+                                     "landmarks", "unit",          "constraints", "features",
+                                     "fixed" };
 enum { TEXTS = sizeof texts / sizeof texts[0] };
 
 static bool is_one_of(const char *const *words, size_t n, const char *word)

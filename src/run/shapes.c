@@ -8,6 +8,7 @@
 #include "geometry/affine.h"
 #include "geometry/stored.h"
 #include "run/features.h"
+#include "run/fixed.h"
 #include "run/kept.h"
 #include "run/landmarks.h"
 #include "run/session.h"
@@ -125,6 +126,7 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     APSM_TRY(run_open_store(run, &store));
     APSM_TRY(apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
                                   run->transforms, t, &fields, &run->cohort));
+    APSM_TRY(fixed_flag(run));
     APSM_TRY(features_load(run));
     return landmarks_anchor(run);
 }

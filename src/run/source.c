@@ -172,7 +172,7 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
     if (*apsm_run_text(run, "landmarks")) count[LANDMARKS] = 0; /* given otherwise */
     for (size_t k = 0; k < REQUESTS; k++) {
         const bool is = is_ignored(ignore, k);
-        if (count[k] == 0 || (k == CONSTRAINTS && !is)) continue; /* constraints are followed */
+        if (count[k] == 0 || ((k == CONSTRAINTS || k == FIXED) && !is)) continue; /* followed */
         add(is ? left : asked, sizeof left, "; ", requests[k].what);
         if (!is) add(words, sizeof words, ",", requests[k].word);
     }
@@ -302,7 +302,8 @@ static bool is_made_by_a_run(const apsm_project *p, const char *key)
     char own[APSM_KEY_LENGTH];
     for (size_t k = 0; k < APSM_COLUMNS; k++)
         if (strcmp(key, apsm_project_key(p, apsm_project_columns[k], own)) == 0) return true;
-    return strcmp(key, "mirrored") == 0 || strcmp(key, "reflection") == 0;
+    return strcmp(key, "mirrored") == 0 || strcmp(key, "reflection") == 0 ||
+           strcmp(key, "fixed_particles") == 0;
 }
 
 apsm_status source_take_row(const apsm_project *source, apsm_subject *subject)

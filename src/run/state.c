@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "folder/state_file.h"
+#include "run/fixed.h"
 #include "run/landmarks.h"
 #include "run/session.h"
 #include "run/settings.h"
@@ -34,6 +35,7 @@ apsm_status run_identity(apsm_run *run, char hex[65])
                         3 * run->landmarks.I * run->landmarks.L * sizeof *run->landmarks.x);
     const char *features = apsm_run_text(run, "features");
     if (*features) apsm_sha256_add(&sha, features, strlen(features));
+    APSM_TRY(fixed_hash(run, &sha));
     apsm_sha256_end(&sha, digest);
     apsm_sha256_hex(digest, run->identity);
     memcpy(hex, run->identity, sizeof run->identity);

@@ -67,12 +67,12 @@ refused() { # refused WORD MORE-COLUMNS MORE-GROUPS
     has r/manifest.json '"ignored": ' "\"ignore\": \"$1\""
     expect 0 "" run --resume -o r
 }
-refused fixed ', "fixed": "yes"' ''
+refused fixed ', "fixed": "yes"' '' # and no particles; with them: test_fixed.sh
 refused domains ', "shape_2": "in/p1/bone.ply"' ''
 refused landmarks '' ', "optimize": {"use_landmarks": true}'
 refused reflect '' ', "groom": {"1": {"reflect": "true"}}'
-refused fixed,reflect ', "fixed": "yes"' ', "groom": {"1": {"reflect": "true"}}'
-expect 1 "go on without by --ignore reflect,fixed" groom r.swproj -o q --ignore reflect
+refused landmarks,reflect '' ', "optimize": {"use_landmarks": true}, "groom": {"1": {"reflect": "true"}}'
+expect 1 "go on without by --ignore reflect,landmarks" groom r.swproj -o q --ignore reflect
 expect 2 "'nonsense' is none of" groom r.swproj -o q --ignore nonsense
 [ -e q ] && fail "a wrong --ignore left a folder"
 # Of several domains, too, a project that is refused leaves nothing.
@@ -84,7 +84,7 @@ printf '{"data": [{"name": "a", "contour_1": "c.vtp"}]}' >c.swproj
 expect 1 "is a contour" groom c.swproj -o q
 # In the folder of the user's project nothing is replaced (test_harm.sh), and check tells.
 mkdir theirs && cp r.swproj theirs/project.swproj
-expect 1 "--ignore fixed,reflect" check theirs
+expect 1 "--ignore landmarks,reflect" check theirs
 
 # ---- what is missing, and what does not belong together ----
 printf '{"data": [%s, %s, %s]}' "$(row a 0 ', "landmarks_file_1": "no/a.csv", "image_ct": "no/ct.nrrd"')" \
