@@ -269,15 +269,45 @@ static void describe(const apsm_certificate *c, unsigned doubts, sentence *s)
         if (doubts & (1u << d)) say(s, "%s", apsm_doubt_text((apsm_doubt)d));
 }
 
+enum { MOST_TOLD = 5 };
+
+/* Notes of one kind begin alike, up to a colon. */
+static size_t kind_length(const char *text)
+{
+    return strcspn(text, ":");
+}
+
+static const char *note_text(const cohort_certificate *c, size_t k, const char *key)
+{
+    const char *text = json_string_value(json_object_get(json_array_get(c->notes, k), key));
+    return text ? text : "";
+}
+
+/* Notes of the kind of note k among the first `end`, counted up to `most`. */
+static size_t count_kind(const cohort_certificate *c, size_t k, size_t end, size_t most)
+{
+    const char *text = note_text(c, k, "text");
+    size_t n = 0;
+    for (size_t i = 0; i < end && n < most; i++) {
+        const char *other = note_text(c, i, "text");
+        n +=
+            kind_length(other) == kind_length(text) && strncmp(other, text, kind_length(text)) == 0;
+    }
+    return n;
+}
+
+/* A kind that many shapes share is told once. */
 static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
 {
-    size_t k;
-    json_t *note;
-    json_array_foreach(c->notes, k, note)
-    {
-        const char *shape = json_string_value(json_object_get(note, "shape"));
-        const char *text = json_string_value(json_object_get(note, "text"));
-        if (text && shape) apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", shape, text);
+    const size_t all = json_array_size(c->notes);
+    for (size_t k = 0; k < all; k++) {
+        const char *shape = note_text(c, k, "shape"), *text = note_text(c, k, "text");
+        if (count_kind(c, k, all, MOST_TOLD + 1) <= MOST_TOLD)
+            apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", shape, text);
+        else if (count_kind(c, k, k, 1) == 0)
+            apsm_log(ctx, APSM_LOG_WARNING,
+                     "%zu shapes, %s the first: %.*s; certificate.json has each",
+                     count_kind(c, k, all, all), shape, (int)kind_length(text), text);
     }
 }
 

@@ -184,6 +184,16 @@ function findOutliers() {
 
 // ---- header ----
 
+// Notes of the grooming that touch trust, by kind: those of one kind begin alike, up to a colon.
+function kindsOfNotes() {
+  const kinds = new Map();
+  for (const n of model.certificate.notes ?? []) {
+    const kind = n.text.split(":")[0];
+    kinds.set(kind, [...(kinds.get(kind) ?? []), n]);
+  }
+  return [...kinds].map(([kind, notes]) => ({ kind, notes }));
+}
+
 function fillHeader() {
   const { certificate: c, evaluation: e } = model;
   byId("title").textContent = `Shape model \u201c${model.title}\u201d`;
@@ -205,7 +215,9 @@ function fillHeader() {
         c.verdict === "not judged" ? "" : fine ? `Particles correspond: ${countsText()}.`
           : review.slice(0, 12).map((i) => el("button", { type: "button", class: "link", onclick: () => showTrouble(i) }, facts[i].name)),
         !fine && c.verdict !== "not judged" && review.length > 12 && el("a", { href: "#certificate" }, `and ${review.length - 12} more`),
-        !fine && c.verdict !== "not judged" && commandTo(review))),
+        !fine && c.verdict !== "not judged" && commandTo(review),
+        kindsOfNotes().map(({ kind, notes }) => el("div", {}, el("a", { href: "#certificate" },
+          `${notes.length > 1 ? `${notes.length} shapes` : notes[0].shape}: ${kind}`))))),
   );
   const link = byId("link");
   link.addEventListener("click", () => copyText(link, writeLink(linkState())));
@@ -704,7 +716,9 @@ function fillCertificate() {
   };
   body.append(
     el("p", {}, `Certified: ${c.certified} of ${c.shapes}. In all: ${countsText()}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
-    ...(c.notes ?? []).map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`)),
+    ...kindsOfNotes().map(({ kind, notes }) => notes.length > 5
+      ? el("details", { class: "soft" }, el("summary", {}, `${notes.length} shapes: ${kind}`), notes.map((n) => el("p", {}, `${n.shape}: ${n.text}`)))
+      : notes.map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`))),
     el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle has lost neighbours if one that is beside it on the template is far from it on the shape, along the surface: farther than twice the closest, and than ${show(limits.stretch ?? 1.75)} times their distance on the template. It is stretched if a neighbour within 1.5 times the spacing is farther than 2 times the spacing: a strong stretch looks like that, too, and does not cost the certificate. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}. Click a particle to see it on the shape.`),
     savesOf("certificate", null, certificateRows),
     list(order.slice(0, Math.max(bad, 15))),
