@@ -57,6 +57,8 @@ async function open(browser, options = {}, folderOfPage = model) {
   await page.goto(pathToFileURL(join(folderOfPage, "report.html")).href);
   await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
   await settle(page);
+  const slips = (await page.evaluate(() => document.body.innerText)).match(/.{0,30}(undefined|\bNaN\b|\[object ).{0,30}/g);
+  if (slips) complaints.push(`text: ${slips.join(" | ")}`);
   return page;
 }
 const settle = (page) => page.waitForFunction(() => apsmReport.idle(), null, { timeout: 30000 });

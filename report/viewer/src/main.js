@@ -406,7 +406,7 @@ function fillModes() {
   body.append(
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
       : `The mean of all shapes, and how they vary: ${plural(K, "mode")}, each with its share of the variance. Colour tells how far the surface has moved from the mean along its normal; its scale is that of the modes moved, at ${SLIDER} standard deviations.`),
-    sets.pose && el("p", { class: "soft" }, tellApart(model)),
+    ...(sets.pose ? [el("p", { class: "soft" }, tellApart(model))] : []),
     el("div", { class: "split" },
       el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: fields.find((f) => f.key === options.colour)?.name ?? "displacement" })),
         el("p", { class: "small soft screen fine" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
