@@ -42,9 +42,17 @@ static size_t meet(void *user, size_t value)
     return (size_t)most;
 }
 
+static void gather(void *user, size_t bytes, const void *own, void *all)
+{
+    MPI_Request request;
+    (void)user;
+    MPI_Iallgather(own, (int)bytes, MPI_BYTE, all, (int)bytes, MPI_BYTE, MPI_COMM_WORLD, &request);
+    await(&request);
+}
+
 const apsm_company *cli_ranks_company(void)
 {
-    static const apsm_company company = { NULL, meet };
+    static const apsm_company company = { NULL, meet, gather };
     return cli_ranks_get().size > 1 ? &company : NULL;
 }
 

@@ -61,6 +61,9 @@ typedef struct apsm_company {
     void *user;
     /* Waits for all of them; returns the largest value given. */
     size_t (*meet)(void *user, size_t value);
+    /* all (bytes of each, by shard) <- own (bytes).  NULL: optimize and evaluate are the first's.
+     */
+    void (*gather)(void *user, size_t bytes, const void *own, void *all);
 } apsm_company;
 
 typedef struct apsm_run apsm_run; /* opaque: one job */

@@ -299,3 +299,108 @@ apsm_status apsm_dealt_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *u
     p.own = false;
     return apsm_parallel_for(ctx, n - own, run_part, &p, NULL);
 }
+
+static bool gathers(const apsm_context *ctx)
+{
+    return ctx->deal && ctx->deal->gather;
+}
+
+static size_t element_of(const size_t *element, size_t k)
+{
+    return element ? element[k] : k;
+}
+
+bool apsm_is_own(const apsm_context *ctx, size_t element)
+{
+    return !gathers(ctx) || element % ctx->deal->size == ctx->deal->rank;
+}
+
+/* Tasks by a list. */
+typedef struct picked {
+    apsm_task_fn fn;
+    void *user;
+    size_t *task;
+} picked;
+
+static apsm_status run_picked(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    const picked *p = user;
+    return p->fn(ctx, p->task[k], worker, p->user);
+}
+
+apsm_status apsm_own_for(apsm_context *ctx, size_t n, const size_t *element, apsm_task_fn fn,
+                         void *user, const char *stage)
+{
+    if (!gathers(ctx)) return apsm_parallel_for(ctx, n, fn, user, stage);
+    picked p = { fn, user, malloc((n + 1) * sizeof *p.task) };
+    size_t own = 0;
+    if (!p.task) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < n; k++)
+        if (apsm_is_own(ctx, element_of(element, k))) p.task[own++] = k;
+    const apsm_status status = apsm_parallel_for(ctx, own, run_picked, &p, stage);
+    free(p.task);
+    return status;
+}
+
+/* A gathering: elements go in turns of at most `room` a process. */
+typedef struct gathering {
+    const apsm_deal *deal;
+    size_t n, bytes, room;
+    const size_t *element;
+    unsigned char *array, *own, *all; /* own: room elements; all: room a process */
+} gathering;
+
+/* Copies what the process `rank` has at numbers first..first + room - 1 of its elements from the
+ * array to `buffer`, or back. */
+static void copy_turn(const gathering *g, size_t rank, size_t first, bool back,
+                      unsigned char *buffer)
+{
+    size_t number = 0;
+    for (size_t k = 0; k < g->n && number < first + g->room; k++) {
+        const size_t e = element_of(g->element, k);
+        if (e % g->deal->size != rank || number++ < first) continue;
+        unsigned char *here = g->array + e * g->bytes,
+                      *there = buffer + (number - 1 - first) * g->bytes;
+        memcpy(back ? here : there, back ? there : here, g->bytes);
+    }
+}
+
+/* The largest number of elements that a process has. */
+static size_t most_of_one(const gathering *g)
+{
+    size_t most = 0;
+    for (size_t rank = 0; rank < g->deal->size; rank++) {
+        size_t n = 0;
+        for (size_t k = 0; k < g->n; k++) n += element_of(g->element, k) % g->deal->size == rank;
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+apsm_status apsm_gather(apsm_context *ctx, size_t n, const size_t *element, size_t bytes,
+                        void *array)
+{
+    enum { TURN = 1 << 24 }; /* bytes of a process */
+    if (!gathers(ctx) || bytes == 0) return APSM_OK;
+    gathering g = { .deal = ctx->deal,
+                    .n = n,
+                    .bytes = bytes,
+                    .room = bytes < TURN ? TURN / bytes : 1,
+                    .element = element,
+                    .array = array };
+    const size_t most = most_of_one(&g), size = g.deal->size;
+    if (most < g.room) g.room = most;
+    g.own = calloc(g.room + 1, bytes);
+    g.all = malloc((g.room * size + 1) * bytes);
+    const bool enough = g.own && g.all;
+    for (size_t first = 0; enough && first < most; first += g.room) {
+        copy_turn(&g, g.deal->rank, first, false, g.own);
+        g.deal->gather(g.deal->user, g.room * bytes, g.own, g.all);
+        for (size_t rank = 0; rank < size; rank++)
+            if (rank != g.deal->rank)
+                copy_turn(&g, rank, first, true, g.all + rank * g.room * bytes);
+    }
+    free(g.own);
+    free(g.all);
+    return enough ? APSM_OK : apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for what others did");
+}

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "evaluate/blocks.h"
 #include "evaluate/downdate.h"
 #include "evaluate/metrics.h"
@@ -147,7 +148,9 @@ apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model
             l.d[k] = model->variance[k] * (double)(I - 1);
             apsm_blocks_pack(model->J, model->mode + k * 3 * model->J, l.mode + k * l.row);
         }
-        status = apsm_parallel_for(ctx, l.shapes, leave_out, &l, "generalization");
+        status = apsm_own_for(ctx, l.shapes, NULL, leave_out, &l, "generalization");
+        if (status == APSM_OK)
+            status = apsm_gather(ctx, l.shapes, NULL, l.M * sizeof *l.distance, l.distance);
     } else {
         apsm_fail(ctx, status, "out of memory for the generalization of %zu shapes", I);
     }

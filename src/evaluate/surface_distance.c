@@ -11,6 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
+
 /* ---- summaries ---- */
 
 static int nearer(const double *distance, size_t a, size_t b)
@@ -328,11 +330,11 @@ apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
     apsm_status status =
         t.scratch ? open_scratch(template_mesh, threads, t.scratch) : APSM_ERR_MEMORY;
     if (status == APSM_OK)
-        status = apsm_parallel_for(ctx, I, one_shape, &t, "surface distance");
+        status = apsm_own_for(ctx, I, NULL, one_shape, &t, "surface distance");
     else
         apsm_fail(ctx, status, "surface distances: %s", apsm_status_text(status));
     close_scratch(threads, t.scratch);
-    return status;
+    return status == APSM_OK ? apsm_gather(ctx, I, NULL, sizeof *result, result) : status;
 }
 
 /* Aggregate of the summary that lies `offset` bytes into apsm_surface_distance; shape `skip` is

@@ -79,6 +79,11 @@ static apsm_status move_to_store(apsm_context *ctx, apsm_store *store, apsm_shap
     return status;
 }
 
+static bool wants_field(const apsm_field_plan *p, size_t i)
+{
+    return !p->template_alone && (p->shares == 0 || i % p->shares == p->share);
+}
+
 static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
@@ -96,7 +101,7 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
     const double voxel = b->fields->voxel, band = apsm_dipole_length(s, b->fields->band);
-    if (voxel > 0 && (i == b->template_index || !b->fields->template_alone))
+    if (voxel > 0 && (i == b->template_index || wants_field(b->fields, i)))
         APSM_TRY(apsm_field_build(ctx, s->bvh, voxel, band, &s->field));
     return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
 }

@@ -88,7 +88,8 @@ apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *na
 /* The distance fields of a cohort. */
 typedef struct apsm_field_plan {
     double voxel, band;
-    bool template_alone; /* no other shape gets one */
+    bool template_alone;  /* no other shape gets one */
+    size_t share, shares; /* else those of shapes share, share + shares, ...; 0 shares: all */
 } apsm_field_plan;
 
 /* The same with every finished shape moved to the store, which must outlive the cohort (NULL: kept

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "optimize/correspondence_loss.h"
 
 /* How far rows reach to tell how far neighbours beyond F = 2.0 are: that is looked up only where it
@@ -94,6 +95,78 @@ static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *us
     return status;
 }
 
+/* ---- from other processes ---- */
+
+enum { LISTS = 5 };
+
+/* A list of a certificate, in words. */
+typedef struct word_list {
+    uint32_t **words;
+    size_t n;
+} word_list;
+
+static void lists_of(apsm_certificate *c, word_list list[LISTS])
+{
+    list[0] = (word_list){ &c->mismatched_strict_list, c->mismatched_strict };
+    list[1] = (word_list){ &c->mismatched_list, c->mismatched };
+    list[2] = (word_list){ &c->lost_list, c->lost };
+    list[3] = (word_list){ (uint32_t **)&c->swap, 2 * c->swaps };
+    list[4] = (word_list){ (uint32_t **)&c->fold, 3 * c->folds };
+}
+
+static size_t words_of(apsm_certificate *c)
+{
+    word_list list[LISTS];
+    size_t n = 0;
+    lists_of(c, list);
+    for (size_t k = 0; k < LISTS; k++) n += list[k].n;
+    return n;
+}
+
+static void pack_lists(apsm_certificate *c, uint32_t *words)
+{
+    word_list list[LISTS];
+    lists_of(c, list);
+    for (size_t k = 0; k < LISTS; words += list[k++].n)
+        if (list[k].n > 0) memcpy(words, *list[k].words, list[k].n * sizeof *words);
+}
+
+static apsm_status unpack_lists(const uint32_t *words, apsm_certificate *c)
+{
+    word_list list[LISTS];
+    lists_of(c, list);
+    for (size_t k = 0; k < LISTS; words += list[k++].n) {
+        *list[k].words = malloc((list[k].n + 1) * sizeof *words);
+        if (!*list[k].words) return APSM_ERR_MEMORY;
+        memcpy(*list[k].words, words, list[k].n * sizeof *words);
+    }
+    return APSM_OK;
+}
+
+/* The certificates of all shapes, where each process has judged its own. */
+static apsm_status gather_certificates(apsm_context *ctx, size_t I, apsm_certificate *shape)
+{
+    size_t most = 1;
+    APSM_TRY(apsm_gather(ctx, I, NULL, sizeof *shape, shape));
+    for (size_t i = 0; i < I; i++) {
+        const size_t n = words_of(&shape[i]);
+        most = n > most ? n : most;
+        if (apsm_is_own(ctx, i)) continue;
+        word_list list[LISTS];
+        lists_of(&shape[i], list);
+        for (size_t k = 0; k < LISTS; k++) *list[k].words = NULL; /* the other's */
+    }
+    uint32_t *words = malloc(I * most * sizeof *words);
+    apsm_status status = words ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < I && status == APSM_OK; i++)
+        if (apsm_is_own(ctx, i)) pack_lists(&shape[i], words + i * most);
+    if (status == APSM_OK) status = apsm_gather(ctx, I, NULL, most * sizeof *words, words);
+    for (size_t i = 0; i < I && status == APSM_OK; i++)
+        if (!apsm_is_own(ctx, i)) status = unpack_lists(words + i * most, &shape[i]);
+    free(words);
+    return status;
+}
+
 static apsm_status judge_template(judging *g)
 {
     looked_up l;
@@ -165,8 +238,9 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
     apsm_status status = enough ? judge_template(&g) : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
         certificate->h = g.h;
-        status = apsm_parallel_for(ctx, cohort->I, judge_shape, &g, "certify");
+        status = apsm_own_for(ctx, cohort->I, NULL, judge_shape, &g, "certify");
     }
+    if (status == APSM_OK) status = gather_certificates(ctx, cohort->I, certificate->shape);
     if (status == APSM_OK) status = judge_by_others(ctx, &g);
     if (status == APSM_OK) add_notes(cohort, notes, certificate);
     apsm_neighbourhoods_free(&g.reference);

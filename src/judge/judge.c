@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "core/robust.h"
 #include "geometry/affine.h"
 #include "geometry/form.h"
@@ -205,16 +206,40 @@ static void weigh_figures(judging *g, double *scratch)
     }
 }
 
+/* Of what other processes have found: row k of the figures. */
+static apsm_status gather_figure(apsm_context *ctx, judging *g, size_t k)
+{
+    return apsm_gather(ctx, g->I, NULL, sizeof *g->figure, g->figure + k * g->I);
+}
+
+static apsm_status look_at_all(apsm_context *ctx, judging *g)
+{
+    const size_t I = g->I, bytes = g->J * sizeof(double);
+    APSM_TRY(apsm_own_for(ctx, I, NULL, look_at_shape, g, NULL));
+    APSM_TRY(apsm_gather(ctx, I, NULL, 3 * bytes, g->N));
+    APSM_TRY(apsm_gather(ctx, I, NULL, APSM_FORM_SCALES * bytes, g->height));
+    APSM_TRY(apsm_gather(ctx, I, NULL, bytes, g->reach));
+    for (size_t k = AREA; k <= FLAT; k++) APSM_TRY(gather_figure(ctx, g, k));
+    return APSM_OK;
+}
+
+static apsm_status predict_all(apsm_context *ctx, judging *g)
+{
+    APSM_TRY(apsm_own_for(ctx, g->I, NULL, predict_shape, g, NULL));
+    APSM_TRY(apsm_gather(ctx, g->I, NULL, g->J * sizeof *g->along, g->along));
+    return gather_figure(ctx, g, OFF);
+}
+
 static apsm_status compare(apsm_context *ctx, judging *g, double *column, double *usual)
 {
     const size_t I = g->I, J = g->J;
-    APSM_TRY(apsm_parallel_for(ctx, I, look_at_shape, g, NULL));
+    APSM_TRY(look_at_all(ctx, g));
     robust_left_out_medians(I, 3 * J, g->Q, g->X, column);
     robust_left_out_medians(I, 3 * J, g->N, g->XN, column);
     for (size_t k = 0; k < I * J; k++) g->agreed[k] = vec3_normalise(g->XN + 3 * k);
     robust_left_out_medians(I, APSM_FORM_SCALES * J, g->height, g->usual, column);
     robust_left_out_medians(I, J, g->reach, g->usual_reach, column);
-    APSM_TRY(apsm_parallel_for(ctx, I, predict_shape, g, NULL));
+    APSM_TRY(predict_all(ctx, g));
     for (size_t i = 0; i < I; i++) over_rings(J, g->N6, g->along + J * i, usual);
     robust_left_out_medians(I, J, g->along, usual, column);
     for (size_t i = 0; i < I; i++) {
@@ -222,7 +247,8 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column, double
         find_reach(g, i);
         find_opposed(g, i);
     }
-    APSM_TRY(apsm_parallel_for(ctx, I, turn_shape, g, "judge"));
+    APSM_TRY(apsm_own_for(ctx, I, NULL, turn_shape, g, "judge"));
+    APSM_TRY(apsm_gather(ctx, I, NULL, sizeof *g->out->shape, g->out->shape));
     weigh_figures(g, column);
     return APSM_OK;
 }

@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "geometry/vec3.h"
 #include "initialize/anchors.h"
 #include "initialize/features.h"
@@ -488,7 +489,8 @@ static apsm_status run_tasks(apsm_context *ctx, round_task *t, apsm_task_fn task
     apsm_status status = t->work && t->result ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t k = 0; status == APSM_OK && k < threads; k++)
         status = fidelity_work_alloc(t->f, t->prior->modes, &t->work[k]);
-    if (status == APSM_OK) status = apsm_parallel_for(ctx, I, task, t, NULL);
+    if (status == APSM_OK) status = apsm_own_for(ctx, I, NULL, task, t, NULL);
+    if (status == APSM_OK) status = apsm_gather(ctx, I, NULL, sizeof *t->result, t->result);
     for (size_t k = 0; t->work && k < threads; k++) fidelity_work_free(&t->work[k]);
     free(t->work);
     return status;
@@ -523,7 +525,8 @@ apsm_status apsm_fidelity_round(apsm_context *ctx, apsm_fidelity *f, long round,
     if (round == first_with_prior(f)) APSM_TRY(measure_doubt(ctx, P0, P, f));
     APSM_TRY(fit_prior(ctx, f, P, &prior));
     round_task t = { .f = f, .prior = &prior, .round = round, .P0 = P0, .P = P };
-    const apsm_status status = run_tasks(ctx, &t, round_of_shape);
+    apsm_status status = run_tasks(ctx, &t, round_of_shape);
+    if (status == APSM_OK) status = apsm_gather(ctx, I, NULL, 3 * f->J * sizeof *P, P);
     if (status == APSM_OK) sum_up(&t, I, record);
     free(t.result);
     apsm_fidelity_prior_free(&prior);

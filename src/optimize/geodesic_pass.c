@@ -2,6 +2,7 @@
 
 #include <stdlib.h>
 
+#include "core/deal.h"
 #include "correspond/geodesic_correspondence.h"
 
 typedef struct pass {
@@ -99,7 +100,9 @@ apsm_status geodesic_pass(apsm_context *ctx, const apsm_cohort *cohort,
         apsm_shape_find_on_rim(&cohort->shape[cohort->template_index], J,
                                P + cohort->template_index * J * 3, p.on_rim);
     if (status == APSM_OK) status = reference_neighbourhoods(&p);
-    if (status == APSM_OK) status = apsm_parallel_for(ctx, cohort->I, walk_shape, &p, NULL);
+    if (status == APSM_OK) status = apsm_own_for(ctx, cohort->I, NULL, walk_shape, &p, NULL);
+    if (status == APSM_OK) status = apsm_gather(ctx, cohort->I, NULL, 3 * J * sizeof *P, P);
+    if (status == APSM_OK) status = apsm_gather(ctx, cohort->I, NULL, sizeof *p.report, p.report);
     if (status == APSM_OK) *result = sum_up(&p);
     apsm_neighbourhoods_free(&p.reference);
     free(p.report);

@@ -19,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "initialize/anchors.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/eigenshape_loss.h"
@@ -80,6 +81,16 @@ static void shuffle(optimizer *op)
     }
 }
 
+/* What other processes have made of the batch's shapes, whose normals are then old ones. */
+static apsm_status gather_shapes(optimizer *op)
+{
+    for (size_t k = 0; k < op->batch_size; k++)
+        if (!apsm_is_own(op->ctx, op->batch[k])) op->fresh[op->batch[k]] = false;
+    APSM_TRY(apsm_gather(op->ctx, op->batch_size, op->batch, op->J * 3 * sizeof *op->state->P,
+                         op->state->P));
+    return apsm_gather(op->ctx, op->batch_size, op->batch, sizeof *op->record, op->record);
+}
+
 static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
 {
     op->batch = batch;
@@ -87,14 +98,14 @@ static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
     const weights w = op->w;
     for (size_t t = 0; t < op->n_terms; t++)
         if (op->terms[t]->prepare) APSM_TRY(op->terms[t]->prepare(op));
-    APSM_TRY(apsm_parallel_for(op->ctx, size, gradients_of_shape, op, NULL));
+    APSM_TRY(apsm_own_for(op->ctx, size, batch, gradients_of_shape, op, NULL));
     for (size_t t = 0; t < op->n_terms; t++) {
         if (op->terms[t]->finish) op->terms[t]->finish(op);
         if (op->terms[t]->figure) op->figure[t] += op->terms[t]->figure(op);
     }
-    APSM_TRY(apsm_parallel_for(op->ctx, size, move_shape, op, NULL));
+    APSM_TRY(apsm_own_for(op->ctx, size, batch, move_shape, op, NULL));
     op->w = w;
-    return APSM_OK;
+    return gather_shapes(op);
 }
 
 /* ---- Algorithm 1 and the stop rule of stage 1 ---- */

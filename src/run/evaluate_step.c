@@ -305,10 +305,16 @@ static void tell(const evaluation_work *w)
     certify_tell(ctx, &w->run->cohort, &w->certificate);
 }
 
+static apsm_status compute_part(apsm_run *run, void *user)
+{
+    (void)run;
+    return compute(user);
+}
+
 static apsm_status evaluate_and_write(evaluation_work *w)
 {
-    APSM_TRY(compute(w));
-    if (run_is_in_memory(w->run)) return APSM_OK;
+    APSM_TRY(run_shared(w->run, compute_part, w));
+    if (run_is_in_memory(w->run) || w->run->helps) return APSM_OK;
     APSM_TRY(write_model(w));
     APSM_TRY(write_figures(w));
     APSM_TRY(features_write_table(w->run, w->J, w->P));
@@ -332,22 +338,28 @@ static apsm_status hand_over(evaluation_work *w)
     return figures_take(&w->evaluation, &run->results.figures);
 }
 
+static apsm_status conclude(evaluation_work *w, const stage_clock *clock)
+{
+    apsm_run *run = w->run;
+    APSM_TRY(run_write_project(run)); /* the definition may be another one */
+    APSM_TRY(manifest_set_options(run));
+    APSM_TRY(stage_end(run, "evaluate", clock));
+    tell(w);
+    return hand_over(w);
+}
+
 apsm_status apsm_run_evaluate(apsm_run *run)
 {
     if (!run) return APSM_ERR_ARG;
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     evaluation_work w = { .run = run };
-    apsm_status status = guard_files(run, "evaluate", NULL);
-    if (status == APSM_OK) status = run_load_cohort(run, false);
+    apsm_status status = run->helps ? APSM_OK : guard_files(run, "evaluate", NULL);
+    if (status == APSM_OK) status = run_load_cohort(run, RUN_NO_FIELDS);
     if (status == APSM_OK) status = load_particles(run, &w);
-    if (status == APSM_OK) status = stage_start(run, "evaluate");
+    if (status == APSM_OK && !run->helps) status = stage_start(run, "evaluate");
     if (status == APSM_OK) status = evaluate_and_write(&w);
-    if (status == APSM_OK) status = run_write_project(run); /* the definition may be another one */
-    if (status == APSM_OK) status = manifest_set_options(run);
-    if (status == APSM_OK) status = stage_end(run, "evaluate", &clock);
-    if (status == APSM_OK) tell(&w);
-    if (status == APSM_OK) status = hand_over(&w);
+    if (status == APSM_OK && !run->helps) status = conclude(&w, &clock);
     certify_free(&w.certificate);
     apsm_evaluation_free(&w.evaluation);
     landmark_errors_free(&w.landmarks);

@@ -156,7 +156,7 @@ static apsm_status meet(apsm_context *ctx, void *user)
 void kept_deal(apsm_run *run)
 {
     if (run->shards == 0 || !run->kept) return;
-    run->deal = (apsm_deal){ run->shard, run->shards, run, meet };
+    run->deal = (apsm_deal){ run->shard, run->shards, run, meet, NULL };
     apsm_context_set_deal(run->ctx, &run->deal);
 }
 

@@ -38,6 +38,7 @@ static apsm_status append_record(recorder *r, const apsm_epoch_record *record)
 
 static apsm_status save_now(const recorder *r, const apsm_optimizer_state *state)
 {
+    if (r->run->helps) return APSM_OK;
     return run_save_state(r->run, RUN_CHECKPOINT, state, r->records, r->n);
 }
 
@@ -165,9 +166,23 @@ static apsm_status optimize(apsm_run *run, apsm_optimizer_state *state, recorder
     return apsm_optimize(run->ctx, &run->cohort, &run->options.optimize, state, on_epoch, r);
 }
 
+/* What the company does together. */
+typedef struct shared_part {
+    apsm_optimizer_state *state;
+    recorder *recorder;
+} shared_part;
+
+static apsm_status optimize_part(apsm_run *run, void *user)
+{
+    const shared_part *p = user;
+    return optimize(run, p->state, p->recorder);
+}
+
 static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state, recorder *r)
 {
-    const apsm_status status = optimize(run, state, r);
+    shared_part part = { state, r };
+    const apsm_status status = run_shared(run, optimize_part, &part);
+    if (run->helps) return status;
     if (status == APSM_OK) return finish(run, state, r);
     if (status != APSM_ERR_INTERRUPTED) return status;
     /* The state of the last full epoch is worth keeping, even if that one was never recorded. */
@@ -213,12 +228,12 @@ apsm_status apsm_run_optimize(apsm_run *run)
     APSM_TRY(manifest_refuse_joint(run));
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };
-    apsm_status status = guard_files(run, "optimize", NULL);
-    if (status == APSM_OK)
-        status = run_load_cohort(run, run->options.optimize.method != APSM_METHOD_PSM);
+    const bool psm = run->options.optimize.method == APSM_METHOD_PSM;
+    apsm_status status = run->helps ? APSM_OK : guard_files(run, "optimize", NULL);
+    if (status == APSM_OK) status = run_load_cohort(run, psm ? RUN_NO_FIELDS : RUN_OWN_FIELDS);
     if (status == APSM_OK) status = load_surroundings(run);
     if (status == APSM_OK) status = load_start(run, &state, &r);
-    if (status == APSM_OK) status = stage_start(run, "optimize");
+    if (status == APSM_OK && !run->helps) status = stage_start(run, "optimize");
     if (status == APSM_OK) status = optimize_and_save(run, &state, &r);
     apsm_optimizer_state_free(&state);
     free(r.records);

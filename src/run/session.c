@@ -225,11 +225,42 @@ apsm_status run_write_project(apsm_run *run)
 /* ---- all steps ---- */
 
 /* What the first process tells those that help it. */
-enum { GROOMS = 1, INITIALIZES = 2 };
+enum { GROOMS = 1, INITIALIZES = 2, OPTIMIZES = 4, EVALUATES = 8 };
 
 static size_t meet(const apsm_company *company, size_t value)
 {
     return company ? company->meet(company->user, value) : 0;
+}
+
+bool run_is_shared(const apsm_run *run)
+{
+    const apsm_optimize_options *o = &run->options.optimize;
+    return run->company && run->company->gather && o->method != APSM_METHOD_PSM &&
+           !o->correspondence.template_gradient;
+}
+
+static apsm_status meet_all(apsm_context *ctx, void *user)
+{
+    (void)ctx;
+    const apsm_run *run = user;
+    run->company->meet(run->company->user, 0);
+    return APSM_OK;
+}
+
+static void gather_all(void *user, size_t bytes, const void *own, void *all)
+{
+    const apsm_run *run = user;
+    run->company->gather(run->company->user, bytes, own, all);
+}
+
+apsm_status run_shared(apsm_run *run, apsm_status (*part)(apsm_run *, void *), void *user)
+{
+    if (!run_is_shared(run)) return part(run, user);
+    run->deal = (apsm_deal){ run->shard, run->shards, run, meet_all, gather_all };
+    apsm_context_set_deal(run->ctx, &run->deal);
+    const apsm_status status = part(run, user);
+    apsm_context_set_deal(run->ctx, NULL);
+    return status;
 }
 
 static size_t plan_of(const apsm_run *run)
@@ -237,6 +268,9 @@ static size_t plan_of(const apsm_run *run)
     size_t plan = 0;
     if (!run->resume || !stage_is_done(run, "groom")) plan |= GROOMS;
     if (!run->resume || !stage_is_done(run, "initialize")) plan |= INITIALIZES;
+    if (!run_is_shared(run)) return plan;
+    if (!run->resume || !stage_is_done(run, "optimize")) plan |= OPTIMIZES;
+    if (!run->resume || !stage_is_done(run, "evaluate")) plan |= EVALUATES;
     return plan;
 }
 
@@ -253,11 +287,13 @@ static apsm_status help(apsm_context *ctx, const apsm_run_settings *s,
 apsm_status apsm_run_help(apsm_context *ctx, const apsm_run_settings *settings)
 {
     if (!settings || !settings->company || settings->shard == 0) return APSM_ERR_ARG;
+    static apsm_status (*const steps[])(apsm_run *) = { apsm_run_groom, apsm_run_initialize,
+                                                        apsm_run_optimize, apsm_run_evaluate };
     const size_t plan = meet(settings->company, 0);
-    if (plan & GROOMS) APSM_TRY(help(ctx, settings, apsm_run_groom));
-    meet(settings->company, 0);
-    if (plan & INITIALIZES) APSM_TRY(help(ctx, settings, apsm_run_initialize));
-    meet(settings->company, 0);
+    for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++) {
+        if (plan >> k & 1) APSM_TRY(help(ctx, settings, steps[k]));
+        meet(settings->company, 0);
+    }
     return APSM_OK;
 }
 
@@ -280,7 +316,7 @@ apsm_status apsm_run_all(apsm_run *run)
     meet(run->company, plan_of(run));
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++) {
         if (!run->resume || !stage_is_done(run, steps[k].stage)) APSM_TRY(steps[k].step(run));
-        if (k < 2) meet(run->company, 0); /* groom and initialize are done together */
+        meet(run->company, 0);
     }
     if (run_is_in_memory(run)) return APSM_OK;
     run_unload(run); /* the report reads what it needs */

@@ -124,7 +124,12 @@ void run_free_mesh(apsm_mesh *mesh, bool stored);
  * groomed. */
 apsm_status run_load_meshes(apsm_run *run);
 /* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
-apsm_status run_load_cohort(apsm_run *run, bool with_fields);
+typedef enum run_fields {
+    RUN_NO_FIELDS,
+    RUN_TEMPLATE_FIELD,
+    RUN_OWN_FIELDS /* of all shapes, or of the process's own where a company shares them */
+} run_fields;
+apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
 /* Forgets what was loaded: the groomed shapes have changed. */
 void run_unload(apsm_run *run);
 
@@ -154,5 +159,11 @@ void run_forget_results(apsm_run *run);
 apsm_status run_write_particles(apsm_run *run, size_t J, const double *P);
 /* Those of one shape, world (J x 3), without the others: a shape that is added. */
 apsm_status run_write_particles_of(apsm_run *run, size_t i, size_t J, const double *world);
+
+/* Whether a company goes through optimize and evaluate together, each process with its own shapes.
+ * Not with method psm, and not where the template feels the others' gradients. */
+bool run_is_shared(const apsm_run *run);
+/* part with the company's deal, if it is. */
+apsm_status run_shared(apsm_run *run, apsm_status (*part)(apsm_run *run, void *user), void *user);
 
 #endif

@@ -102,9 +102,10 @@ size_t run_template_index(const apsm_run *run)
     return apsm_project_find(&run->project, apsm_run_text(run, "template_used"));
 }
 
-apsm_status run_load_cohort(apsm_run *run, bool with_fields)
+apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
 {
-    if (run->cohort.I > 0 && (run->cohort.shape[run->cohort.template_index].field || !with_fields))
+    if (run->cohort.I > 0 &&
+        (run->cohort.shape[run->cohort.template_index].field || wanted == RUN_NO_FIELDS))
         return APSM_OK;
     apsm_cohort_free(&run->cohort);
     APSM_TRY(run_load_meshes(run));
@@ -117,10 +118,12 @@ apsm_status run_load_cohort(apsm_run *run, bool with_fields)
     const double h =
         apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->optimize.particles);
     const apsm_field_plan fields = {
-        .voxel = with_fields ? o->field.field_voxel * h : 0,
+        .voxel = wanted == RUN_NO_FIELDS ? 0 : o->field.field_voxel * h,
         .band = 1.1 * o->optimize.rbf.band * o->optimize.rbf.dipole *
                 h, /* h is seldom expected too small by more */
-        .template_alone = run->helps,
+        .template_alone = wanted == RUN_TEMPLATE_FIELD,
+        .share = run->shard,
+        .shares = run_is_shared(run) ? run->shards : 0,
     };
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
