@@ -27,12 +27,14 @@ test-report: deps ## the report in a browser (installs Chromium and Node.js, abo
 test-crash: deps ## a thousand killed runs, each resumed and compared (about ten minutes)
 	@$(MAKE) --no-print-directory all
 	@cmake --build $(BUILD) --target test_crash
+	@if command -v mpicc >/dev/null; then $(MAKE) --no-print-directory test-mpi KILLS=20; else \
+	    echo "SKIPPED: killed ranks, there is no MPI here (scripts/setup --mpi)"; fi
 
 test-mpi: ## build-mpi with MPI; 1, 2, 3 and 8 ranks, killed ones, job arrays: the same bytes
 	@scripts/setup --mpi
 	@cmake -S . -B $(BUILD)-mpi -DAPSM_MPI=ON $(CMAKE_FLAGS)
 	@cmake --build $(BUILD)-mpi -j$(JOBS) --target apsm_cli make_synthetic
-	@bash tests/cli/test_shards.sh $(BUILD)-mpi/apsm $(BUILD)-mpi/make_synthetic
+	@KILLS=$(KILLS) bash tests/cli/test_shards.sh $(BUILD)-mpi/apsm $(BUILD)-mpi/make_synthetic
 
 program: configure ## build/apsm alone, without the tests
 	@cmake --build $(BUILD) -j$(JOBS) --target apsm_cli

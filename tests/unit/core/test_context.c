@@ -2,6 +2,7 @@
 #include "cmocka_all.h"
 
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "apsm/context.h"
@@ -175,7 +176,7 @@ static void own_tasks_come_before_the_others(void **state)
         for (size_t rank = 0; rank < size; rank++)
             for (int refuses = 0; refuses < 2; refuses++) {
                 dealt d = { .word = refuses ? APSM_ERR_INTERRUPTED : APSM_OK };
-                const apsm_deal deal = { rank, size, &d, meet };
+                const apsm_deal deal = { rank, size, &d, meet, NULL };
                 apsm_context_set_deal(ctx, &deal);
                 assert_int_equal(apsm_dealt_for(ctx, DEALT, note_order, &d, NULL), d.word);
                 for (size_t i = 0; i < DEALT; i++) {
@@ -185,6 +186,88 @@ static void own_tasks_come_before_the_others(void **state)
                 }
             }
     apsm_context_free(ctx);
+}
+
+/* ---- gathering ---- */
+
+/* Processes of which one is tested; the others' results are known. */
+typedef struct fake {
+    size_t size, rank, n, bytes;
+    const size_t *element;
+    unsigned char *array; /* n x bytes */
+    size_t given[DEALT];  /* elements that each process has given so far */
+} fake;
+
+/* What a task makes of element e. */
+static unsigned char result_of(size_t e)
+{
+    return (unsigned char)(3 * e + 1);
+}
+
+static apsm_status make_element(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    const fake *f = user;
+    const size_t e = f->element ? f->element[k] : k;
+    (void)worker;
+    assert_true(apsm_is_own(ctx, e) && e % f->size == f->rank);
+    assert_int_equal(f->array[e * f->bytes], 0);
+    f->array[e * f->bytes] = f->array[(e + 1) * f->bytes - 1] = result_of(e);
+    return APSM_OK;
+}
+
+static void fake_gather(void *user, size_t bytes, const void *own, void *all)
+{
+    fake *f = user;
+    const size_t room = bytes / f->bytes;
+    unsigned char *to = all;
+    memset(to, 0xee, f->size * bytes);
+    for (size_t q = 0; q < f->size; q++) {
+        size_t number = 0, here = 0;
+        for (size_t k = 0; k < f->n; k++) {
+            const size_t e = f->element ? f->element[k] : k;
+            if (e % f->size != q || number++ < f->given[q] || here == room) continue;
+            unsigned char *x = to + (q * room + here) * f->bytes;
+            x[0] = x[f->bytes - 1] = result_of(e);
+            if (q == f->rank)
+                assert_int_equal(((const unsigned char *)own)[here * f->bytes], result_of(e));
+            here++;
+        }
+        f->given[q] += here;
+    }
+}
+
+static void gather_once(size_t size, size_t rank, size_t n, size_t bytes, const size_t *element)
+{
+    fake f = { .size = size, .rank = rank, .n = n, .bytes = bytes, .element = element };
+    const apsm_deal deal = { rank, size, &f, NULL, fake_gather };
+    apsm_context *ctx = apsm_context_new();
+    assert_non_null(ctx);
+    f.array = calloc(n, bytes);
+    assert_non_null(f.array);
+    apsm_context_set_deal(ctx, &deal);
+    assert_int_equal(apsm_own_for(ctx, n, element, make_element, &f, NULL), APSM_OK);
+    assert_int_equal(apsm_gather(ctx, n, element, bytes, f.array), APSM_OK);
+    for (size_t e = 0; e < n; e++) {
+        assert_int_equal(f.array[e * bytes], result_of(e));
+        assert_int_equal(f.array[(e + 1) * bytes - 1], result_of(e));
+    }
+    free(f.array);
+    apsm_context_free(ctx);
+}
+
+/* Each process does its own and has them all in the end, in whatever order tasks come, and where
+ * they go round in several turns. */
+static void what_others_did_is_gathered(void **state)
+{
+    static const size_t order[DEALT] = { 4, 0, 10, 7, 2, 9, 1, 3, 8, 6, 5 };
+    (void)state;
+    for (size_t size = 1; size <= DEALT; size++)
+        for (size_t rank = 0; rank < size; rank++) {
+            gather_once(size, rank, DEALT, 24, NULL);
+            gather_once(size, rank, DEALT, 2, order);
+        }
+    gather_once(2, 0, 5, (1 << 24) - 8, NULL);
+    gather_once(2, 1, 5, 1 << 23, NULL);
 }
 
 int main(void)
@@ -198,6 +281,7 @@ int main(void)
         cmocka_unit_test(every_status_has_a_text),
         cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known),
         cmocka_unit_test(own_tasks_come_before_the_others),
+        cmocka_unit_test(what_others_did_is_gathered),
     };
     return cmocka_run_group_tests_name("context", tests, NULL, NULL);
 }
