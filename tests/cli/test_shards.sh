@@ -97,8 +97,8 @@ for n in 1 2 8 3; do
     same r$n
 done
 # What is not gathered is done by the first alone: method psm, and a template that feels the others.
-"$apsm" run in -o pull_one "${job[@]}" --template-gradient true 2>/dev/null || fail "template gradient"
-ranks 2 "$apsm" run in -o pull_two "${job[@]}" --template-gradient true 2>/dev/null || fail "2 ranks, template gradient"
+"$apsm" run in -o pull_one "${job[@]}" --template-gradient 2>/dev/null || fail "template gradient"
+ranks 2 "$apsm" run in -o pull_two "${job[@]}" --template-gradient 2>/dev/null || fail "2 ranks, template gradient"
 diff -r -q -x manifest.json -x report.html pull_one pull_two || fail "ranks change a template that feels the others"
 ranks 2 "$apsm" run in -o two "${job[@]}" --threads 2 2>/dev/null || fail "2 ranks of 2 threads"
 same two
