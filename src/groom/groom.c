@@ -69,8 +69,8 @@ static void say_repair(apsm_context *ctx, const char *name, const apsm_groom_opt
             r->openings == 1 ? "it is" : "they are");
     if (r->sided) add(&l, "too flat to tell its outside: the file's order of corners does");
     if (l.n) apsm_log(ctx, grave ? APSM_LOG_WARNING : APSM_LOG_INFO, "%s: %s", name, l.text);
-    if (r->genus)
-        apsm_log(ctx, APSM_LOG_WARNING, "%s: the surface has %ld handle%s (genus)", name, r->genus,
+    if (r->genus) /* the cohort says whether that is worth a warning */
+        apsm_log(ctx, APSM_LOG_INFO, "%s: the surface has %ld handle%s (genus)", name, r->genus,
                  r->genus == 1 ? "" : "s");
 }
 

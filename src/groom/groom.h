@@ -13,7 +13,7 @@
 extern "C" {
 #endif
 
-/* Of masks: fill_holes, closing, smooth, fairing; of meshes: remesh, fill_holes, merge. */
+/* Of masks: fill_holes, closing, opening, smooth, fairing; of meshes: remesh, fill_holes, merge. */
 #define APSM_GROOM_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
     BOOL(S, remesh, true, "make groomed meshes near-isotropic with about `faces` faces")           \
     BOOL(S, fill_holes, true, "fill cavities of segmentations and holes of meshes")                \
@@ -25,16 +25,27 @@ extern "C" {
          "a question")                                                                             \
     REAL(S, closing, -1, -1, 1,                                                                    \
          "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
-         "and gaps narrower than twice that are filled; 0: none; -1: handles narrower than twice " \
-         "0.12 are filled or cut one by one, whichever takes fewer voxels")                        \
+         "and gaps narrower than twice that are filled, a number may end in mm; 0: none; -1: "    \
+         "handles narrower than twice 0.12 are filled or cut one by one, whichever takes fewer "   \
+         "voxels, those that most shapes have are kept, and where they are many and differ (a "    \
+         "branched sinus) all shapes are closed by 0.1")                                           \
+    REAL(S, closing_length, 0, 0, 1e9,                                                             \
+         "the radius of closing in the input's unit, what `closing` in mm sets; 0: as closing "    \
+         "says")                                                                                   \
+    REAL(S, opening, 0, 0, 1,                                                                      \
+         "radius by which masks are opened before they are closed, as a share like closing or in " \
+         "mm: spikes, bridges and sheets thinner than twice that are cut off; 0: none")            \
+    REAL(S, opening_length, 0, 0, 1e9,                                                             \
+         "the radius of opening in the input's unit, what `opening` in mm sets; 0: as opening "    \
+         "says")                                                                                   \
     REAL(S, smooth, 1, 0, 4, "smoothing of masks; less keeps nearer to the voxels, 0: none")       \
     BOOL(S, largest_component, true, "keep only the largest component of every shape")             \
+    REAL(S, max_drop_share, 0.2, 0, 1,                                                             \
+         "smaller components may have together this share of the area (mesh) or of the voxels "    \
+         "(mask) at most; 1: drop any")                                                            \
     FIXED(S, double, fairing, 5.0,                                                                 \
           "ripples of a mask shorter than so many voxels (cube root of the volume of one), times " \
           "smooth, are taken off its surface, by at most one voxel")                               \
-    FIXED(S, double, max_drop_share, 0.2,                                                          \
-          "dropped components may have together this share of the area (mesh) or of the voxels "   \
-          "(mask) at most; 1: drop any")                                                           \
     FIXED(S, double, merge, 1e-7, "vertices closer than this share of the diagonal are one")       \
     FIXED(S, double, max_cap_share, 0.1,                                                           \
           "unless asked to fill, an opening is closed only if its lid is at most this share of "   \
@@ -58,7 +69,9 @@ typedef struct apsm_groom_report {
     size_t dropped_voxels;      /* ... and their voxels */
     size_t filled_voxels;       /* enclosed background filled */
     double closing;             /* radius of the closing or of the widest handle mended, 0: none */
-    size_t closed_voxels;       /* what that filled ... */
+    double opening;             /* radius of the opening, 0: none */
+    size_t opened_voxels;       /* what that took away, with parts that it cut off */
+    size_t closed_voxels;       /* what the closing filled ... */
     size_t cut_voxels;          /* ... and what it cut */
     long handles_before;        /* genus without it */
     unsigned border;            /* the label touches the image's border: bits 0..5 for

@@ -155,13 +155,40 @@ static apsm_status judge(apsm_context *ctx, const char *name, const apsm_groom_o
     return APSM_OK;
 }
 
+/* A radius that was asked for, as a length or as a share of the size. */
+static double radius_of(double length, double share, double size)
+{
+    return length > 0.0 ? length : share > 0.0 ? share * size : 0.0;
+}
+
+/* The opening that was asked for; of what it leaves the largest part is kept. */
+static apsm_status open_strands(apsm_context *ctx, const char *name, mask *m, const apsm_volume *v,
+                                const apsm_groom_options *opt, apsm_groom_report *r)
+{
+    const size_t before = r->voxels;
+    apsm_groom_report after = { 0 };
+    const double radius = radius_of(opt->opening_length, opt->opening, mask_size(v, before));
+    if (!(radius > 0.0)) return APSM_OK;
+    size_t removed;
+    APSM_TRY(mask_open(m, v->spacing, radius, &removed));
+    if (removed == before)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                         "%s: the opening leaves nothing of the label; make its radius smaller",
+                         name);
+    APSM_TRY(keep_largest(m, &after));
+    r->opening = radius;
+    r->voxels = after.voxels;
+    r->opened_voxels = before - after.voxels;
+    return APSM_OK;
+}
+
 /* The closing that was asked for, and the cavities that it made. */
 static apsm_status close_gaps(mask *m, const apsm_volume *v, const apsm_groom_options *opt,
                               apsm_groom_report *r)
 {
     size_t added, filled;
-    if (!(opt->closing > 0.0)) return APSM_OK;
-    r->closing = opt->closing * mask_size(v, r->voxels);
+    r->closing = radius_of(opt->closing_length, opt->closing, mask_size(v, r->voxels));
+    if (!(r->closing > 0.0)) return APSM_OK;
     APSM_TRY(mask_close(m, v->spacing, r->closing, &added));
     APSM_TRY(mask_fill_cavities(m, &filled));
     r->closed_voxels = added + filled;
@@ -176,6 +203,7 @@ static apsm_status clean(apsm_context *ctx, const char *name, const apsm_volume 
     memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
     APSM_TRY(judge(ctx, name, opt, report));
     if (opt->fill_holes) APSM_TRY(fill_cavities(m, report));
+    APSM_TRY(open_strands(ctx, name, m, volume, opt, report));
     return close_gaps(m, volume, opt, report);
 }
 

@@ -109,14 +109,26 @@ static apsm_status extract(apsm_context *ctx, const apsm_volume *v, const mask *
     return status;
 }
 
+/* What changes more than a hundredth of the shape should be seen. */
+static apsm_log_level level_of(double share)
+{
+    return share > 0.01 ? APSM_LOG_WARNING : APSM_LOG_INFO;
+}
+
 static void say_mask(apsm_context *ctx, const char *name, const apsm_groom_report *r)
 {
+    const double all = (double)(r->dropped_voxels + r->voxels);
     if (r->dropped_parts)
-        apsm_log(ctx, APSM_LOG_INFO,
-                 "%s: %zu smaller parts of the label dropped (%zu voxels of %zu)", name,
-                 r->dropped_parts, r->dropped_voxels, r->dropped_voxels + r->voxels);
+        apsm_log(ctx, level_of((double)r->dropped_voxels / all),
+                 "%s: %zu smaller part%s of the label dropped (%zu voxels of %zu)", name,
+                 r->dropped_parts, r->dropped_parts == 1 ? "" : "s", r->dropped_voxels,
+                 r->dropped_voxels + r->voxels);
     if (r->filled_voxels)
-        apsm_log(ctx, APSM_LOG_INFO, "%s: cavities of %zu voxels filled", name, r->filled_voxels);
+        apsm_log(ctx, level_of((double)r->filled_voxels / all), "%s: cavities of %zu voxels filled",
+                 name, r->filled_voxels);
+    if (r->opened_voxels)
+        apsm_log(ctx, APSM_LOG_INFO, "%s: %zu voxels cut off by the opening", name,
+                 r->opened_voxels);
     if (r->border) {
         static const char *const sides[] = { " -i", " +i", " -j", " +j", " -k", " +k" };
         char touched[32] = "";
@@ -187,11 +199,17 @@ static apsm_volume in_unit(const apsm_volume *volume, double unit, double rest[3
 /* Back to the input's. */
 static void lengths_in_unit(apsm_groom_report *r, double unit)
 {
-    double *const lengths[] = { &r->remesh.edge,         &r->remesh.forward_mean,
-                                &r->remesh.forward_max,  &r->remesh.backward_mean,
-                                &r->remesh.backward_max, &r->largest_cap_at[0],
-                                &r->largest_cap_at[1],   &r->largest_cap_at[2],
-                                &r->departure,           &r->closing };
+    double *const lengths[] = { &r->remesh.edge,
+                                &r->remesh.forward_mean,
+                                &r->remesh.forward_max,
+                                &r->remesh.backward_mean,
+                                &r->remesh.backward_max,
+                                &r->largest_cap_at[0],
+                                &r->largest_cap_at[1],
+                                &r->largest_cap_at[2],
+                                &r->departure,
+                                &r->closing,
+                                &r->opening };
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
 }
 
@@ -249,6 +267,8 @@ static apsm_status mend_handles(apsm_context *ctx, const char *name, const apsm_
                                  .dropped_voxels = r->dropped_voxels,
                                  .filled_voxels = r->filled_voxels,
                                  .closing = t.radius,
+                                 .opening = r->opening,
+                                 .opened_voxels = r->opened_voxels,
                                  .closed_voxels = t.filled,
                                  .cut_voxels = t.cut,
                                  .handles_before = r->genus,
@@ -273,7 +293,8 @@ static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_vo
 {
     mask m = { .in = NULL };
     apsm_status status = groom_mask(ctx, name, grid, opt, &m, mesh_out, r);
-    if (status == APSM_OK && opt->closing < 0.0 && r->genus > 0)
+    const bool one_by_one = opt->closing < 0.0 && !(opt->closing_length > 0.0);
+    if (status == APSM_OK && one_by_one && r->genus > 0)
         status = mend_handles(ctx, name, grid, opt, &m, unit, mesh_out, r);
     mask_free(&m);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
@@ -284,12 +305,14 @@ apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const a
                                     const apsm_groom_options *options, apsm_mesh *mesh_out,
                                     apsm_groom_report *report)
 {
-    const apsm_groom_options opt = options ? *options : apsm_groom_defaults();
+    apsm_groom_options opt = options ? *options : apsm_groom_defaults();
     apsm_groom_report own, *r = report ? report : &own;
     *r = (apsm_groom_report){ 0 };
     *mesh_out = (apsm_mesh){ 0 };
     APSM_TRY(check_volume(ctx, name, volume));
     const double unit = least_spacing(volume);
+    opt.closing_length /= unit;
+    opt.opening_length /= unit;
     double rest[3];
     const apsm_volume grid = in_unit(volume, unit, rest);
     APSM_TRY(groom_grid(ctx, name, &grid, &opt, unit, mesh_out, r));

@@ -38,18 +38,34 @@ static apsm_status follow_method(apsm_context *ctx, apsm_options *options, int b
     return APSM_OK;
 }
 
-/* A length in the input's unit, which a user may call mm.  Model folders of earlier days have the
- * words of error_scale under this name. */
+enum { NUMBER = 64 };
+
+/* A length in the input's unit, which a user may call mm: number (out) without it. */
+static bool is_length(const char *value, char number[NUMBER])
+{
+    const size_t length = strlen(value);
+    if (length <= 2 || length >= NUMBER || strcmp(value + length - 2, "mm") != 0) return false;
+    snprintf(number, NUMBER, "%.*s", (int)length - 2, value);
+    return true;
+}
+
+/* Model folders of earlier days have the words of error_scale under this name. */
 static apsm_status set_error(apsm_context *ctx, apsm_options *options, const char *value)
 {
     if (strcmp(value, "relative") == 0 || strcmp(value, "raw") == 0)
         return options_set_one(ctx, options, "error_scale", value);
-    char number[64];
-    const size_t length = strlen(value);
-    const bool mm = length > 2 && length < sizeof number && strcmp(value + length - 2, "mm") == 0;
-    if (!mm) return options_set_one(ctx, options, "error", value);
-    snprintf(number, sizeof number, "%.*s", (int)length - 2, value);
-    return options_set_one(ctx, options, "error", number);
+    char number[NUMBER];
+    return options_set_one(ctx, options, "error", is_length(value, number) ? number : value);
+}
+
+/* A radius of masks, as a share of the size or as a length: the last one that is given counts. */
+static apsm_status set_radius(apsm_context *ctx, apsm_options *options, const char *share,
+                              const char *length, const char *value)
+{
+    char number[NUMBER];
+    if (is_length(value, number)) return options_set_one(ctx, options, length, number);
+    APSM_TRY(options_set_one(ctx, options, share, value));
+    return options_set_one(ctx, options, length, "0");
 }
 
 enum { AUTO_START = 32 }; /* particles */
@@ -64,6 +80,8 @@ apsm_status apsm_options_set(apsm_context *ctx, apsm_options *options, const cha
         return APSM_OK;
     }
     if (strcmp(key, "error") == 0) return set_error(ctx, options, value);
+    if (strcmp(key, "closing") == 0) return set_radius(ctx, options, key, "closing_length", value);
+    if (strcmp(key, "opening") == 0) return set_radius(ctx, options, key, "opening_length", value);
     APSM_TRY(options_set_one(ctx, options, key, value));
     return follow_method(ctx, options, before);
 }

@@ -9,6 +9,7 @@
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
+#include "groom/handles.h"
 #include "run/fixed.h"
 #include "run/input_check.h"
 #include "run/kept.h"
@@ -172,6 +173,22 @@ typedef struct groom_task {
     groom_inputs *in;
 } groom_task;
 
+/* What the pieces of shape i are kept by: its content and, if it is groomed another time, how. */
+static void content_key(const groom_inputs *in, size_t i, char key[65])
+{
+    char closing[APSM_NUMBER_LENGTH];
+    unsigned char digest[32];
+    apsm_sha256 sha;
+    memcpy(key, in->sha256[i], 65);
+    if (!in->again) return;
+    apsm_format_number(in->options.closing, closing);
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add(&sha, key, 64);
+    apsm_sha256_add(&sha, closing, strlen(closing) + 1);
+    apsm_sha256_end(&sha, digest);
+    apsm_sha256_hex(digest, key);
+}
+
 /* The mesh of shape i: kept from before an interruption, or made now and kept. */
 static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t i,
                                  apsm_status *lost)
@@ -179,20 +196,24 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
     groom_inputs *in = t->in;
     const apsm_input_case *c = &in->list.cases[i];
     if (run_is_in_memory(t->run)) return read_and_groom(ctx, t->run, in, i);
-    APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
+    char key[65];
+    if (!in->again) APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
     kept_groomed groomed = { 0 };
-    *lost = kept_find_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i], &groomed);
+    content_key(in, i, key);
+    *lost = kept_find_mesh(ctx, t->run, c, key, &in->mesh[i], &groomed);
     in->recalled[i] = in->mesh[i].V != NULL;
     in->report[i] = groomed.report;
     in->is_mask[i] = groomed.is_mask;
     in->voxel[i] = groomed.voxel;
+    free(in->notes[i]);
+    free(in->picked[i]);
     in->notes[i] = groomed.notes;
     in->picked[i] = groomed.picked;
     if (*lost != APSM_OK || in->recalled[i]) return *lost;
     APSM_TRY(read_and_groom(ctx, t->run, in, i));
     groomed =
         (kept_groomed){ in->report[i], in->is_mask[i], in->voxel[i], in->notes[i], in->picked[i] };
-    return *lost = kept_add_mesh(ctx, t->run, c, in->sha256[i], &in->mesh[i], &groomed);
+    return *lost = kept_add_mesh(ctx, t->run, c, key, &in->mesh[i], &groomed);
 }
 
 static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -202,6 +223,8 @@ static apsm_status groom_case(apsm_context *ctx, size_t i, int worker, void *use
     groom_inputs *in = t->in;
     apsm_status lost = APSM_OK; /* a failure that is not the shape's */
     const apsm_input_case *c = &in->list.cases[i];
+    if (in->again && !in->again[i]) return APSM_OK;
+    run_free_mesh(&in->mesh[i], in->store != NULL);
     apsm_affine_identity(in->reflection[i]);
     in->status[i] = take_or_groom(ctx, t, i, &lost);
     if (in->status[i] == APSM_OK && c->reflect) {
@@ -227,6 +250,89 @@ static apsm_status compare_picked(apsm_run *run, const groom_inputs *in)
     return APSM_OK;
 }
 
+/* ---- handles, as the cohort sees them ---- */
+
+/* Before they were mended. */
+static long handles_of(const apsm_groom_report *r)
+{
+    return r->closing > 0.0 ? r->handles_before : r->genus;
+}
+
+/* Those of masks, before they were mended and after, into before and after; how many masks. */
+static size_t list_handles(const groom_inputs *in, long *before, long *after)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < in->list.n; i++) {
+        const apsm_groom_report *r = &in->report[i];
+        if (in->status[i] != APSM_OK || !in->is_mask[i]) continue;
+        before[n] = handles_of(r);
+        after[n++] = r->genus;
+    }
+    return n;
+}
+
+static void tell_handles(const apsm_run *run, handles_kind kind, long common, size_t again)
+{
+    if (kind == HANDLES_ANATOMY)
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "most masks have %ld handle%s: taken for anatomy and kept, also by %zu of them "
+                 "where %s narrow",
+                 common, common == 1 ? "" : "s", again, common == 1 ? "it is" : "they are");
+    else
+        apsm_log(run->ctx, APSM_LOG_WARNING,
+                 "masks have many handles, all narrow and from shape to shape others, as a "
+                 "branched sinus has: all are closed by %g of their size; --closing 0 keeps the "
+                 "handles, --closing with a number says how far to close",
+                 handles_sinus_closing);
+}
+
+/* Which masks the cohort has groomed another time: those whose anatomy was mended away, or all. */
+static size_t choose_again(groom_inputs *in, handles_kind kind, long common)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < in->list.n; i++) {
+        const apsm_groom_report *r = &in->report[i];
+        const bool mended = r->closed_voxels + r->cut_voxels > 0;
+        const bool is_mask = in->status[i] == APSM_OK && in->is_mask[i];
+        in->again[i] =
+            is_mask && (kind == HANDLES_SINUS || (mended && r->handles_before == common));
+        n += in->again[i];
+    }
+    return n;
+}
+
+/* With the closing that the cohort asks for instead of handles mended one by one. */
+static apsm_status groom_again(apsm_run *run, groom_inputs *in, handles_kind kind, long common)
+{
+    groom_task t = { run, in };
+    const size_t n = in->list.n;
+    long *const had = malloc((n + 1) * sizeof *had);
+    in->again = calloc(n + 1, sizeof *in->again);
+    const size_t count = had && in->again ? choose_again(in, kind, common) : 0;
+    apsm_status status = had && in->again ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < n && count > 0; i++) had[i] = handles_of(&in->report[i]);
+    if (count > 0) {
+        tell_handles(run, kind, common, count);
+        in->options.closing = kind == HANDLES_SINUS ? handles_sinus_closing : 0.0;
+        status = apsm_dealt_for(run->ctx, n, groom_case, &t, "groom");
+        if (kind != HANDLES_SINUS) in->options.closing = run->options.groom.closing;
+    }
+    for (size_t i = 0; i < n && count > 0; i++) in->report[i].handles_before = had[i];
+    free(had);
+    return status;
+}
+
+static apsm_status judge_handles(apsm_run *run, groom_inputs *in)
+{
+    long *const before = malloc((4 * in->list.n + 1) * sizeof *before), common;
+    if (!before) return APSM_ERR_MEMORY;
+    long *const after = before + in->list.n;
+    const size_t n = list_handles(in, before, after);
+    const handles_kind kind = handles_judge(n, before, after, &common, after + in->list.n);
+    free(before);
+    return kind == HANDLES_DEBRIS ? APSM_OK : groom_again(run, in, kind, common);
+}
+
 apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
 {
     const size_t n = in->list.n;
@@ -249,7 +355,9 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
         !in->is_mask || !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
-    const apsm_status status = apsm_dealt_for(run->ctx, n, groom_case, &t, "groom");
+    apsm_status status = apsm_dealt_for(run->ctx, n, groom_case, &t, "groom");
+    if (status == APSM_OK && in->options.closing < 0.0 && !(in->options.closing_length > 0.0))
+        status = judge_handles(run, in);
     return status == APSM_OK ? compare_picked(run, in) : status;
 }
 
@@ -313,6 +421,7 @@ void groom_inputs_free(groom_inputs *in)
     free(in->status);
     free(in->problem);
     free(in->recalled);
+    free(in->again);
     free(in->voxel);
     free(in->report);
     free(in->is_mask);

@@ -34,6 +34,7 @@ typedef struct groom_inputs {
     char **notes;   /* what of a header had to be decided (apsm_volume), else NULL */
     char **picked;  /* names of the labels taken (apsm_volume), else NULL */
     bool *recalled; /* groomed before an interruption */
+    bool *again;    /* NULL, or: what is groomed another time, with the options as they are now */
     double *voxel;  /* mean edge of a voxel; 0: a mesh */
 } groom_inputs;
 

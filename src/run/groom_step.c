@@ -351,9 +351,21 @@ static apsm_status hand_over(groom_work *w)
     return APSM_OK;
 }
 
+/* What the cohort asked for (groom_inputs.c) becomes the model's: new shapes are groomed alike. */
+static apsm_status settle_closing(groom_work *w)
+{
+    apsm_run *run = w->run;
+    char text[64];
+    if (w->in.options.closing == run->options.groom.closing) return APSM_OK;
+    run->options.groom.closing = w->in.options.closing;
+    APSM_TRY(apsm_options_get(&run->options, "closing", text));
+    return apsm_project_set(&run->project, "apsm", "closing", text);
+}
+
 static apsm_status save(groom_work *w)
 {
     apsm_run *run = w->run;
+    APSM_TRY(settle_closing(w));
     if (run_is_in_memory(run)) {
         APSM_TRY(describe_project(w));
         return hand_over(w);

@@ -43,6 +43,8 @@ static int set_mask(json_t *o, const apsm_groom_report *r)
     failed |= json_object_set_new(o, "departure", json_real(r->departure));
     failed |= json_object_set_new(o, "border", border_json(r->border));
     failed |= json_object_set_new(o, "closing", json_real(r->closing));
+    failed |= json_object_set_new(o, "opening", json_real(r->opening));
+    failed |= set_count(o, "opened_voxels", r->opened_voxels);
     failed |= set_count(o, "closed_voxels", r->closed_voxels);
     failed |= set_count(o, "cut_voxels", r->cut_voxels);
     failed |=
@@ -107,6 +109,41 @@ static int add_lines(json_t *notes, const char *shape, const char *lines)
     return failed;
 }
 
+/* What grooming took away from a mask, or put to it. */
+static int add_mask_notes(json_t *notes, const char *name, const apsm_groom_report *r)
+{
+    char text[160];
+    int failed = 0;
+    const double voxels = (double)r->voxels, given = voxels + (double)r->dropped_voxels;
+    if (r->border)
+        failed |= add_note(notes, name, "its mask touches the image's border and was closed there");
+    if ((double)r->dropped_voxels > 0.01 * given) {
+        snprintf(text, sizeof text, "%zu smaller part%s of its mask dropped, %.2g %% of its voxels",
+                 r->dropped_parts, r->dropped_parts == 1 ? "" : "s",
+                 100.0 * (double)r->dropped_voxels / given);
+        failed |= add_note(notes, name, text);
+    }
+    if ((double)r->filled_voxels > 0.01 * voxels) {
+        snprintf(text, sizeof text, "cavities filled, %.2g %% of its voxels",
+                 100.0 * (double)r->filled_voxels / voxels);
+        failed |= add_note(notes, name, text);
+    }
+    if (r->opened_voxels > 0) {
+        snprintf(text, sizeof text, "opened by a radius of %.4g: %.2g %% of its voxels cut off",
+                 r->opening, 100.0 * (double)r->opened_voxels / voxels);
+        failed |= add_note(notes, name, text);
+    }
+    if (r->closed_voxels + r->cut_voxels > 0) {
+        snprintf(text, sizeof text,
+                 "handles or gaps narrower than %.4g closed: %.2g %% of its voxels filled, %.2g %% "
+                 "cut",
+                 2.0 * r->closing, 100.0 * (double)r->closed_voxels / voxels,
+                 100.0 * (double)r->cut_voxels / voxels);
+        failed |= add_note(notes, name, text);
+    }
+    return failed;
+}
+
 int groomed_add_notes(const groom_inputs *in, json_t *notes)
 {
     int failed = 0;
@@ -114,23 +151,11 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
         char text[160];
         const char *name = in->list.cases[i].name;
         failed |= add_lines(notes, name, in->notes[i]);
-        if (in->report[i].border)
-            failed |=
-                add_note(notes, name, "its mask touches the image's border and was closed there");
+        failed |= add_mask_notes(notes, name, &in->report[i]);
         if (in->report[i].largest_cap > 0.01) {
             snprintf(text, sizeof text,
                      "an opening was closed with a lid of %.2g %% of the surface",
                      100.0 * in->report[i].largest_cap);
-            failed |= add_note(notes, name, text);
-        }
-        const apsm_groom_report *r = &in->report[i];
-        if (r->closed_voxels + r->cut_voxels > 0) {
-            snprintf(
-                text, sizeof text,
-                "handles or gaps narrower than %.4g closed: %.2g %% of its voxels filled, %.2g "
-                "%% cut",
-                2.0 * r->closing, 100.0 * (double)r->closed_voxels / (double)r->voxels,
-                100.0 * (double)r->cut_voxels / (double)r->voxels);
             failed |= add_note(notes, name, text);
         }
         if (!(in->cropped[i] > 0.0)) continue;

@@ -54,4 +54,18 @@ awk -F '[:,]' -v is="$volume" '/"volume"/ { found = 1; if ($2 / is > 1.0001 || $
 expect 1 "stray vertex near 1000" check "$cases/one_1000.vtk"
 [ "$(wc -l <said)" -le 2 ] || fail "one far vertex: $(cat said)"
 
+# ---- a branched sinus: all shapes are closed, the model says so, and an interruption changes nothing ----
+"$2" sinus sinus count 4 x 2.4 y 2.4 z 2.4 tunnels 30 >/dev/null || exit 1
+expect 0 "a branched sinus" groom sinus/shapes -o closed --faces 1000
+grep -q '"closing": "0.1' closed/project.swproj || fail "sinus: new shapes would be groomed otherwise"
+[ "$(grep -c '"handles_before": 0' closed/manifest.json)" = 0 ] || fail "sinus: its handles are forgotten"
+[ "$(grep -c '"text": "handles or gaps narrower' closed/manifest.json)" = 4 ] || fail "sinus: not four notes"
+for _ in mended closed; do expect 0 "" groom sinus/shapes -o again --faces 1000 --shard 1/1; done
+expect 0 "4 of 4 shapes were groomed before" groom sinus/shapes -o again --faces 1000
+diff -r closed/groomed again/groomed >/dev/null || fail "sinus: gone on with, it comes out otherwise"
+expect 0 "" groom sinus/shapes -o asked --faces 1000 --closing 0.1
+diff -r closed/groomed asked/groomed >/dev/null || fail "sinus: --closing 0.1 is another closing"
+expect 1 "the opening leaves nothing" groom sinus/shapes -o none --opening 99mm
+[ -e none ] && fail "--opening 99mm leaves a half folder"
+
 exit $failed

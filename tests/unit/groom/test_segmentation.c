@@ -4,6 +4,8 @@
 #include "geometry/bvh.h"
 #include "geometry/topology.h"
 #include "groom/groom.h"
+#include "groom/handles.h"
+#include "groom/mask.h"
 #include "solids.h"
 
 typedef struct outcome {
@@ -192,6 +194,80 @@ static apsm_volume pierced(int k)
     return v;
 }
 
+/* The ball with a rod along z. */
+static apsm_volume spiked(void)
+{
+    apsm_volume v = solid_mask(solid_ball12, (const double[3]){ 1, 1, 1 }, 0, 7);
+    double M[16];
+    apsm_volume_index_to_lps(&v, M);
+    for (size_t i = 0; i < v.n[0] * v.n[1] * v.n[2]; i++) {
+        const size_t row = i / v.n[0];
+        double x[3] = { (double)(i % v.n[0]), (double)(row % v.n[1]), (double)(row / v.n[1]) };
+        apsm_affine_apply(M, 1, x, x);
+        if (hypot(x[0], x[1]) < 1.5 && x[2] > 0 && x[2] < 20) v.label[i] = 1;
+    }
+    return v;
+}
+
+/* The ball with a rod of radius 1.5 that sticks out by 8: opened by 3 in either unit, it is off;
+ * and a closing given as a length does what the share of that length does. */
+static void radii_are_shares_or_lengths(void **state)
+{
+    (void)state;
+    apsm_groom_options opt = apsm_groom_defaults();
+    apsm_context *const ctx = apsm_context_new();
+    double volume, same_volume;
+    const double size = cbrt(4.0 / 3.0 * 3.14159265358979 * 12 * 12 * 12);
+    opt.remesh_options.faces = 3000;
+    for (int in_mm = 0; in_mm < 2; in_mm++) {
+        apsm_volume v = spiked();
+        opt.opening = in_mm ? 0.0 : 3.0 / size;
+        opt.opening_length = in_mm ? 3.0 : 0.0;
+        const apsm_groom_report r = cleaned(&v, &opt, &volume);
+        assert_near(r.opening, 3.0, 0.1);
+        assert_true(r.opened_voxels > 30);
+        assert_near(volume, 4.0 / 3.0 * 3.14159265358979 * 12 * 12 * 12, 0.04 * volume);
+    }
+    opt.opening_length = 100.0;
+    apsm_volume gone = spiked();
+    apsm_mesh mesh;
+    assert_int_equal(apsm_groom_segmentation(ctx, "gone", &gone, &opt, &mesh, NULL),
+                     APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "leaves nothing"));
+    apsm_volume_free(&gone);
+    opt = apsm_groom_defaults();
+    apsm_volume a = pierced(2), b = pierced(2);
+    opt.closing_length = 2.5;
+    const apsm_groom_report r = cleaned(&a, &opt, &volume);
+    opt.closing_length = 0.0;
+    opt.closing = 2.5 / mask_size(&b, r.voxels - r.closed_voxels);
+    const apsm_groom_report s = cleaned(&b, &opt, &same_volume);
+    assert_true(r.genus == 0 && s.genus == 0 && r.closed_voxels == s.closed_voxels);
+    assert_near(volume, same_volume, 1e-9 * volume);
+    apsm_context_free(ctx);
+}
+
+static void handles_of_cohorts_are_told_apart(void **state)
+{
+    (void)state;
+    long common, scratch[20];
+    const long kidneys[] = { 7, 7, 8, 1, 4, 4, 1, 16, 5, 14 }, none[10] = { 0 };
+    const long vertebrae[] = { 1, 1, 1, 3, 1, 1, 0, 1, 1, 1 },
+               wide[] = { 1, 1, 0, 1, 1, 1, 0, 1, 1, 1 };
+    const long pelves[] = { 10, 9, 12, 14, 10, 8, 10, 13, 11, 10 },
+               large[] = { 2, 2, 2, 2, 2, 2, 2, 2, 2, 2 };
+    const long few[] = { 0, 1, 0, 0, 2, 0, 0, 9, 0, 0 };
+    assert_int_equal(handles_judge(10, kidneys, none, &common, scratch), HANDLES_SINUS);
+    assert_int_equal(handles_judge(10, vertebrae, wide, &common, scratch), HANDLES_ANATOMY);
+    assert_int_equal(common, 1);
+    /* Handles that are too wide to be mended are no sinus. */
+    assert_int_equal(handles_judge(10, pelves, large, &common, scratch), HANDLES_DEBRIS);
+    assert_int_equal(handles_judge(10, few, none, &common, scratch), HANDLES_DEBRIS);
+    assert_int_equal(handles_judge(10, none, none, &common, scratch), HANDLES_DEBRIS);
+    assert_int_equal(handles_judge(3, kidneys, none, &common, scratch), HANDLES_DEBRIS);
+    assert_int_equal(handles_judge(0, NULL, NULL, &common, scratch), HANDLES_DEBRIS);
+}
+
 /* Thin tunnels go, whatever their number; of a torus the hole, wide as it is, stays; and nothing is
  * filled where there is no handle. */
 static void tunnels_are_closed_and_anatomy_stays(void **state)
@@ -354,6 +430,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(surfaces_are_smooth_and_true),
         cmocka_unit_test(tunnels_are_closed_and_anatomy_stays),
+        cmocka_unit_test(radii_are_shares_or_lengths),
+        cmocka_unit_test(handles_of_cohorts_are_told_apart),
         cmocka_unit_test(agreement_is_what_it_says),
         cmocka_unit_test(sheared_grid_keeps_the_volume),
         cmocka_unit_test(cavities_strays_and_borders_are_reported),

@@ -54,6 +54,21 @@ static void what_is_no_value_is_refused(void **state)
     refuse("alphaa", "1");
 }
 
+/* The last one of share and length counts, and what a project stores comes back. */
+static void radii_of_masks_are_shares_or_lengths(void **state)
+{
+    (void)state;
+    apsm_options o = apsm_options_defaults();
+    assert_int_equal(apsm_options_set(NULL, &o, "closing", "6mm"), APSM_OK);
+    assert_true(o.groom.closing_length == 6.0 && o.groom.closing == -1.0);
+    assert_int_equal(apsm_options_set(NULL, &o, "opening", "1.5mm"), APSM_OK);
+    assert_true(o.groom.opening_length == 1.5 && o.groom.opening == 0.0);
+    assert_int_equal(apsm_options_set(NULL, &o, "closing", "0.1"), APSM_OK);
+    assert_true(o.groom.closing_length == 0.0 && o.groom.closing == 0.1);
+    assert_int_equal(apsm_options_set(NULL, &o, "closing", "-6mm"), APSM_ERR_ARG);
+    assert_int_equal(apsm_options_set(NULL, &o, "closing", "mm"), APSM_ERR_ARG);
+}
+
 /* A host program may live in a locale with a decimal comma: LC_NUMERIC is the process's. */
 static void a_decimal_comma_of_the_process_changes_nothing(void **state)
 {
@@ -102,6 +117,7 @@ static void xu2023_is_a_set_of_options(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(radii_of_masks_are_shares_or_lengths),
         cmocka_unit_test(every_default_is_what_its_text_says),
         cmocka_unit_test(what_is_no_value_is_refused), cmocka_unit_test(xu2023_is_a_set_of_options),
         cmocka_unit_test_setup_teardown(a_decimal_comma_of_the_process_changes_nothing,
