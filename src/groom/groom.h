@@ -25,7 +25,7 @@ extern "C" {
          "a question")                                                                             \
     REAL(S, closing, -1, -1, 1,                                                                    \
          "radius by which masks are closed, as a share of the cube root of their volume: tunnels " \
-         "and gaps narrower than twice that are filled, a number may end in mm; 0: none; -1: "    \
+         "and gaps narrower than twice that are filled, a number may end in mm; 0: none; -1: "     \
          "handles narrower than twice 0.12 are filled or cut one by one, whichever takes fewer "   \
          "voxels, those that most shapes have are kept, and where they are many and differ (a "    \
          "branched sinus) all shapes are closed by 0.1")                                           \
