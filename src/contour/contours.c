@@ -81,6 +81,54 @@ static void match_all(contour_cohort *c, const contour_options *o, double *work)
     find_mean(c);
 }
 
+/* ---- other starts and directions ---- */
+
+enum { NEAR = N / 16 }; /* starts nearer than this are the same, and matching finds the place */
+static const double same_way = 20.0; /* degrees by which curves turn that came in one orientation */
+
+/* The angle of M's rotation in degrees; M may scale. */
+static double angle_of(const double M[16])
+{
+    const double scale = sqrt(M[0] * M[0] + M[4] * M[4] + M[8] * M[8]);
+    const double c = ((M[0] + M[5] + M[10]) / scale - 1) / 2;
+    return acos(fmax(-1, fmin(1, c))) * 180 / acos(-1);
+}
+
+static bool came_in_one_way(const contour_cohort *c)
+{
+    for (size_t i = 0; i < c->I; i++)
+        if (angle_of(c->M + 16 * i) > same_way) return false;
+    return true;
+}
+
+/* Of curve i against the mean.  Where all curves came in one orientation, only what keeps that
+ * could be meant. */
+static double rival_of(const contour_cohort *c, size_t i, const double *mean, int align, bool kept)
+{
+    double x[3 * N], M[16], whole[16], best = INFINITY;
+    const double *q = c->Q + 3 * i * N;
+    const double own = fit(q, mean, align, M);
+    for (size_t start = 0; start < (c->closed ? N : 1); start++)
+        for (int back = 0; back < 2; back++) {
+            const bool near = start < NEAR || start > N - NEAR;
+            if (!back && (near || !c->closed)) continue;
+            reorder(q, c->closed, start, back, x);
+            const double other = fit(x, mean, align, M);
+            apsm_affine_multiply(M, c->M + 16 * i, whole);
+            if (other < best && !(kept && angle_of(whole) > same_way)) best = other;
+        }
+    if (!(best > 0)) return 1; /* a circle, say */
+    return own > 0 ? sqrt(best / own) : INFINITY;
+}
+
+static void find_rivals(contour_cohort *c, int align)
+{
+    double mean[3 * N];
+    const bool kept = came_in_one_way(c);
+    curve_resample(N, c->mean, c->closed, N, mean);
+    for (size_t i = 0; i < c->I; i++) c->rival[i] = rival_of(c, i, mean, align, kept);
+}
+
 static void place_particles(contour_cohort *c, const contour_options *o)
 {
     curve_places(N, c->mean, c->closed, o->adaptivity, c->J, c->t);
@@ -118,6 +166,7 @@ static apsm_status make(const size_t *n, const double *const *P, const contour_o
     }
     find_mean(c);
     for (int r = 0; r < ROUNDS; r++) match_all(c, o, work);
+    find_rivals(c, o->align);
     place_particles(c, o);
     return APSM_OK;
 }
@@ -132,8 +181,9 @@ apsm_status contour_cohort_make(size_t I, const size_t *n, const double *const *
     c->mean = malloc(3 * N * sizeof *c->mean);
     c->t = malloc(o->J * sizeof *c->t);
     c->P = malloc(3 * I * o->J * sizeof *c->P);
+    c->rival = malloc(I * sizeof *c->rival);
     double *work = malloc(curve_match_size(N) * sizeof *work);
-    apsm_status status = c->M && c->Q && c->gamma && c->mean && c->t && c->P && work
+    apsm_status status = c->M && c->Q && c->gamma && c->mean && c->t && c->P && c->rival && work
                              ? make(n, P, o, c, work)
                              : APSM_ERR_MEMORY;
     free(work);
@@ -149,6 +199,7 @@ void contour_cohort_free(contour_cohort *c)
     free(c->mean);
     free(c->t);
     free(c->P);
+    free(c->rival);
     *c = (contour_cohort){ 0 };
 }
 

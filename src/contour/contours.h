@@ -25,6 +25,8 @@ typedef struct contour_cohort {
     double *mean;  /* CONTOUR_POINTS x 3 */
     double *t;     /* J: the particles' parameters on the mean */
     double *P;     /* I x J x 3: particles, in the world */
+    double *rival; /* I: how much worse another start or direction lies on the mean, of those that
+                      could be meant: the ratio of root mean square distances; INFINITY: none */
 } contour_cohort;
 
 /* Curve i has n[i] points P[i].  All closed or all open.  APSM_ERR_GEOMETRY: a curve without

@@ -228,7 +228,7 @@ static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)
     const char *contour = apsm_subject_column(s, apsm_project_key(p, "contour_", key));
     if (contour)
         return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: %s is a contour (%s); shapes are surfaces or segmentations here",
+                         "%s: %s is a contour (%s), which `apsm run` alone takes, by itself",
                          shown(run, p), s->name, contour);
     return apsm_fail(run->ctx, APSM_ERR_STATE,
                      "%s: shape %zu (%s) names no input; give it a shape_%s, or take it out",

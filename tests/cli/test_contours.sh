@@ -20,6 +20,36 @@ mkdir mixed && cp in/s[0134].vtk mixed && cp mixed.vtk mixed/s2.vtk
 expect 0 "" run mixed -o o -J 48
 cmp m/scores.csv o/scores.csv >&2 || fail "the order of the lines matters"
 
+# ---- the certificate: a shape of three equal lobes is told by how it lies, or not at all ----
+expect 0 "5 of 5 contours certified" run in -o c -J 48
+mkdir turned lone
+turn() { awk -v a="$1" '/^LINES/ { l = 1 } !l && NF == 3 && !/[A-Z#]/ { printf "%.9f %.9f 0\n", cos(a) * $1 - sin(a) * $2, sin(a) * $1 + cos(a) * $2; next } { print }' "$2"; }
+bend() { awk '/^LINES/ { l = 1 } !l && NF == 3 && !/[A-Z#]/ { print $1 * (1 + 0.004 * $1), $2 + 0.004 * $1 * $2 + 0.1 * $1, 0; next } { print }' "$1"; }
+for i in 0 1 2 3 4; do
+    turn $((i * 2)) in/s$i.vtk >turned/s$i.vtk
+    bend in/s$i.vtk >bent.vtk
+    turn $((i * 2)) bent.vtk >lone/s$i.vtk
+done
+expect 0 "needs review: ambiguous" run turned -o d -J 48
+grep -q '"certified": 0' d/certificate.json || fail "lobes that cannot be told apart are certified: $(grep -m 1 certified d/certificate.json)"
+expect 0 "5 of 5 contours certified" run lone -o e -J 48
+
+# ---- a project's column contour_1: its rows and columns are kept ----
+printf '{"data": [{"name": "one", "contour_1": "in/s0.vtk", "group_side": "L"}, {"name": "two", "contour_1": "in/s1.vtk"},
+ {"name": "no", "contour_1": "in/s2.vtk", "excluded": "yes"}, {"name": "four", "contour_1": "in/s3.vtk"}], "studio": {"a": "b"}}' >p.swproj
+expect 0 "3 of 3 contours certified" run p.swproj -o p -J 48
+for words in '"group_side": "L"' '"excluded": "yes"' '"a": "b"' '"contour_1": "../in/s1.vtk"' particles/four_world.particles; do
+    grep -qF -- "$words" p/project.swproj || fail "the project has lost $words"
+done
+expect 0 "3 of 3 shapes certified" info p
+grep -q 'do not belong' said && fail "info of contours: $(cat said)"
+sed 's/"group_side": "L"/"constraints_1": "c.json"/' p.swproj >cut.swproj
+expect 1 "one has constraints" run cut.swproj -o r -J 48
+expect 0 "" run cut.swproj -o r -J 48 --ignore constraints
+grep -qF '"constraints_1": "../c.json"' r/project.swproj || fail "ignored constraints are lost"
+sed 's/"contour_1": "in\/s1.vtk"/"group_side": "R"/' p.swproj >none.swproj
+expect 2 "two has no contour" run none.swproj -o q -J 48
+
 # ---- what is wrong ----
 expect 1 "is not empty" run in -o m -J 48
 expect 1 "has no meaning" run in -o q --gamma 1
