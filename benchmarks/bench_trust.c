@@ -1,35 +1,32 @@
-/* Does a verdict mean anything?  Judges a finished model after planting faults in its particles,
- * one JSON line a shape:
+/* Does a verdict mean anything?  Judges a finished model as it is and after planting faults in its
+ * particles, one JSON line a shape and fault:
  *
- *   bench_trust MODEL_DIR [TRUTH_DIR|-] [FAULT SIZE EVERY SEED]
+ *   bench_trust MODEL_DIR TRUTH_DIR|- [EVERY SEEDS [FAULT SIZE]...]
  *
- * TRUTH_DIR as for bench_truth; told is then the share of a shape's particles that are more than
- * two spacings from where at least half of the other shapes say.  FAULT is planted in every
- * EVERY-th shape: smooth, patch (a region moved along the surface by SIZE spacings, all at once or
- * fading), turn (by 180 degrees about principal axis SIZE), mirror (through the plane across it),
- * other (a particle on the other side of a sheet). */
+ * MODEL_DIR holds project.swproj, ours or ShapeWorks'.  TRUTH_DIR as for bench_truth; "lost" is
+ * then the share of a shape's particles that are more than two spacings from where at least half of
+ * the other shapes say.  Each fault is planted in every EVERY-th shape (5), once for each of SEEDS
+ * draws (1): smooth, patch (a region moved along the surface by SIZE spacings, fading or all at
+ * once), turn (the shape was turned by 180 degrees about principal axis SIZE), mirror (its mesh is
+ * the mirror image across that axis, and the particles where the others' are), swap (SIZE pairs of
+ * neighbours changed places), other (a particle on the other side of a sheet), stranger (another
+ * surface; SIZE 0: an ellipsoid of the same axes, 1: a ball, 2: half of it, 3: twice its size),
+ * none.  Without faults a list of them is run. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "apsm/formats.h"
 #include "apsm/particles.h"
 #include "core/random.h"
-#include "files/particles_file.h"
-#include "folder/model_folder.h"
-#include "geometry/affine.h"
+#include "geometry/clip.h"
 #include "geometry/vec3.h"
-#include "judge/verdict.h"
+#include "groom/groom.h"
+#include "judge/certify.h"
 #include "optimize/correspondence_loss.h"
+#include "shapes.h"
 #include "synthetic.h"
-
-static void check(apsm_context *ctx, apsm_status status)
-{
-    if (status == APSM_OK) return;
-    fprintf(stderr, "bench_trust: %s %s\n", apsm_status_text(status), apsm_error_text(ctx));
-    exit(1);
-}
+#include "truth_world.h"
 
 static void *room(size_t n, size_t size)
 {
@@ -38,47 +35,87 @@ static void *room(size_t n, size_t size)
     return p;
 }
 
+typedef struct true_shape {
+    apsm_mesh mesh;
+    apsm_bvh *bvh;
+    double *P; /* J x 3: particles there */
+} true_shape;
+
 typedef struct bench {
     apsm_context *ctx;
-    model_folder m;
+    apsm_project project;
+    const char *folder;
+    size_t I, J, t;    /* shapes, particles, the template */
+    const char **name; /* I */
+    double *P;         /* I x J x 3, world */
     apsm_cohort cohort;
     double h;
-    double *wrong; /* I: share of particles that are lost, or NaN */
-    bool *planted; /* I */
+    double *X;          /* I x J x 3: the particles before a fault */
+    uint32_t *N6;       /* J x 6 */
+    true_shape *truth;  /* I, or NULL */
+    double *undo;       /* I x 16: from where a fault has laid the shape */
+    bool *stranger;     /* I */
+    double *wrong;      /* I: share of particles that are lost, or NaN */
+    bool *planted;      /* I */
+    apsm_shape *whole;  /* I: what a fault has replaced ... */
+    apsm_cohort *other; /* I: ... by this one's only shape */
 } bench;
+
+/* Project, particles and meshes of MODEL_DIR, whose template is t. */
+static void read_model(bench *b, apsm_mesh *mesh, double *M)
+{
+    for (size_t i = 0; i < b->I; i++) {
+        const apsm_subject *s = &b->project.subjects[i];
+        char *path = apsm_project_path(&b->project, s->groomed);
+        double *P;
+        size_t J;
+        must(b->ctx, apsm_read_mesh(b->ctx, path, &mesh[i]));
+        free(path);
+        path = apsm_project_path(&b->project, s->world_particles);
+        must(b->ctx, apsm_points_read(b->ctx, path, &J, &P));
+        free(path);
+        if (!b->P) b->P = room(3 * b->I * (b->J = J), sizeof *b->P);
+        memcpy(b->P + 3 * J * i, P, 3 * J * sizeof *P);
+        free(P);
+        apsm_affine_multiply(s->procrustes, s->alignment, M + 16 * i);
+        b->name[i] = s->name;
+    }
+}
 
 static void load(bench *b, const char *folder)
 {
-    check(b->ctx, model_folder_read(b->ctx, folder, FOLDER_PARTICLES, &b->m));
-    const size_t I = b->m.I;
+    char path[2048];
+    snprintf(path, sizeof path, "%s/project.swproj", folder);
+    must(b->ctx, apsm_project_read(b->ctx, path, &b->project));
+    const size_t I = b->I = b->project.n;
+    const char *used = apsm_project_get(&b->project, "apsm", "template_used");
     apsm_mesh *mesh = room(I, sizeof *mesh);
     double *M = room(16 * I, sizeof *M);
-    for (size_t i = 0; i < I; i++) {
-        check(b->ctx, model_folder_mesh(b->ctx, &b->m, i, &mesh[i]));
-        apsm_affine_identity(M + 16 * i);
-    }
-    check(b->ctx,
-          apsm_cohort_build(b->ctx, I, b->m.names, mesh, M, b->m.template_index, 0, 0, &b->cohort));
+    b->folder = folder;
+    b->name = room(I, sizeof *b->name);
+    read_model(b, mesh, M);
+    for (size_t i = 0; i < I; i++)
+        if (used && strcmp(used, b->name[i]) == 0) b->t = i;
+    must(b->ctx, apsm_cohort_build(b->ctx, I, b->name, mesh, M, b->t, 0, 0, &b->cohort));
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
     free(mesh);
     free(M);
-    uint32_t *N6 = room(6 * b->m.J, sizeof *N6);
-    const double *T = b->m.P + 3 * b->m.J * b->m.template_index;
-    check(b->ctx, apsm_neighbours6(b->m.J, T, N6));
-    b->h = apsm_spacing(b->m.J, T, N6, NULL);
-    free(N6);
+    b->N6 = room(6 * b->J, sizeof *b->N6);
+    must(b->ctx, apsm_neighbours6(b->J, b->P + 3 * b->J * b->t, b->N6));
+    b->h = apsm_spacing(b->J, b->P + 3 * b->J * b->t, b->N6, NULL);
     b->wrong = room(I, sizeof *b->wrong);
     b->planted = room(I, sizeof *b->planted);
+    b->stranger = room(I, sizeof *b->stranger);
+    b->undo = room(16 * I, sizeof *b->undo);
+    for (size_t i = 0; i < I; i++) apsm_affine_identity(b->undo + 16 * i);
+    b->whole = room(I, sizeof *b->whole);
+    b->other = room(I, sizeof *b->other);
+    b->X = room(3 * I * b->J, sizeof *b->X);
+    memcpy(b->X, b->P, 3 * I * b->J * sizeof *b->X);
     for (size_t i = 0; i < I; i++) b->wrong[i] = NAN;
 }
 
 /* ---- truth ---- */
-
-typedef struct true_shape {
-    apsm_mesh mesh;
-    apsm_bvh *bvh;
-    double *P;
-} true_shape;
 
 static double lost(const true_shape *a, const true_shape *b, size_t J, double h)
 {
@@ -94,34 +131,49 @@ static int ascending(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-static void find_truth(bench *b, const char *truth)
+static void read_truths(bench *b, const char *truth)
 {
-    const size_t I = b->m.I;
-    true_shape *s = room(I, sizeof *s);
-    double *share = room(I, sizeof *share);
-    char path[2048];
-    for (size_t i = 0; i < I; i++) {
-        size_t J;
-        snprintf(path, sizeof path, "%s/%s.ply", truth, b->m.names[i]);
-        check(b->ctx, apsm_read_mesh(b->ctx, path, &s[i].mesh));
-        check(b->ctx, apsm_bvh_build(&s[i].mesh, &s[i].bvh));
-        snprintf(path, sizeof path, "%s/particles/%s_original.particles", b->m.path, b->m.names[i]);
-        check(b->ctx, apsm_points_read(b->ctx, path, &J, &s[i].P));
+    b->truth = room(b->I, sizeof *b->truth);
+    for (size_t i = 0; i < b->I; i++) {
+        true_shape *s = &b->truth[i];
+        s->mesh = read_truth(b->ctx, truth, &b->project.subjects[i]);
+        apsm_mesh_transform(&s->mesh, b->project.subjects[i].procrustes);
+        must(b->ctx, apsm_bvh_build(&s->mesh, &s->bvh));
+        s->P = room(3 * b->J, sizeof *s->P);
     }
-    for (size_t i = 0; i < I; i++) {
-        size_t n = 0;
-        for (size_t k = 0; k < I; k++)
-            if (k != i) share[n++] = lost(&s[i], &s[k], b->m.J, b->h);
-        qsort(share, n, sizeof *share, ascending);
-        b->wrong[i] = share[n / 2];
+}
+
+static void free_truths(bench *b)
+{
+    for (size_t i = 0; b->truth && i < b->I; i++) {
+        apsm_mesh_free(&b->truth[i].mesh);
+        apsm_bvh_free(b->truth[i].bvh);
+        free(b->truth[i].P);
     }
-    for (size_t i = 0; i < I; i++) {
-        apsm_mesh_free(&s[i].mesh);
-        apsm_bvh_free(s[i].bvh);
-        free(s[i].P);
-    }
-    free(s);
+    free(b->truth);
+}
+
+/* wrong[i] <- the share of particles that are elsewhere than at least half of the others say. */
+static void tell_lost(bench *b, size_t i)
+{
+    double *share = room(b->I, sizeof *share);
+    size_t n = 0;
+    for (size_t k = 0; k < b->I; k++)
+        if (k != i) share[n++] = lost(&b->truth[i], &b->truth[k], b->J, b->h);
+    qsort(share, n, sizeof *share, ascending);
+    b->wrong[i] = share[n / 2];
     free(share);
+}
+
+/* Of all shapes, or of those with a fault; a stranger has nothing in common. */
+static void find_lost(bench *b, bool all)
+{
+    for (size_t i = 0; b->truth && i < b->I; i++)
+        apsm_affine_apply(b->undo + 16 * i, b->J, b->P + 3 * b->J * i, b->truth[i].P);
+    for (size_t i = 0; b->truth && i < b->I; i++)
+        if (all || b->planted[i]) tell_lost(b, i);
+    for (size_t i = 0; i < b->I; i++)
+        if (b->stranger[i]) b->wrong[i] = 1;
 }
 
 /* ---- faults ---- */
@@ -144,9 +196,9 @@ static void walk(const apsm_shape *shape, double v[3], double x[3])
 
 static void plant_slip(const bench *b, size_t i, apsm_random *rng, bool patch, double size)
 {
-    const size_t J = b->m.J, j = (size_t)apsm_random_below(rng, J);
+    const size_t J = b->J, j = (size_t)apsm_random_below(rng, J);
     const apsm_shape *shape = &b->cohort.shape[i];
-    double *P = b->m.P + 3 * J * i, *N = room(3 * J, sizeof *N), e[3], at[3];
+    double *P = b->P + 3 * J * i, *N = room(3 * J, sizeof *N), e[3], at[3];
     apsm_surface_point *S = room(J, sizeof *S);
     const double R = (patch ? 2.2 : 4.5) * b->h;
     apsm_shape_look_up(shape, J, P, S, NULL, N);
@@ -166,36 +218,171 @@ static void plant_slip(const bench *b, size_t i, apsm_random *rng, bool patch, d
     free(S);
 }
 
-/* The particles where those of the turned or mirrored shape would be. */
-static void plant_turn(const bench *b, size_t i, size_t axis, bool mirror)
+/* ---- other surfaces ---- */
+
+/* The shape's surface is that of `mesh`, which is taken over. */
+static void replace(bench *b, size_t i, apsm_mesh *mesh)
 {
-    const size_t J = b->m.J;
-    double *P = b->m.P + 3 * J * i, c[3] = { 0 }, C[9] = { 0 }, U[9], s[3], V[9], u[3];
-    apsm_surface_point *S = room(J, sizeof *S);
-    for (size_t k = 0; k < 3 * J; k++) c[k % 3] += P[k] / (double)J;
-    for (size_t j = 0; j < J; j++)
-        for (size_t a = 0; a < 9; a++)
-            C[a] += (P[3 * j + a / 3] - c[a / 3]) * (P[3 * j + a % 3] - c[a % 3]);
-    apsm_svd3(C, U, s, V);
-    for (size_t a = 0; a < 3; a++) u[a] = V[3 * a + axis % 3];
-    for (size_t j = 0; j < J; j++) {
-        double d[3];
-        vec3_sub(P + 3 * j, c, d);
-        const double along = vec3_dot(d, u);
-        for (size_t a = 0; a < 3; a++)
-            P[3 * j + a] = c[a] + (mirror ? d[a] - 2 * along * u[a] : 2 * along * u[a] - d[a]);
+    double M[16];
+    apsm_affine_identity(M);
+    must(b->ctx, apsm_cohort_build(b->ctx, 1, &b->name[i], mesh, M, 0, 0, 0, &b->other[i]));
+    b->whole[i] = b->cohort.shape[i];
+    b->cohort.shape[i] = b->other[i].shape[0]; /* whose parts point to each other there */
+    apsm_mesh_free(mesh);
+}
+
+static void restore(bench *b)
+{
+    for (size_t i = 0; i < b->I; i++) {
+        b->planted[i] = b->stranger[i] = false;
+        apsm_affine_identity(b->undo + 16 * i);
+        if (!b->other[i].shape) continue;
+        b->cohort.shape[i] = b->whole[i];
+        apsm_cohort_free(&b->other[i]);
     }
-    apsm_shape_look_up(&b->cohort.shape[i], J, P, S, P, NULL);
+    memcpy(b->P, b->X, 3 * b->I * b->J * sizeof *b->X);
+}
+
+static void project(const bench *b, size_t i)
+{
+    apsm_surface_point *S = room(b->J, sizeof *S);
+    double *P = b->P + 3 * b->J * i;
+    apsm_shape_look_up(&b->cohort.shape[i], b->J, P, S, P, NULL);
     free(S);
+}
+
+/* M <- the half turn about, or the reflection across, principal axis `axis` of shape i. */
+static void half_turn(const bench *b, size_t i, size_t axis, bool mirror, double M[16])
+{
+    double c[3], V[9], u[3];
+    apsm_principal_axes(b->J, b->P + 3 * b->J * i, c, V);
+    for (size_t a = 0; a < 3; a++) u[a] = V[3 * a + axis % 3];
+    apsm_affine_identity(M);
+    for (size_t r = 0; r < 3; r++) {
+        for (size_t k = 0; k < 3; k++)
+            M[4 * r + k] = (mirror ? -2 : 2) * u[r] * u[k] + (r == k ? (mirror ? 1 : -1) : 0);
+        M[4 * r + 3] = c[r] - vec3_dot(M + 4 * r, c);
+    }
+}
+
+/* The shape was turned, or is the mirror image; particles stay where the others' are. */
+static void plant_turn(bench *b, size_t i, size_t axis, bool mirror)
+{
+    double M[16];
+    apsm_mesh mesh;
+    half_turn(b, i, axis, mirror, M);
+    memcpy(b->undo + 16 * i, M, sizeof M); /* its own inverse */
+    must(b->ctx, apsm_mesh_copy(&b->cohort.shape[i].mesh, &mesh));
+    apsm_mesh_transform(&mesh, M);
+    replace(b, i, &mesh);
+    project(b, i);
+}
+
+/* x in principal coordinates, each in units of its standard deviation times sqrt(3). */
+static void to_ball(const double c[3], const double V[9], const double s[3], bool back, double x[3])
+{
+    double y[3];
+    for (size_t a = 0; a < 3; a++) {
+        y[a] = 0;
+        for (size_t k = 0; k < 3; k++)
+            y[a] += back ? V[3 * a + k] * s[k] * x[k] : V[3 * k + a] * (x[k] - c[k]) / s[a];
+    }
+    for (size_t a = 0; a < 3; a++) x[a] = y[a] + (back ? c[a] : 0);
+}
+
+/* An ellipsoid of the same axes, or a ball; particles where rays from the centre meet it. */
+static void plant_ellipsoid(bench *b, size_t i, bool ball)
+{
+    const size_t J = b->J;
+    double *P = b->P + 3 * J * i, c[3], V[9], s[3] = { 0 };
+    apsm_principal_axes(J, P, c, V);
+    for (size_t j = 0; j < J; j++)
+        for (size_t a = 0; a < 3; a++) {
+            double along = 0;
+            for (size_t k = 0; k < 3; k++) along += V[3 * k + a] * (P[3 * j + k] - c[k]);
+            s[a] += 3 * along * along / (double)J;
+        }
+    const double mean = cbrt(sqrt(s[0] * s[1] * s[2]));
+    for (size_t a = 0; a < 3; a++) s[a] = ball ? mean : sqrt(s[a]);
+    apsm_mesh mesh = shape_icosphere(4);
+    for (size_t v = 0; v < mesh.nv; v++) to_ball(c, V, s, true, mesh.V + 3 * v);
+    for (size_t j = 0; j < J; j++) {
+        to_ball(c, V, s, false, P + 3 * j);
+        vec3_normalise(P + 3 * j);
+        to_ball(c, V, s, true, P + 3 * j);
+    }
+    replace(b, i, &mesh);
+    project(b, i);
+}
+
+/* What lies below the centre along the longest axis is missing, and the hole is closed. */
+static void plant_half(bench *b, size_t i)
+{
+    const size_t J = b->J;
+    const apsm_mesh *from = &b->cohort.shape[i].mesh;
+    double *P = b->P + 3 * J * i, c[3], V[9], *field = room(from->nv, sizeof *field);
+    apsm_groom_options options = apsm_groom_defaults();
+    apsm_groom_report report = { 0 };
+    apsm_mesh open, mesh;
+    options.max_cap_share = 0.5;
+    apsm_principal_axes(J, P, c, V);
+    for (size_t v = 0; v < from->nv; v++)
+        for (size_t k = 0; k < 3; k++) field[v] += V[3 * k] * (from->V[3 * v + k] - c[k]);
+    must(b->ctx, apsm_mesh_clip_field(from, field, &open));
+    must(b->ctx, apsm_repair(b->ctx, b->name[i], &open, &options, &mesh, &report));
+    for (size_t j = 0; j < J; j++) { /* squeezed into what is left */
+        double along = 0;
+        for (size_t k = 0; k < 3; k++) along += V[3 * k] * (P[3 * j + k] - c[k]);
+        for (size_t k = 0; k < 3; k++) P[3 * j + k] += V[3 * k] * (fabs(along) - along) / 2;
+    }
+    replace(b, i, &mesh);
+    project(b, i);
+    apsm_mesh_free(&open);
+    free(field);
+}
+
+static void plant_twice(bench *b, size_t i)
+{
+    const size_t J = b->J;
+    double M[16] = { 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1 };
+    apsm_mesh mesh;
+    must(b->ctx, apsm_mesh_copy(&b->cohort.shape[i].mesh, &mesh));
+    apsm_mesh_transform(&mesh, M);
+    apsm_affine_apply(M, J, b->P + 3 * J * i, b->P + 3 * J * i);
+    replace(b, i, &mesh);
+}
+
+static void plant_stranger(bench *b, size_t i, int which)
+{
+    b->stranger[i] = true;
+    if (which < 2) plant_ellipsoid(b, i, which == 1);
+    if (which == 2) plant_half(b, i);
+    if (which == 3) plant_twice(b, i);
+}
+
+/* ---- single particles ---- */
+
+static void plant_swaps(const bench *b, size_t i, apsm_random *rng, size_t pairs)
+{
+    double *P = b->P + 3 * b->J * i;
+    for (size_t n = 0; n < pairs; n++) {
+        const size_t j = (size_t)apsm_random_below(rng, b->J);
+        const size_t k = b->N6[6 * j + (size_t)apsm_random_below(rng, 6)];
+        for (size_t c = 0; c < 3; c++) {
+            const double t = P[3 * j + c];
+            P[3 * j + c] = P[3 * k + c];
+            P[3 * k + c] = t;
+        }
+    }
 }
 
 /* A particle where a sheet is thinner than a spacing goes through; false: there is none. */
 static bool plant_other_side(const bench *b, size_t i, apsm_random *rng)
 {
-    const size_t J = b->m.J, first = (size_t)apsm_random_below(rng, J);
+    const size_t J = b->J, first = (size_t)apsm_random_below(rng, J);
     const apsm_shape *shape = &b->cohort.shape[i];
     for (size_t k = 0; k < J; k++) {
-        double *p = &b->m.P[3 * (J * i + (first + k) % J)], n[3], x[3], in[3];
+        double *p = &b->P[3 * (J * i + (first + k) % J)], n[3], x[3], in[3];
         apsm_surface_point S;
         apsm_shape_look_up(shape, 1, p, &S, x, n);
         for (int c = 0; c < 3; c++) in[c] = -n[c];
@@ -207,58 +394,105 @@ static bool plant_other_side(const bench *b, size_t i, apsm_random *rng)
     return false;
 }
 
-static void plant(bench *b, const char *fault, double size, size_t every, uint64_t seed)
+typedef struct fault {
+    const char *name;
+    double size;
+} fault;
+
+static void plant(bench *b, const fault *f, size_t every, uint64_t seed)
 {
-    for (size_t i = 0; i < b->m.I; i++) {
+    for (size_t i = seed % every; i < b->I; i += every) {
         apsm_random rng = apsm_random_stream(seed, APSM_STREAM_TEST, i, 0);
-        if (i % every != seed % every) continue;
-        b->planted[i] = strcmp(fault, "none") != 0;
-        if (strcmp(fault, "smooth") == 0) plant_slip(b, i, &rng, false, size);
-        if (strcmp(fault, "patch") == 0) plant_slip(b, i, &rng, true, size);
-        if (strcmp(fault, "turn") == 0) plant_turn(b, i, (size_t)size, false);
-        if (strcmp(fault, "mirror") == 0) plant_turn(b, i, (size_t)size, true);
-        if (strcmp(fault, "other") == 0) b->planted[i] = plant_other_side(b, i, &rng);
+        b->planted[i] = strcmp(f->name, "none") != 0;
+        if (strcmp(f->name, "smooth") == 0) plant_slip(b, i, &rng, false, f->size);
+        if (strcmp(f->name, "patch") == 0) plant_slip(b, i, &rng, true, f->size);
+        if (strcmp(f->name, "turn") == 0) plant_turn(b, i, (size_t)f->size, false);
+        if (strcmp(f->name, "mirror") == 0) plant_turn(b, i, (size_t)f->size, true);
+        if (strcmp(f->name, "swap") == 0) plant_swaps(b, i, &rng, (size_t)f->size);
+        if (strcmp(f->name, "other") == 0) b->planted[i] = plant_other_side(b, i, &rng);
+        if (strcmp(f->name, "stranger") == 0) plant_stranger(b, i, (int)f->size);
     }
 }
 
 /* ---- what is told ---- */
 
-static void tell(const bench *b, const apsm_judgement *g)
+static void tell(const bench *b, const fault *planted, const cohort_certificate *c)
 {
-    const apsm_verdict_options options = apsm_verdict_defaults();
-    for (size_t i = 0; i < b->m.I; i++) {
-        const apsm_findings *f = &g->shape[i];
-        printf(
-            "{\"shape\": \"%s\", \"planted\": %d, \"lost\": %.3f, \"agreement\": %.3f, "
-            "\"turned\": %.3f, \"turned_fit\": %.2f, \"mirrored\": %.3f, \"mirrored_fit\": %.2f, "
-            "\"fit\": %.2f, \"slip\": %.2f, \"slip_size\": %.2f, \"reach\": %.2f, "
-            "\"reach_excess\": %.2f, \"area\": %.3f, \"area_excess\": %.1f, \"size\": %.3f, "
-            "\"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": %.2f, "
-            "\"off_excess\": %.1f, \"opposed\": %zu, \"doubts\": %u}\n",
-            b->m.names[i], b->planted[i], isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
-            f->turn[0].agreement, f->turn[0].fit, f->turn[1].agreement, f->turn[1].fit, f->fit,
-            f->slip, f->slip_size, f->reach, f->reach_excess, f->area, f->area_excess, f->size,
-            f->size_excess, f->long_excess, f->flat_excess, f->off, f->off_excess, f->opposed,
-            apsm_verdict_doubts(f, &options));
+    for (size_t i = 0; i < b->I; i++) {
+        const apsm_findings *f = &c->judgement.shape[i];
+        const apsm_certificate *own = &c->shape[i];
+        printf("{\"fault\": \"%s %g\", \"shape\": \"%s\", \"planted\": %d, \"template\": %d, "
+               "\"lost\": %.3f, \"agreement\": %.3f, "
+               "\"turned\": %.3f, \"turned_fit\": %.3f, \"mirrored\": %.3f, \"mirrored_fit\": "
+               "%.3f, \"fit\": %.3f, \"slip\": %.3f, \"slip_size\": %.3f, \"reach\": %.3f, "
+               "\"reach_excess\": %.2f, \"farthest\": %.3f, \"area\": %.3f, \"area_excess\": %.1f, "
+               "\"size\": %.3f, \"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": "
+               "%.3f, \"off_excess\": %.2f, \"opposed\": %zu, \"neighbours_lost\": %.4f, "
+               "\"mismatched\": %.4f, \"swaps\": %zu, \"folds\": %zu, \"t_evidence\": %.3f, "
+               "\"m_evidence\": %.3f, \"level\": %.3f, "
+               "\"reasons\": %u, \"doubts\": "
+               "%u}\n",
+               planted->name, planted->size, b->name[i], b->planted[i], i == b->t,
+               isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
+               fmax(f->turn[0].agreement, -9), f->turn[0].fit, fmax(f->turn[1].agreement, -9),
+               f->turn[1].fit, f->fit, f->slip, f->slip_size, f->reach, f->reach_excess,
+               f->farthest, f->area, f->area_excess, f->size, f->size_excess, f->long_excess,
+               f->flat_excess, f->off, f->off_excess, f->opposed,
+               (double)own->lost / (double)own->J, (double)own->mismatched / (double)own->J,
+               own->swaps, own->folds, fmin(f->turn[0].evidence, 99), fmin(f->turn[1].evidence, 99),
+               f->level, own->reasons, c->doubts[i]);
     }
+}
+
+static void run(bench *b, const fault *f, size_t every, uint64_t seed)
+{
+    cohort_certificate c;
+    double *before = room(b->I, sizeof *before);
+    memcpy(before, b->wrong, b->I * sizeof *before);
+    plant(b, f, every, seed);
+    find_lost(b, false);
+    must(b->ctx, certify_cohort(b->ctx, &b->cohort, b->J, b->P, NULL, &c));
+    tell(b, f, &c);
+    certify_free(&c);
+    restore(b);
+    memcpy(b->wrong, before, b->I * sizeof *before);
+    free(before);
 }
 
 int main(int argc, char **argv)
 {
+    static const fault all[] = { { "none", 0 },     { "turn", 0 },     { "turn", 1 },
+                                 { "turn", 2 },     { "mirror", 2 },   { "stranger", 0 },
+                                 { "stranger", 1 }, { "stranger", 2 }, { "stranger", 3 },
+                                 { "smooth", 0.5 }, { "smooth", 1 },   { "smooth", 2 },
+                                 { "smooth", 3 },   { "patch", 1 },    { "swap", 1 },
+                                 { "other", 0 } };
     bench b = { .ctx = apsm_context_new() };
-    apsm_judgement g;
     if (argc < 2 || !b.ctx) return 2;
     load(&b, argv[1]);
-    if (argc > 2 && strcmp(argv[2], "-") != 0) find_truth(&b, argv[2]);
-    if (argc > 6)
-        plant(&b, argv[3], atof(argv[4]), strtoul(argv[5], NULL, 10), strtoul(argv[6], NULL, 10));
-    check(b.ctx, apsm_judge(b.ctx, &b.cohort, b.m.J, b.m.P, &g));
-    tell(&b, &g);
-    apsm_judgement_free(&g);
+    if (argc > 2 && strcmp(argv[2], "-") != 0) read_truths(&b, argv[2]);
+    find_lost(&b, true);
+    const size_t every = argc > 3 ? strtoul(argv[3], NULL, 10) : 5;
+    const uint64_t seeds = argc > 4 ? strtoul(argv[4], NULL, 10) : 1;
+    const size_t faults = argc > 6 ? (size_t)(argc - 5) / 2 : sizeof all / sizeof *all;
+    for (size_t k = 0; k < faults; k++) {
+        const fault named = argc > 6 ? (fault){ argv[5 + 2 * k], atof(argv[6 + 2 * k]) } : all[k];
+        const uint64_t draws = strcmp(named.name, "none") == 0 ? 1 : seeds;
+        for (uint64_t seed = 0; seed < draws; seed++) run(&b, &named, every, 1 + 2 * seed);
+    }
+    free_truths(&b);
     apsm_cohort_free(&b.cohort);
-    model_folder_free(&b.m);
+    apsm_project_free(&b.project);
+    free(b.name);
+    free(b.P);
+    free(b.N6);
+    free(b.X);
+    free(b.whole);
+    free(b.other);
     free(b.wrong);
     free(b.planted);
+    free(b.stranger);
+    free(b.undo);
     apsm_context_free(b.ctx);
     return 0;
 }

@@ -57,6 +57,12 @@ static json_t *json_opposed(const apsm_judgement *g, size_t i)
     return list;
 }
 
+/* null: there is no other way to lay the shape. */
+static json_t *json_evidence(double evidence)
+{
+    return isfinite(evidence) ? json_real(evidence) : json_null();
+}
+
 /* A correlation again; null: there is no other way to lay the shape. */
 static json_t *json_agreement(double z)
 {
@@ -72,9 +78,11 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
     const bool slipped = c->doubts[i] & (1u << APSM_DOUBT_SLIP);
     const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
     return json_pack(
-        "{s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}", "agreement",
-        json_agreement(f->agreement), "agreement_turned", json_agreement(f->turn[0].agreement),
-        "agreement_mirrored", json_agreement(f->turn[1].agreement), "slip_excess", f->slip, "slip",
+        "{s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}",
+        "agreement", json_agreement(f->agreement), "agreement_turned",
+        json_agreement(f->turn[0].agreement), "agreement_mirrored",
+        json_agreement(f->turn[1].agreement), "evidence_pose", json_evidence(f->turn[0].evidence),
+        "evidence_hand", json_evidence(f->turn[1].evidence), "slip_excess", f->slip, "slip",
         f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
         "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
@@ -101,13 +109,14 @@ static json_t *json_thresholds(void)
 {
     const apsm_certificate_options o = apsm_certificate_defaults();
     const apsm_verdict_options v = apsm_verdict_defaults();
-    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
-                     "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
-                     o.off_surface, "coincident", o.coincident, "slip_excess", v.slip_excess,
-                     "slip", v.slip, "reach_excess", v.reach_excess, "reach", v.reach_size,
-                     "farthest", v.farthest, "off", v.off, "off_excess", v.off_excess, "size",
-                     v.size, "size_excess", v.size_excess, "as_likely", v.likely, "least_shapes",
-                     (int)APSM_LEAST_JUDGED);
+    return json_pack(
+        "{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
+        "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface", o.off_surface,
+        "coincident", o.coincident, "slip_excess", v.slip_excess, "slip", v.slip, "slip_size",
+        v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size, "farthest", v.farthest,
+        "off", v.off, "off_excess", v.off_excess, "size", v.size, "size_excess", v.size_excess,
+        "evidence_against", v.against, "evidence_told", v.told, "least_shapes",
+        (int)APSM_LEAST_JUDGED);
 }
 
 static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certificate *c)
@@ -116,11 +125,13 @@ static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certific
     for (size_t i = 0; i < c->I; i++)
         json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
     return json_pack(
-        "{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}", "format",
+        "{s:s, s:i, s:s, s:I, s:I, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}", "format",
         FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict", certify_verdict(c),
         "certified", (json_int_t)certify_count(c, "certified"), "shapes", (json_int_t)c->I,
-        "template", cohort->shape[cohort->template_index].name, "h", c->h,
-        "mean_mismatched_1.5_1.5", certify_mean_mismatched(c, true), "mean_mismatched_1.5_2.0",
+        "pose_untold", (json_int_t)certify_untold(c, APSM_ASPECT_POSE), "hand_untold",
+        (json_int_t)certify_untold(c, APSM_ASPECT_HAND), "template",
+        cohort->shape[cohort->template_index].name, "h", c->h, "mean_mismatched_1.5_1.5",
+        certify_mean_mismatched(c, true), "mean_mismatched_1.5_2.0",
         certify_mean_mismatched(c, false), "thresholds", json_thresholds(), "notes",
         c->notes ? json_incref(c->notes) : json_array(), "per_shape", shapes);
 }

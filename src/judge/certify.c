@@ -280,6 +280,14 @@ const char *certify_verdict(const cohort_certificate *c)
     return c->judged ? "certified" : "not judged";
 }
 
+/* A surface that is nearly its own mirror image, or nearly the same when turned. */
+static bool is_untold(const cohort_certificate *c, size_t i, apsm_aspect aspect)
+{
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    const bool either = aspect == APSM_ASPECT_POSE || aspect == APSM_ASPECT_HAND;
+    return c->judged && either && !apsm_verdict_tells(&c->judgement.shape[i], aspect, &options);
+}
+
 const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect aspect)
 {
     const unsigned surface = 1u << APSM_REVIEW_OFF_SURFACE | 1u << APSM_REVIEW_NONFINITE;
@@ -290,7 +298,16 @@ const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect asp
     for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
         review |= (c->doubts[i] & (1u << d)) && apsm_doubt_aspect((apsm_doubt)d) == aspect;
     const bool by_itself = aspect == APSM_ASPECT_SURFACE || aspect == APSM_ASPECT_NEIGHBOURS;
-    return review ? "review" : by_itself || c->judged ? "pass" : "not judged";
+    if (review) return "review";
+    if (is_untold(c, i, aspect)) return "cannot be told";
+    return by_itself || c->judged ? "pass" : "not judged";
+}
+
+size_t certify_untold(const cohort_certificate *c, apsm_aspect aspect)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < c->I; i++) n += is_untold(c, i, aspect);
+    return n;
 }
 
 size_t certify_count(const cohort_certificate *c, const char *verdict)
@@ -385,6 +402,24 @@ static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
     }
 }
 
+/* Once for all, where a fault of pose or hand would hardly be seen. */
+static void tell_untold(apsm_context *ctx, const cohort_certificate *c)
+{
+    const size_t pose = certify_untold(c, APSM_ASPECT_POSE);
+    const size_t hand = certify_untold(c, APSM_ASPECT_HAND);
+    if (pose > 0)
+        apsm_log(
+            ctx, APSM_LOG_WARNING,
+            "of %zu of %zu shapes the surface does not tell which way they lie: it is nearly the "
+            "same turned; make sure that they come in one orientation",
+            pose, c->I);
+    if (hand > 0)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "of %zu of %zu shapes the surface does not tell left from right: it is nearly its "
+                 "own mirror image; make sure of the sides",
+                 hand, c->I);
+}
+
 void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c)
 {
     tell_notes(ctx, c);
@@ -394,6 +429,7 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
         describe(&c->shape[i], c->doubts[i], &s);
         apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", cohort->shape[i].name, s.text);
     }
+    tell_untold(ctx, c);
     if (!c->judged)
         apsm_log(ctx, APSM_LOG_WARNING,
                  "fewer than %d shapes: whether they belong, lie and correspond as the others do "

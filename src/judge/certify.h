@@ -31,6 +31,8 @@ const char *certify_verdict(const cohort_certificate *certificate);
 
 /* "pass", "review" or "not judged": one aspect of one shape. */
 const char *certify_grade(const cohort_certificate *certificate, size_t i, apsm_aspect aspect);
+/* How many shapes pass in pose or hand only because their surface cannot tell. */
+size_t certify_untold(const cohort_certificate *certificate, apsm_aspect aspect);
 /* How many shapes have this verdict. */
 size_t certify_count(const cohort_certificate *certificate, const char *verdict);
 /* Mean share of mismatched particles, at 1.5/1.5 (strict) or 1.5/2.0. */

@@ -14,6 +14,9 @@
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 
+/* Cosine from which on a surface looks a given way. */
+static const double looks_the_same = 0.5;
+
 /* Arrays of all shapes, I x J x ... */
 typedef struct judging {
     const apsm_cohort *cohort;
@@ -25,6 +28,8 @@ typedef struct judging {
     double *Q, *N;          /* x 3: particles and normals there */
     double *X, *XN;         /* x 3: what is usual in the others */
     double *height, *usual; /* x APSM_FORM_SCALES */
+    double *spread;         /* x APSM_FORM_SCALES: median distance of the others from usual ones */
+    double *distance;       /* x APSM_FORM_SCALES: scratch */
     double *along;          /* J3 along the surface, then over the ring, then over what is usual */
     double *reach, *usual_reach;
     double *agreed; /* length of the median of the others' normals */
@@ -34,7 +39,9 @@ typedef struct judging {
 
 enum { AREA, SIZE, LONG, FLAT, OFF, SLIP, REACH, FIGURES };
 /* Of logarithms: nobody is called unusual for less than a few of these. */
-static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.1, 0.1 };
+static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.2, 0.1 };
+/* A slip is told from the shape's own level of distances, but not from less than this. */
+static const double least_level = 0.7, least_slip = 0.02;
 
 /* ---- every shape for itself ---- */
 
@@ -115,22 +122,22 @@ static void over_rings(size_t J, const uint32_t *N6, double *x, double *scratch)
     }
 }
 
-/* The largest of what is over what is usual; and by how much. */
-static void find_slip(judging *g, size_t i, const double *usual)
+/* Where the distance along the surface is the most times the usual one; by how much it is more, and
+ * that over the shape's own level: a shape that is unlike the others is off everywhere, a slipped
+ * one in one place.  scratch: J. */
+static void find_slip(judging *g, size_t i, const double *usual, double *scratch)
 {
-    const size_t J = g->J;
+    const size_t J = g->J, first = J * i;
     apsm_findings *f = &g->out->shape[i];
-    double most = 0.0;
+    double *times = g->out->slip + first;
     for (size_t j = 0; j < J; j++) {
-        const double x = g->along[J * i + j], u = usual[J * i + j];
-        const double z = x / fmax(u, 0.05);
-        g->out->slip[J * i + j] = z;
-        if (!(z > most)) continue;
-        most = z;
-        f->slip_at = (uint32_t)j;
-        f->slip_size = x - u;
+        times[j] = g->along[first + j] / fmax(usual[first + j], 0.05);
+        if (times[j] > times[f->slip_at]) f->slip_at = (uint32_t)j;
     }
-    g->figure[SLIP * g->I + i] = log(most + 1e-3);
+    memcpy(scratch, times, J * sizeof *scratch);
+    f->level = robust_median(J, scratch);
+    f->slip_size = g->along[first + f->slip_at] - usual[first + f->slip_at];
+    g->figure[SLIP * g->I + i] = log(fmax(f->slip_size, least_slip) / fmax(f->level, least_level));
 }
 
 static void find_reach(judging *g, size_t i)
@@ -150,16 +157,46 @@ static void find_reach(judging *g, size_t i)
     g->figure[REACH * g->I + i] = log(fmax(most, 0.05));
 }
 
+/* Whether no place within a spacing along the surface looks the way `usual` (common frame), from
+ * where particle j is: else it has only gone round an edge. */
+static apsm_status is_beyond_edges(const judging *g, size_t i, size_t j, const double usual[3],
+                                   apsm_geodesic_work *w, bool *beyond)
+{
+    const apsm_shape *shape = &g->cohort->shape[i];
+    const double *p = g->P + 3 * (g->J * i + j), h = g->h / cbrt(apsm_affine_det(g->M + 16 * i));
+    apsm_surface_point at;
+    apsm_shape_look_up(shape, 1, p, &at, NULL, NULL);
+    APSM_TRY(apsm_geodesic_from(shape->geodesic, &at, h, w));
+    *beyond = true;
+    for (uint32_t v = 0; v < shape->mesh.nv && *beyond; v++) {
+        double n[3];
+        if (!(vec3_distance2(shape->mesh.V + 3 * v, p) < h * h)) continue;
+        if (!(apsm_geodesic_vertex_distance(w, v) <= h)) continue;
+        apsm_affine_apply_normals(g->M + 16 * i, 1, shape->VN + 3 * v, n);
+        *beyond = vec3_dot(n, usual) < looks_the_same;
+    }
+    return APSM_OK;
+}
+
 /* A particle that has gone through a sheet looks the other way: against the usual normal, where the
  * normals of the others agree. */
-static void find_opposed(judging *g, size_t i)
+static apsm_status find_opposed(apsm_context *ctx, size_t i, int worker, void *user)
 {
+    (void)ctx, (void)worker;
+    judging *g = user;
     apsm_findings *f = &g->out->shape[i];
-    for (size_t k = g->J * i; k < g->J * (i + 1); k++) {
+    apsm_geodesic_work *w = NULL;
+    apsm_status status = APSM_OK;
+    for (size_t j = 0; j < g->J && status == APSM_OK; j++) {
+        const size_t k = g->J * i + j;
         const double *usual = g->XN + 3 * k;
-        g->out->opposed[k] = g->agreed[k] > 0.9 && vec3_dot(g->N + 3 * k, usual) < -0.7;
+        if (!(g->agreed[k] > 0.9 && vec3_dot(g->N + 3 * k, usual) < -0.7)) continue;
+        if (!w) status = apsm_geodesic_work_new(g->cohort->shape[i].geodesic, &w);
+        if (status == APSM_OK) status = is_beyond_edges(g, i, j, usual, w, &g->out->opposed[k]);
         f->opposed += g->out->opposed[k];
     }
+    apsm_geodesic_work_free(w);
+    return status;
 }
 
 static apsm_status turn_shape(apsm_context *ctx, size_t i, int worker, void *user)
@@ -171,8 +208,15 @@ static apsm_status turn_shape(apsm_context *ctx, size_t i, int worker, void *use
     double *work = malloc(apsm_turns_work_size(J) * sizeof *work);
     uint32_t *at = malloc(J * sizeof *at);
     if (work && at) {
-        const apsm_turns_input in = { J,          g->h,        g->Q + at3,      g->N + at3,
-                                      g->X + at3, g->XN + at3, g->height + atS, g->usual + atS };
+        const apsm_turns_input in = { J,
+                                      g->h,
+                                      g->Q + at3,
+                                      g->N + at3,
+                                      g->X + at3,
+                                      g->XN + at3,
+                                      g->height + atS,
+                                      g->usual + atS,
+                                      g->spread + atS };
         f->agreement = apsm_form_agreement(J, in.own, in.usual, NULL);
         apsm_turns_search(&in, false, &f->turn[0], &f->fit, work, at);
         apsm_turns_search(&in, true, &f->turn[1], NULL, work, at);
@@ -230,6 +274,16 @@ static apsm_status predict_all(apsm_context *ctx, judging *g)
     return gather_figure(ctx, g, OFF);
 }
 
+/* spread <- 1.4826 times the median of the others' distance from what is usual. */
+static void find_spread(judging *g, double *column)
+{
+    const size_t n = APSM_FORM_SCALES * g->J;
+    double *distance = g->distance;
+    for (size_t k = 0; k < g->I * n; k++) distance[k] = fabs(g->height[k] - g->usual[k]);
+    robust_left_out_medians(g->I, n, distance, g->spread, column);
+    for (size_t k = 0; k < g->I * n; k++) g->spread[k] *= 1.4826;
+}
+
 static apsm_status compare(apsm_context *ctx, judging *g, double *column, double *usual)
 {
     const size_t I = g->I, J = g->J;
@@ -238,15 +292,17 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column, double
     robust_left_out_medians(I, 3 * J, g->N, g->XN, column);
     for (size_t k = 0; k < I * J; k++) g->agreed[k] = vec3_normalise(g->XN + 3 * k);
     robust_left_out_medians(I, APSM_FORM_SCALES * J, g->height, g->usual, column);
+    find_spread(g, column);
     robust_left_out_medians(I, J, g->reach, g->usual_reach, column);
     APSM_TRY(predict_all(ctx, g));
     for (size_t i = 0; i < I; i++) over_rings(J, g->N6, g->along + J * i, usual);
     robust_left_out_medians(I, J, g->along, usual, column);
     for (size_t i = 0; i < I; i++) {
-        find_slip(g, i, usual);
+        find_slip(g, i, usual, g->distance);
         find_reach(g, i);
-        find_opposed(g, i);
     }
+    APSM_TRY(apsm_own_for(ctx, I, NULL, find_opposed, g, NULL));
+    APSM_TRY(apsm_gather(ctx, I, NULL, J * sizeof *g->out->opposed, g->out->opposed));
     APSM_TRY(apsm_own_for(ctx, I, NULL, turn_shape, g, "judge"));
     APSM_TRY(apsm_gather(ctx, I, NULL, sizeof *g->out->shape, g->out->shape));
     weigh_figures(g, column);
@@ -269,7 +325,7 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
                        apsm_judgement *out)
 {
     const size_t I = cohort->I, n = I * J;
-    const size_t doubles = n * (3 * 4 + 2 * APSM_FORM_SCALES + 5) + I * (16 + FIGURES + 1);
+    const size_t doubles = n * (3 * 4 + 4 * APSM_FORM_SCALES + 5) + I * (16 + FIGURES + 1);
     *out = (apsm_judgement){ .I = I, .J = J };
     out->shape = calloc(I, sizeof *out->shape);
     out->slip = malloc(n * sizeof *out->slip);
@@ -286,7 +342,9 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
         g.XN = g.X + 3 * n;
         g.height = g.XN + 3 * n;
         g.usual = g.height + APSM_FORM_SCALES * n;
-        g.along = g.usual + APSM_FORM_SCALES * n;
+        g.spread = g.usual + APSM_FORM_SCALES * n;
+        g.distance = g.spread + APSM_FORM_SCALES * n;
+        g.along = g.distance + APSM_FORM_SCALES * n;
         g.reach = g.along + n;
         g.usual_reach = g.reach + n;
         g.agreed = g.usual_reach + n;

@@ -18,6 +18,7 @@
 
 enum { TURNS = 24, ROUNDS = 8, MOST = 128 };
 static const double wrong_share = 0.1, wrong_distance = 2.0; /* h */
+static const double least_spread = 0.01;                     /* of heights */
 
 size_t apsm_turns_work_size(size_t J)
 {
@@ -147,6 +148,27 @@ static double agreement(const apsm_turns_input *in, const moved *m, const uint32
     return apsm_form_agreement(m->n, own, usual, NULL);
 }
 
+/* How much more likely the heights are as they lie: (J2a), the mean over particles and scales of
+ *
+ *   ((own - u_there)^2 - (own - u_here)^2) / 2 v,
+ *
+ * v the mean of both variances: positive where they are as usual here, negative where as usual
+ * there, and next to nothing where usual heights hardly differ. */
+static double evidence(const apsm_turns_input *in, const moved *m, const uint32_t *at)
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < m->n; k++)
+        for (size_t s = 0; s < APSM_FORM_SCALES; s++) {
+            const size_t here = APSM_FORM_SCALES * m->stride * k + s;
+            const size_t there = APSM_FORM_SCALES * (size_t)at[k] + s;
+            const double a = in->usual[here], b = in->usual[there];
+            const double va = in->spread[here], vb = in->spread[there];
+            const double v = fmax(0.5 * (va * va + vb * vb), least_spread * least_spread);
+            sum += (b - a) * (0.5 * (a + b) - in->own[here]) / v;
+        }
+    return sum / (double)(m->n * APSM_FORM_SCALES);
+}
+
 static double fit_as_it_is(const apsm_turns_input *in)
 {
     double sum = 0.0;
@@ -163,7 +185,7 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
     static const double flip[9] = { 1, 0, 0, 0, 1, 0, 0, 0, -1 };
     double c[3], A[9], S[9], reflection[16];
     moved m;
-    *best = (apsm_turn){ .agreement = -INFINITY, .mirrored = mirrored };
+    *best = (apsm_turn){ .agreement = -INFINITY, .mirrored = mirrored, .evidence = INFINITY };
     apsm_affine_identity(best->M);
     frame(in->J, in->X, c, A);
     start(c, A, flip, reflection);
@@ -175,6 +197,7 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
         const double fit = settle(in, M, &m, at);
         if (!is_other(in, &m, at)) continue;
         const double a = agreement(in, &m, at, m.target + 3 * m.n);
+        best->evidence = fmin(best->evidence, evidence(in, &m, at));
         if (!(a > best->agreement)) continue;
         best->agreement = a;
         best->fit = fit;

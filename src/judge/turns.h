@@ -14,6 +14,7 @@ typedef struct apsm_turns_input {
     const double *P, *N;       /* J x 3: the shape's particles and unit normals */
     const double *X, *XN;      /* J x 3: usual ones */
     const double *own, *usual; /* J x APSM_FORM_SCALES: heights, see form.h */
+    const double *spread;      /* J x APSM_FORM_SCALES: how far others are from usual ones */
 } apsm_turns_input;
 
 /* The best of the other ways to lay the shape on the usual one. */
@@ -22,6 +23,8 @@ typedef struct apsm_turn {
     double fit;       /* root mean square distance of the particles from usual ones, in h */
     double M[16];     /* how P would have to be moved; det < 0: mirrored */
     bool mirrored;
+    double evidence; /* least of all other ways: that the heights are as usual where they are and
+                        not as usual there (J2a); INFINITY: there is no other way */
 } apsm_turn;
 
 /* Scratch in doubles. */

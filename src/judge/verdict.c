@@ -2,8 +2,9 @@
 
 #include <math.h>
 
-/* So much better agreement of form decides for a pose, whatever the distances say. */
-static const double clearly = 0.3;
+/* So much better agreement of form decides for a pose, whatever the distances say, where there is
+ * as much evidence. */
+static const double clearly = 0.3, decisive = 1.0;
 
 #define ASPECT_NAME(name, text) text,
 static const char *const aspect_name[] = { APSM_ASPECT_LIST(ASPECT_NAME) };
@@ -30,7 +31,8 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 apsm_verdict_options apsm_verdict_defaults(void)
 {
     return (apsm_verdict_options){ .slip_excess = 1.5,
-                                   .slip = 0.75,
+                                   .slip = 0.5,
+                                   .slip_size = 0.2,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
@@ -38,15 +40,8 @@ apsm_verdict_options apsm_verdict_defaults(void)
                                    .off_excess = 5.0,
                                    .size = 1.3,
                                    .size_excess = 6.0,
-                                   .likely = 0.05 };
-}
-
-/* The doubt about one other way to lay the shape: that it is the better one, or as good. */
-static unsigned compare(double agreement, const apsm_turn *other, double likely, apsm_doubt better,
-                        apsm_doubt as_good)
-{
-    if (other->agreement > agreement) return 1u << better;
-    return (unsigned)(other->agreement > agreement - likely) << as_good;
+                                   .against = 0.2,
+                                   .told = 0.3 };
 }
 
 /* What does not belong slips, and has no pose, as well: that is not told then. */
@@ -57,9 +52,9 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     if (fabs(log(f->size)) > log(o->size) && fabs(f->size_excess) > o->size_excess)
         doubts |= 1u << APSM_DOUBT_SIZE;
     if (doubts) return doubts;
-    doubts |= compare(f->agreement, &f->turn[0], o->likely, APSM_DOUBT_TURNED, APSM_DOUBT_POSE);
-    doubts |= compare(f->agreement, &f->turn[1], o->likely, APSM_DOUBT_MIRRORED, APSM_DOUBT_HAND);
-    if (f->slip > o->slip_excess && f->slip * f->slip_size > o->slip)
+    doubts |= (unsigned)(f->turn[0].evidence < -o->against) << APSM_DOUBT_TURNED;
+    doubts |= (unsigned)(f->turn[1].evidence < -o->against) << APSM_DOUBT_MIRRORED;
+    if (f->slip > o->slip_excess && f->slip_size > o->slip_size && f->slip * f->slip_size > o->slip)
         doubts |= 1u << APSM_DOUBT_SLIP;
     if ((f->reach_excess > o->reach_excess && f->reach > o->reach_size) ||
         f->farthest > o->farthest)
@@ -68,10 +63,16 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     return doubts;
 }
 
+bool apsm_verdict_tells(const apsm_findings *f, apsm_aspect aspect, const apsm_verdict_options *o)
+{
+    return f->turn[aspect == APSM_ASPECT_HAND].evidence > o->told;
+}
+
 unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect, bool undecided)
 {
     const bool hand = aspect == APSM_ASPECT_HAND;
-    if (f && f->agreement > f->turn[hand].agreement + clearly) return 0;
+    if (f && f->agreement > f->turn[hand].agreement + clearly && f->turn[hand].evidence > decisive)
+        return 0;
     if (!hand) return 1u << APSM_DOUBT_POSE;
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }

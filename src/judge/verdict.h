@@ -51,18 +51,24 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip_excess, slip;        /* both: 1.5, and 0.75 for the excess times the size in h */
+    double slip_excess, slip_size;   /* both: 1.5, 0.2 h */
+    double slip;                     /* and this, the excess times the size: 0.5 */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
     double size, size_excess;        /* both: 1.3 times the others' or less than that part, 6 */
-    double
-        likely; /* another pose or hand is as likely if form agrees no better than by this: 0.05 */
+    double against; /* evidence against a pose or hand from where it is taken for wrong: 0.2 */
+    double told;    /* evidence for it below which the surface cannot tell: 0.3 */
 } apsm_verdict_options;
 apsm_verdict_options apsm_verdict_defaults(void);
 
 /* The doubts about a shape of which this was found. */
 unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_options *options);
+
+/* Whether what the surface looks like decides between the shape as it lies and other ways to lay it
+ * (APSM_ASPECT_POSE), or its mirror image (APSM_ASPECT_HAND): nearly symmetric surfaces do not. */
+bool apsm_verdict_tells(const apsm_findings *findings, apsm_aspect aspect,
+                        const apsm_verdict_options *options);
 
 /* The doubt that grooming has said about pose or hand: none where the findings (NULL: there are
  * none) speak clearly for the shape as it lies. */

@@ -197,14 +197,28 @@ static void size_of_a_stranger_is_found(void **state)
     (void)state;
     apsm_findings f = { .agreement = 1.5, .off = 1.0, .size = 2.0, .size_excess = 12.0 };
     const apsm_verdict_options o = apsm_verdict_defaults();
-    f.turn[0].agreement = f.turn[1].agreement = 0.5;
+    f.turn[0].evidence = f.turn[1].evidence = 2.0;
     assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_SIZE);
     f.size_excess = 2.0; /* the others differ as much */
     assert_int_equal(apsm_verdict_doubts(&f, &o), 0);
-    f.turn[1].agreement = 1.48;
-    assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_HAND);
-    f.turn[1].agreement = 1.6;
+}
+
+/* Weak evidence either way is no doubt, but is not told either; clear evidence against is one. */
+static void evidence_decides_pose_and_hand(void **state)
+{
+    (void)state;
+    apsm_findings f = { .agreement = 1.5, .off = 1.0, .size = 1.0 };
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    f.turn[0].evidence = 2.0;
+    f.turn[1].evidence = -0.1;
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 0);
+    assert_true(apsm_verdict_tells(&f, APSM_ASPECT_POSE, &o));
+    assert_false(apsm_verdict_tells(&f, APSM_ASPECT_HAND, &o));
+    f.turn[1].evidence = -0.5;
     assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_MIRRORED);
+    f.turn[0].evidence = -0.4;
+    f.turn[1].evidence = 0.1;
+    assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_TURNED);
 }
 
 /* What grooming doubted is settled where form speaks clearly. */
@@ -213,6 +227,7 @@ static void form_settles_notes(void **state)
     (void)state;
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
+    f.turn[0].evidence = f.turn[1].evidence = 2.0;
     assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 0);
     f.turn[0].agreement = 1.4;
     assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 1u << APSM_DOUBT_POSE);
@@ -282,6 +297,7 @@ int main(void)
         cmocka_unit_test(ends_missed_by_all_are_found),
         cmocka_unit_test(missed_end_is_found),
         cmocka_unit_test(size_of_a_stranger_is_found),
+        cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(form_settles_notes),
         cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out),
