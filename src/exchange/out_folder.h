@@ -1,5 +1,6 @@
 /* out_folder.h -- a folder of files for others, with a list of them (a JSON file), so that the next
- * call knows what it may replace: the files of the list, and nothing else. */
+ * call knows what it may replace: the files of the list, and nothing else.  Until it is whole the
+ * names are in LIST.unfinished, so that the next call clears up after one that was interrupted. */
 #ifndef APSM_EXCHANGE_OUT_FOLDER_H
 #define APSM_EXCHANGE_OUT_FOLDER_H
 
@@ -16,10 +17,11 @@ typedef struct out_folder {
     const char *list, *format; /* the list's name and "format" */
     bool overwrite;
     struct json_t *files; /* names so far; owned */
+    char *unfinished;     /* path of the file of their names; owned */
 } out_folder;
 
-/* Makes the folder; with overwrite what an earlier call has left goes.  Refused: a file, a folder
- * that holds anything else. */
+/* Makes the folder; what an interrupted call has left goes, and with overwrite what a whole one
+ * has. Refused: a file, a folder that holds anything else. */
 apsm_status out_folder_open(out_folder *f) APSM_NODISCARD;
 /* *path (malloc'ed) <- a file in the folder, whose name, made as by printf, is noted and must be
  * new. */

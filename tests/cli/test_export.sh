@@ -47,6 +47,21 @@ echo mine >ply/modes/mode_02_plus1sd.ply
 export_ 1 "is not of an earlier call" model --to ply -o ply --overwrite --modes 2 --sd 1
 [ "$(cat ply/modes/mode_02_plus1sd.ply)" = mine ] || fail "a file of somebody else was replaced"
 [ -s ply/mean.ply ] || fail "a refused export removed an earlier one"
+# An export that was killed is cleared up by the next, wherever it was; what is not of it stays.
+for seconds in 0.01 0.05 0.1; do
+    (timeout -s KILL $seconds "$apsm" export model --to stl -o killed --quiet) >said 2>&1
+    [ ! -d killed ] || [ -z "$(ls killed)" ] || [ -e killed/export.json ] || [ -e killed/export.json.unfinished ] ||
+        fail "a killed export leaves no list: $(ls killed)"
+    [ -e killed/export.json ] && rm -r killed # it was faster
+done
+mkdir -p killed && printf 'export.json\nmean.stl\n' >killed/export.json.unfinished
+echo half >killed/mean.stl.77.tmp && echo half >killed/mean.stl
+echo mine >killed/notes.txt
+export_ 1 "notes.txt: is not of an earlier call" model --to stl -o killed
+rm killed/notes.txt
+export_ 0 "files of an interrupted call are replaced" model --to stl -o killed
+[ -s killed/export.json ] && [ ! -e killed/export.json.unfinished ] && [ -z "$(find killed -name '*.tmp')" ] ||
+    fail "after an interruption: $(ls killed)"
 mkdir other && echo mine >other/notes.txt
 export_ 1 "other files" model --to csv -o other --overwrite
 export_ 1 "give --overwrite" model --to npz -o model.npz
