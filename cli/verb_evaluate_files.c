@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "apsm/certify.h"
+#include "apsm/exchange.h"
 #include "apsm/formats.h"
 #include "apsm/particles.h"
 #include "evaluate/metrics.h"
@@ -361,15 +362,58 @@ static apsm_status import_files(files_work *w, const cli_args *args)
         names[i] = w->in.sets[i].name;
         paths[i] = mesh_of(w, i);
     }
-    const apsm_import input = { w->I, w->J, names, w->P, w->meshes, to_world, paths, w->t };
+    const apsm_import input = { w->I, w->J, names, w->P, w->meshes, to_world, paths, w->t, false };
     if (status == APSM_OK) status = run_import(args, &input, w->ctx);
     free(to_world);
     free(names);
     return status;
 }
 
+static bool is_hdf5(const char *path)
+{
+    const char *end = strrchr(path, '.');
+    return end && (strcmp(end, ".h5") == 0 || strcmp(end, ".hdf5") == 0);
+}
+
+static apsm_status import_shapes(const apsm_foreign_model *m, const cli_args *args,
+                                 apsm_context *ctx)
+{
+    const char **names = calloc(2 * m->I, sizeof *names), **paths = names ? names + m->I : NULL;
+    double *to_world = malloc(16 * m->I * sizeof *to_world);
+    apsm_status status = names && to_world ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < m->I && status == APSM_OK; i++) {
+        names[i] = m->names[i];
+        paths[i] = args->inputs[0];
+        apsm_affine_identity(to_world + 16 * i);
+    }
+    const apsm_import input = { m->I,     m->J,  names, m->P,         m->meshes,
+                                to_world, paths, 0,     !m->of_shapes };
+    if (status == APSM_OK) status = run_import(args, &input, ctx);
+    free(to_world);
+    free(names);
+    return status;
+}
+
+/* A model of Scalismo or Statismo. */
+static apsm_status import_model(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    apsm_foreign_model m = { 0 };
+    if (args->n_inputs > 1)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: a model file is imported alone", args->inputs[0]);
+    const apsm_options defaults = apsm_options_defaults();
+    apsm_status status =
+        apsm_read_statismo(ctx, args->inputs[0], (size_t)defaults.optimize.particles, &m);
+    if (status == APSM_OK) status = import_shapes(&m, args, ctx);
+    if (status == APSM_OK)
+        cli_say(ui, "imported: %zu shapes of %zu particles%s; report: %s/report.html", m.I, m.J,
+                m.of_shapes ? "" : ", drawn from the model", args->out_dir);
+    apsm_foreign_model_free(&m);
+    return status;
+}
+
 apsm_status apsm_cli_import(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
+    if (is_hdf5(args->inputs[0])) return import_model(ctx, args, ui);
     files_work w = { .ctx = ctx };
     apsm_status status = read_operands(&w, args);
     if (status == APSM_OK) status = gather(&w);

@@ -137,11 +137,14 @@ static const cli_verb_info verbs[] = {
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
       "mean_difference.ply.",
       .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
-    { CLI_IMPORT, "import", "PROJECT|PARTICLES... [MESHES...] -o MODEL_DIR",
-      "a model from anyone's particles",
+    { CLI_IMPORT, "import", "PROJECT|MODEL.h5|PARTICLES... [MESHES...] -o MODEL_DIR",
+      "a model from anyone's particles or model",
       "Makes a model folder of particles that another program has placed: a project with particles "
       "and groomed meshes (.swproj, .xlsx), or particle files (aligned) and a mesh for each, in "
-      "the same order and frame. Nothing is groomed or optimised; the model is evaluated, "
+      "the same order and frame; or a model file of Scalismo or Statismo (.h5, where the build has "
+      "HDF5): its shapes, or such as have its mean and covariance, with the vertices that lie "
+      "farthest from each other as particles. Nothing is groomed or optimised; the model is "
+      "evaluated, "
       "certified and reported as one of apsm's own, and fit, test, export and the other verbs take "
       "it.",
       .first = "a project, or particles", .out = "a model folder", .call = apsm_cli_import },

@@ -39,6 +39,23 @@ APSM_API const char *const *apsm_export_formats(void);
 APSM_API apsm_status apsm_export_model(apsm_context *ctx,
                                        const apsm_export_settings *settings) APSM_NODISCARD;
 
+/* Shapes of which a statistical model of another program is the model.  Owns its arrays. */
+typedef struct apsm_foreign_model {
+    size_t I, J;
+    char (*names)[32];
+    apsm_mesh *meshes; /* I: same faces, in the model's frame */
+    double *P;         /* I x J x 3: the same J vertices of each, far from each other */
+    bool of_shapes;    /* the file keeps their scores; else they are drawn from it */
+    size_t left_out;   /* modes beyond what can be kept */
+} apsm_foreign_model;
+
+/* Reads an HDF5 file of Scalismo or Statismo with a mesh as representer; J particles, or as many as
+ * it has vertices.  Its noise is left out with a warning.  APSM_ERR_UNSUPPORTED: a build without
+ * HDF5. */
+APSM_API apsm_status apsm_read_statismo(apsm_context *ctx, const char *path, size_t J,
+                                        apsm_foreign_model *model) APSM_NODISCARD;
+APSM_API void apsm_foreign_model_free(apsm_foreign_model *model);
+
 /* The warp that takes a template's particles P0 (J x 3) to those of I shapes P (I x J x 3), of n
  * points X (n x 3) on, in or near the template: Y (I x n x 3, out).  APSM_ERR_GEOMETRY: fewer than
  * 5 distinct particles, or all in a plane. */

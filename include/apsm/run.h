@@ -91,6 +91,7 @@ typedef struct apsm_import {
     const double *to_world;   /* I x 16: from that to the world's */
     const char *const *paths; /* I: where the meshes come from; what the project names */
     size_t template_index;
+    bool drawn; /* shapes were drawn from a model: nobody's; the manifest says so */
 } apsm_import;
 /* Makes a model of them in the run's folder, which holds none yet: nothing is groomed or optimised;
  * evaluated, certified and reported as one of our own, so that it can be fitted, tested, exported

@@ -1,6 +1,7 @@
 #ifdef APSM_HDF5
 #include "exchange/hdf5_file.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 static hid_t with_groups(void)
@@ -83,6 +84,35 @@ bool h5_put_attribute(hid_t file, const char *group, const char *name, const cha
     if (attribute >= 0 && H5Aclose(attribute) < 0) good = false;
     H5Sclose(space);
     H5Tclose(type);
+    return good;
+}
+
+/* Largest dataset, in numbers: 16 GB. */
+static const hsize_t most_numbers = (hsize_t)1 << 31;
+
+static bool get_size(hid_t set, hsize_t size[2])
+{
+    const hid_t space = H5Dget_space(set);
+    const int axes = space < 0 ? -1 : H5Sget_simple_extent_ndims(space);
+    size[0] = size[1] = 1;
+    const bool good = axes >= 0 && axes <= 2 && H5Sget_simple_extent_dims(space, size, NULL) >= 0 &&
+                      size[0] > 0 && size[1] > 0 && size[0] <= most_numbers / size[1];
+    H5Sclose(space);
+    return good;
+}
+
+bool h5_get(hid_t file, const char *path, size_t *rows, size_t *columns, double **x)
+{
+    hsize_t size[2];
+    *x = NULL;
+    const hid_t set = H5Dopen2(file, path, H5P_DEFAULT);
+    if (set < 0) return false;
+    bool good = get_size(set, size);
+    if (good) *x = malloc((size_t)(size[0] * size[1]) * sizeof **x);
+    good = good && *x && H5Dread(set, H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, *x) >= 0;
+    H5Dclose(set);
+    *rows = good ? (size_t)size[0] : 0;
+    *columns = good ? (size_t)size[1] : 0;
     return good;
 }
 #else

@@ -14,5 +14,7 @@ bool h5_put_int(hid_t file, const char *path, int x);
 bool h5_put_text(hid_t file, const char *path, const char *text);
 bool h5_put_group(hid_t file, const char *path);
 bool h5_put_attribute(hid_t file, const char *group, const char *name, const char *text);
+/* *x (malloc'ed) <- the numbers of a dataset of one or two axes (columns 1: one), or a scalar. */
+bool h5_get(hid_t file, const char *path, size_t *rows, size_t *columns, double **x);
 
 #endif

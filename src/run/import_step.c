@@ -64,9 +64,9 @@ static json_t *describe_shapes(const apsm_import *in)
 {
     json_t *list = json_array();
     for (size_t i = 0; i < in->I; i++)
-        json_array_append_new(list,
-                              json_pack("{s:s, s:s, s:f}", "name", in->names[i], "kind", "imported",
-                                        "volume", apsm_mesh_volume(&in->meshes[i])));
+        json_array_append_new(list, json_pack("{s:s, s:s, s:f}", "name", in->names[i], "kind",
+                                              in->drawn ? "drawn from a model" : "imported",
+                                              "volume", apsm_mesh_volume(&in->meshes[i])));
     return list;
 }
 
