@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
+.PHONY: tsan test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -73,6 +73,12 @@ sanitize: deps ## all tests with address and undefined-behaviour sanitizers
 	@cmake -S . -B $(BUILD)-sanitize -DAPSM_SANITIZE=ON $(CMAKE_FLAGS)
 	@cmake --build $(BUILD)-sanitize -j$(JOBS)
 	@cd $(BUILD)-sanitize && ctest -j2 --output-on-failure
+
+tsan: ## a short job with 4 threads under the thread sanitizer (clang and libomp-dev, whose archer knows what OpenMP does)
+	@command -v clang >/dev/null || { echo "make: needs clang and libomp-dev" >&2; exit 1; }
+	@cmake -S . -B $(BUILD)-tsan -DAPSM_TSAN=ON -DCMAKE_C_COMPILER=clang -DAPSM_TESTS=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-tsan -j$(JOBS) --target apsm_cli make_synthetic
+	@bash scripts/tsan $(BUILD)-tsan
 
 fuzz: deps ## readers on bytes that libFuzzer makes up, for a minute (needs clang)
 	@scripts/fuzz

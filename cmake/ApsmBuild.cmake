@@ -2,6 +2,7 @@
 option(APSM_TESTS "build the tests" ON)
 option(APSM_BENCHMARKS "build the benchmarks" OFF)
 option(APSM_SANITIZE "address and undefined-behaviour sanitizers" OFF)
+option(APSM_TSAN "thread sanitizer (clang and its libomp; see make tsan)" OFF)
 option(APSM_WERROR "warnings are errors" OFF)
 
 if(NOT CMAKE_BUILD_TYPE)
@@ -37,6 +38,11 @@ if(APSM_SANITIZE)
   list(APPEND APSM_C_FLAGS -Wno-format-truncation -Wno-maybe-uninitialized -Wno-nonnull)
   add_link_options(-fsanitize=address,undefined)
   add_compile_definitions(APSM_SANITIZE)
+endif()
+
+if(APSM_TSAN)
+  add_compile_options(-fsanitize=thread -fno-omit-frame-pointer)
+  add_link_options(-fsanitize=thread)
 endif()
 
 # What pieces of the library need from outside.

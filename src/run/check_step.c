@@ -9,6 +9,7 @@
 #include "run/compare_inputs.h"
 #include "run/features.h"
 #include "run/groom_inputs.h"
+#include "run/groomed.h"
 #include "run/guard.h"
 #include "run/landmarks.h"
 #include "run/manifest.h"
@@ -16,6 +17,8 @@
 #include "run/source.h"
 
 /* ---- check ---- */
+
+enum { LEAST_COMPARED = 4 };
 
 typedef void (*problem_fn)(void *user, const char *line);
 
@@ -30,6 +33,33 @@ static void count_problem(void *user, const char *line)
     const problem_count *count = user;
     count->report(count->user, line);
     ++*count->problems;
+}
+
+/* Hands, poses and strangers, as groom will see them: the log has the lines.  Counted are mirror
+ * images and strangers. */
+static apsm_status check_cohort(apsm_run *run, const groom_inputs *in, size_t *problems)
+{
+    const size_t n = in->list.n;
+    const apsm_mesh **meshes = calloc(n, sizeof *meshes);
+    const char **names = calloc(n, sizeof *names);
+    apsm_borders *borders = calloc(n, sizeof *borders);
+    apsm_alignment a = { 0 };
+    apsm_align_options ao = run->options.align;
+    apsm_status status = meshes && names && borders
+                             ? groom_inputs_template(run, in, &ao.template_index)
+                             : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        for (size_t i = 0; i < n; i++) meshes[i] = &in->mesh[i], names[i] = in->list.cases[i].name;
+        groomed_borders(in, borders);
+        ao.borders = borders;
+        status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &a);
+    }
+    for (size_t i = 0; status == APSM_OK && i < n; i++) *problems += a.mirrored[i] || a.stranger[i];
+    apsm_alignment_free(&a);
+    free(borders);
+    free(names);
+    free(meshes);
+    return status;
 }
 
 static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, size_t *problems)
@@ -50,6 +80,9 @@ static apsm_status check_inputs(apsm_run *run, problem_fn report, void *user, si
     }
     problem_count count = { report, user, problems };
     if (status == APSM_OK) status = compare_inputs(&in, count_problem, &count);
+    /* Of shapes that can all be used, and enough of them to say which is the odd one. */
+    if (status == APSM_OK && *problems == 0 && in.list.n >= LEAST_COMPARED)
+        status = check_cohort(run, &in, problems);
     groom_inputs_free(&in);
     return status;
 }

@@ -1,5 +1,6 @@
 #include "run/groom_inputs.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -99,6 +100,26 @@ static void keep_texts(groom_inputs *in, size_t i, apsm_volume *v)
     v->notes = v->picked = NULL;
 }
 
+/* Groomed meshes are kept in single precision, as PLY has it: so far from the origin that its steps
+ * show in the form, a shape would lose it. */
+static apsm_status refuse_far(apsm_context *ctx, const char *path, const apsm_mesh *mesh)
+{
+    static const double most_step = 1e-4; /* of the diagonal */
+    double lo[3], hi[3], size2 = 0, far = 0;
+    apsm_mesh_bounds(mesh, lo, hi);
+    for (int c = 0; c < 3; c++) {
+        size2 += (hi[c] - lo[c]) * (hi[c] - lo[c]);
+        far = fmax(far, fmax(fabs(lo[c]), fabs(hi[c])));
+    }
+    const double size = sqrt(size2);
+    if (!isfinite(size) || !(size > 0) || far * (double)FLT_EPSILON <= most_step * size)
+        return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                     "%s: is %.3g long and lies %.3g from the origin of its coordinates, too far "
+                     "for single precision; move it nearer",
+                     path, size, far);
+}
+
 static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_inputs *in,
                                   size_t i)
 {
@@ -113,6 +134,7 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
         status = shape.is_mesh
                      ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
                      : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options, out, r);
+    if (status == APSM_OK) status = refuse_far(ctx, c->path, out);
     in->is_mask[i] = !shape.is_mesh;
     const double *s = shape.volume.spacing;
     in->voxel[i] = shape.is_mesh ? 0 : cbrt(fabs(s[0] * s[1] * s[2]));

@@ -76,7 +76,7 @@ write("absent.mhd", "NDims = 3\nDimSize = 30 26 22\nElementType = MET_UCHAR\nEle
 def ply(V, F, order="ascii 1.0"):
     text = "ply\nformat %s\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n" % (order, len(V))
     text += "element face %d\nproperty list uchar int vertex_indices\nend_header\n" % len(F)
-    text += "".join("%g %g %g\n" % tuple(v) for v in V)
+    text += "".join("%.9g %.9g %.9g\n" % tuple(v) for v in V)
     return text + "".join("%d %s\n" % (len(f), " ".join(map(str, f))) for f in F)
 
 
@@ -123,6 +123,7 @@ def stl(head):
 
 
 write("nan.ply", ply(V[:5] + [(float("nan"), 0, 0)] + V[6:], F))
+write("far.ply", ply([(x + 1e7, y, z) for x, y, z in V], F))
 write("points.vtk", vtk("VERTICES 1 2\n1 0\n"))
 write("halves.ply", ply(V + [(x + 60, y, z) for x, y, z in V], F + [tuple(i + len(V) for i in f) for f in F]))
 write("comma.ply", ply(V, F).replace(".", ",").replace("ascii 1,0", "ascii 1.0"))

@@ -40,12 +40,13 @@ taken negative.nii ""
 # ---- meshes ----
 refused nan.ply "line 15: a coordinate is not finite"
 refused points.vtk "a point cloud?"
+refused far.ply "lies 1e+07 from the origin"
 refused halves.ply "2 separate parts"
-refused comma.ply "line 11: expected a coordinate, found '5,17638'"
+refused comma.ply "line 11: expected a coordinate, found '5,1763809'"
 for mesh in quads.ply negative.obj continued.obj strips.vtk version51.vtk big.ply solid.stl insideout.ply; do taken $mesh ""; done
 
 # ---- formats of others, by name ----
-for pair in a.mgz:mri_convert a.gii:mris_convert a.off:.ply a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \
+for pair in a.mgz:mri_convert a.gii:mris_convert a.off:.ply a.tif:"a stack of pictures" a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \
     a.xyz:"not a shape format"; do
     : >"${pair%%:*}"
     expect 1 "${pair##*:}" check "${pair%%:*}"
@@ -79,6 +80,9 @@ expect 0 "" groom in -o shared --shard 1/1 --faces 2000
 expect 0 "4 of 4 shapes were groomed before" groom in -o shared --faces 2000
 [ "$(grep -c '"input_notes"' shared/project.swproj)" = 3 ] || fail "notes of headers are lost on the way"
 [ "$(grep -c '"text": "its \|"text": "neither' shared/manifest.json)" = 3 ] || fail "notes of headers are not in the manifest"
+
+# ---- over the cohort: the hand that is not the others', and a stranger ----
+expect 1 "m_hand_q1_s2: looks mirrored" check in
 
 # ---- DICOM: a file with frames as it is, and what info says of a folder ----
 expect 0 "label 2" info "$here/../data/cases/seg/f_seg_two"
