@@ -4,7 +4,10 @@
  * distance; how far the others are it asks only where a particle has mismatches at 1.5 (swaps), or
  * if any has one at 2 (lost neighbours).  So a particle all of whose reference neighbours are seen
  * within 1.5 by sections needs no search, and one whose others are seen within 2 a search to 1.5;
- * once one is not seen there, all rows are searched to 2. */
+ * once a search to 2 does not find one, all rows are searched to 2.
+ *
+ * Searches find distances a little too large (geodesic.c), sections the length of a way that is
+ * there.  What is seen by sections has to be nearer by `margin`, so that a search would agree. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +15,7 @@
 #include "correspond/certificate.h"
 #include "correspond/neighbourhood_row.h"
 
-static const double strict = 1.5, usual = 2.0;
+static const double strict = 1.5, usual = 2.0, margin = 1.05;
 
 typedef struct looking {
     const apsm_geodesic *g;
@@ -24,19 +27,18 @@ typedef struct looking {
     neighbourhood_row row, found; /* of one particle; what a search has found of it */
 } looking;
 
-/* The search's row with the reference neighbours beyond it, if a section shows that they are within
- * `usual`; false if one does not. */
-static bool complete(looking *l, uint32_t j)
+/* The search's row with the reference neighbours beyond it, if a section no longer than factor
+ * times the closest's distance leads to them; false if none does to one.  They stay beyond
+ * `strict`, where the search has put them. */
+static bool complete(looking *l, uint32_t j, double factor)
 {
     const apsm_neighbourhoods *r = l->reference;
     const neighbourhood_row *found = &l->found;
     neighbourhood_row *row = &l->row;
-    const double limit = usual * found->closest;
+    const double limit = factor * found->closest, beyond = strict * found->closest * (1.0 + 1e-9);
     size_t at = 0;
     if (!(found->closest < INFINITY)) return false;
     row->n = 0;
-    row->closest = found->closest;
-    row->nearest = found->nearest;
     for (size_t i = r->start[j]; i <= r->start[j + 1]; i++) {
         const uint32_t k = i < r->start[j + 1] ? r->index[i] : APSM_NONE;
         for (; at < found->n && found->index[at] < k; at++) {
@@ -45,21 +47,25 @@ static bool complete(looking *l, uint32_t j)
         }
         if (k == APSM_NONE || (at < found->n && found->index[at] == k)) continue;
         if (!neighbourhood_add_section(l->g, l->points, j, k, limit, row)) return false;
+        double *d = &row->distance[row->n - 1];
+        *d = fmax(*d, beyond);
     }
+    row->closest = found->closest;
+    row->nearest = found->nearest;
     return true;
 }
 
 /* seen: whether all reference neighbours of j are within `usual`. */
 static apsm_status look(looking *l, uint32_t j, bool *seen)
 {
-    *seen =
-        neighbourhood_by_sections(l->g, l->J, l->points, l->P, l->reference, j, strict, &l->row);
+    *seen = neighbourhood_by_sections(l->g, l->J, l->points, l->P, l->reference, j, strict / margin,
+                                      &l->row);
     if (*seen) return APSM_OK;
     APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, strict, &l->found));
-    *seen = complete(l, j);
+    *seen = complete(l, j, usual / margin);
     if (*seen) return APSM_OK;
     APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, usual, &l->found));
-    *seen = complete(l, j);
+    *seen = complete(l, j, 0.0);
     return APSM_OK;
 }
 
