@@ -71,7 +71,7 @@ static const cli_verb_info verbs[] = {
       "statistics/ "
       "in the model folder, or to the folder of -o.",
       .first = "one model folder", .most = 1, .call = apsm_cli_test },
-    { CLI_ASYMMETRY, "asymmetry", "MODEL_DIR --of SIDE --within SUBJECT [--subjects FILE]",
+    { CLI_ASYMMETRY, "asymmetry", "MODEL_DIR --of SIDE --within SUBJECT",
       "do left and right differ, always or by chance",
       "Compares left and right of the same subjects (mirrored: run --reflect-match) by Procrustes "
       "analysis of variance: directional asymmetry, the same in all, by changing sides within "
