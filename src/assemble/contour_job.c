@@ -88,12 +88,12 @@ static const char *setting(const apsm_run_settings *s, const char *key)
     return value;
 }
 
-/* The contour that the project names for a subject, or NULL. */
+/* The contour that the project names for a subject, or NULL; shape_1 may name one as well. */
 static const char *contour_of(const apsm_project *p, size_t i)
 {
     char key[APSM_KEY_LENGTH];
     const char *text = apsm_subject_column(&p->subjects[i], apsm_project_key(p, "contour_", key));
-    return text && *text && !p->subjects[i].shape ? text : NULL;
+    return p->subjects[i].shape ? p->subjects[i].shape : text && *text ? text : NULL;
 }
 
 /* What a row asks for and is not done with contours is refused by name. */
@@ -178,7 +178,11 @@ static apsm_status project_is_of_contours(apsm_context *ctx, const apsm_run_sett
     if (s->n_inputs > 1) return APSM_OK;
     APSM_TRY(domain ? apsm_project_read_domain(ctx, s->inputs[0], domain, &p)
                     : apsm_project_read(ctx, s->inputs[0], &p));
-    *is = p.n > 0 && (domain || apsm_project_domains(&p) < 2) && contour_of(&p, 0);
+    char *path = p.n > 0 && (domain || apsm_project_domains(&p) < 2)
+                     ? apsm_project_path(&p, contour_of(&p, 0))
+                     : NULL;
+    *is = path && (!p.subjects[0].shape || contour_is_one(path));
+    free(path);
     apsm_project_free(&p);
     return APSM_OK;
 }

@@ -43,6 +43,10 @@ for words in '"group_side": "L"' '"excluded": "yes"' '"a": "b"' '"contour_1": ".
 done
 expect 0 "3 of 3 shapes certified" info p
 grep -q 'do not belong' said && fail "info of contours: $(cat said)"
+sed "s/contour_1/shape_1/g" p.swproj >shape.swproj
+expect 0 "3 of 3 contours certified" run shape.swproj -o s -J 48
+cmp p/model.json s/model.json >&2 || fail "shape_1 names another contour than contour_1"
+grep -qF '"shape_1": "../in/s1.vtk"' s/project.swproj || fail "shape_1 of a contour is lost"
 sed 's/"group_side": "L"/"constraints_1": "c.json"/' p.swproj >cut.swproj
 expect 1 "one has constraints" run cut.swproj -o r -J 48
 expect 0 "" run cut.swproj -o r -J 48 --ignore constraints
