@@ -222,9 +222,8 @@ apsm_status landmark_table_gather(apsm_context *ctx, const char *path, size_t I,
     APSM_TRY(landmark_table_read(ctx, path, I, names, t, &others));
     if (others > 0)
         apsm_log(ctx, APSM_LOG_WARNING,
-                 "%s: %zu landmarks are of shapes that are not here; left "
-                 "out",
-                 path, others);
+                 "%s: %zu landmarks are of shapes that are not in this model; left out", path,
+                 others);
     if (t->L > 0) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_ARG, "%s: holds no landmarks of these shapes; the first is '%s'",
                      path, names[0]);

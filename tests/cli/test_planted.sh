@@ -29,10 +29,20 @@ holds "$(explained t/pose_scores.csv turns 2) > 0.998" "the first mode of pose e
 
 # Both: each is the first mode of its own kind.
 "$synthetic" joint both count 9 angle 12 form 0.12 seed 5 || exit 1
-"$apsm" run both/shapes -o m $fast >said 2>&1 || fail "both: $(tail -n 2 said)"
+cp both/shapes/s00_a.ply both/shapes/s99_a.ply # a subject without a part, which has landmarks all the same
+sed -n 's/^s00_a/s99_a/p' both/landmarks.csv >>both/landmarks.csv
+"$apsm" run both/shapes -o m $fast --landmarks both/landmarks.csv >said 2>&1 || fail "both: $(tail -n 2 said)"
+grep -q 's99: has no b' said || fail "nothing said of the missing part: $(cat said)"
 holds "$(explained m/pose_scores.csv both 2) > 0.99" "turns with shapes: $(explained m/pose_scores.csv both 2)"
 holds "$(explained m/shape_scores.csv both 3) > 0.99" "shapes with turns: $(explained m/shape_scores.csv both 3)"
 holds "$(worst_turn both m) < 1" "turns with shapes are off by up to $(worst_turn both m) degrees"
+# True landmarks of all parts judge the joint; the subject that is not in it does not count.
+tr -d ' \n' <m/evaluation.json >told
+grep -q '"landmarks":{"use":"judge"' told && grep -q '"names":\["av0","av1","av2","av3","bv0","bv1","bv2","bv3"\]' told ||
+    fail "landmarks of the joint: $(grep -o '"landmarks":.\{300\}' told)"
+grep -q '"judged":64,' told || fail "other landmarks than 8 on 8 subjects: $(grep -o '"judged":[0-9]*' told)"
+mark=$(sed -n 's/.*"landmarks":{"use":"judge","mean":\([0-9.e-]*\),.*/\1/p' told)
+holds "$mark > 0 && $mark < 1" "true landmarks are $mark off"
 # The two have nothing to do with each other.
 holds "$(explained m/shape_scores.csv both 2) < 0.1" "shape follows the turn: $(explained m/shape_scores.csv both 2)"
 

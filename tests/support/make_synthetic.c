@@ -20,7 +20,7 @@
  * form of itself, along its principal axis), away (between the parts' centres), gap (else, if not
  * 0, between their surfaces), rough (as wobble, other for every subject and part), move (0:
  * subjects lie as they were made, else each is moved as a whole). OUT_DIR/shapes/sNN_a.ply,
- * sNN_b.ply; OUT_DIR/truth.csv. */
+ * sNN_b.ply; OUT_DIR/truth.csv, OUT_DIR/landmarks.csv (true ones). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -269,8 +269,18 @@ static void move_subject(apsm_random *rng, apsm_mesh mesh[2])
         }
 }
 
+/* Vertices correspond: a few of them are true landmarks. */
+static void write_marks(apsm_writer *marks, size_t i, int d, const apsm_mesh *mesh)
+{
+    for (size_t k = 0; k < 4; k++) {
+        const double *x = mesh->V + 3 * (k * 37 % mesh->nv);
+        apsm_writer_printf(marks, "s%02zu_%c,v%zu,%.9g,%.9g,%.9g\n", i, 'a' + d, k, x[0], x[1],
+                           x[2]);
+    }
+}
+
 static apsm_status write_joint(apsm_context *ctx, const char *folder, const double v[J_OPTIONS],
-                               size_t i, apsm_writer *truth)
+                               size_t i, apsm_writer *const out[2])
 {
     const size_t n = (size_t)v[J_COUNT];
     const double at = n > 1 ? 2 * (double)i / (double)(n - 1) - 1 : 0;
@@ -288,9 +298,10 @@ static apsm_status write_joint(apsm_context *ctx, const char *folder, const doub
         char path[1024];
         snprintf(path, sizeof path, "%s/shapes/s%02zu_%c.ply", folder, i, 'a' + d);
         if (status == APSM_OK) status = apsm_write_mesh(ctx, path, &mesh[d]);
+        write_marks(out[1], i, d, &mesh[d]);
         apsm_mesh_free(&mesh[d]);
     }
-    apsm_writer_printf(truth, "s%02zu,%.9g,%.9g\n", i, angle, form);
+    apsm_writer_printf(out[0], "s%02zu,%.9g,%.9g\n", i, angle, form);
     return status;
 }
 
@@ -298,19 +309,24 @@ static int make_joint(apsm_context *ctx, int argc, char **argv)
 {
     double v[J_OPTIONS] = { [J_COUNT] = 8, [J_LEVEL] = 3, [J_AWAY] = 100, [J_MOVE] = 1 };
     char path[1024];
-    apsm_writer *truth = NULL;
+    static const char *const files[2] = { "truth.csv", "landmarks.csv" };
+    static const char *const heads[2] = { "name,angle,form\n", "shape,name,x,y,z\n" };
+    apsm_writer *out[2] = { NULL, NULL };
     if (!option_words(argc - 3, argv + 3, J_OPTIONS, joint_names, v)) return 2;
     snprintf(path, sizeof path, "%s/shapes", argv[2]);
     apsm_status status = apsm_make_folder(ctx, path);
-    snprintf(path, sizeof path, "%s/truth.csv", argv[2]);
-    if (status == APSM_OK) status = apsm_writer_open(ctx, path, &truth);
-    if (status == APSM_OK) apsm_writer_printf(truth, "name,angle,form\n");
+    for (int k = 0; k < 2 && status == APSM_OK; k++) {
+        snprintf(path, sizeof path, "%s/%s", argv[2], files[k]);
+        status = apsm_writer_open(ctx, path, &out[k]);
+        if (status == APSM_OK) apsm_writer_printf(out[k], "%s", heads[k]);
+    }
     for (size_t i = 0; i < (size_t)v[J_COUNT] && status == APSM_OK; i++)
-        status = write_joint(ctx, argv[2], v, i, truth);
-    if (status == APSM_OK)
-        status = apsm_writer_commit(truth);
-    else if (truth)
-        apsm_writer_abort(truth);
+        status = write_joint(ctx, argv[2], v, i, out);
+    for (int k = 0; k < 2; k++)
+        if (status == APSM_OK)
+            status = apsm_writer_commit(out[k]);
+        else if (out[k])
+            apsm_writer_abort(out[k]);
     if (status != APSM_OK) fprintf(stderr, "make_synthetic: %s\n", apsm_error_text(ctx));
     return status != APSM_OK;
 }
