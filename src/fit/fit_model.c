@@ -13,6 +13,7 @@
 
 const double fit_placing = 0.1;
 const double fit_part_error = 0.0025;
+const double fit_band_slip = 1.1;
 const double fit_band_missing[FIT_BANDS] = { 0.2, 0.5, 0.8, 1 };
 
 void apsm_fit_model_free(apsm_fit_model *m)

@@ -16,6 +16,8 @@ enum {
     FIT_BANDS = 4
 }; /* shares of the particles that are missing (1: all, but there are landmarks): */
 extern const double fit_band_missing[FIT_BANDS];
+extern const double fit_band_slip; /* factor for what calibration in particles does not see: the
+                                      pose slides along what is left, points take wrong partners */
 
 /* What left-out shapes say about the model; plain numbers, stored with it.  Lengths in h. */
 typedef struct fit_calibration {

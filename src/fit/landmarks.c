@@ -146,7 +146,7 @@ static apsm_status step(fit_job *job, const double *x, bool last, landmark_work 
 
 static void set_deviations(const fit_job *job, const landmark_work *w)
 {
-    const double band = job->m->calibration.band[FIT_BANDS - 1];
+    const double band = fit_band_slip * job->m->calibration.band[FIT_BANDS - 1];
     for (size_t j = 0; j < w->D / 3; j++) {
         double block[9];
         for (size_t a = 0; a < 9; a++) block[a] = w->C[(3 * j + a / 3) * w->D + 3 * j + a % 3];

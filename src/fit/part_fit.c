@@ -119,7 +119,8 @@ static double band_at(const fit_calibration *c, double missing)
 static void set_deviations(const fit_job *job, const double *normal, const double *block)
 {
     apsm_fit *out = job->out;
-    const double band = fmax(band_at(&job->m->calibration, 1 - out->observed_share), 1);
+    const double band =
+        fit_band_slip * fmax(band_at(&job->m->calibration, 1 - out->observed_share), 1);
     for (size_t j = 0; j < out->J; j++)
         fit_set_deviation(out, j, block + 9 * j, normal + 3 * j, out->observed[j] ? 1 : band);
 }
