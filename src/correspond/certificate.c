@@ -93,6 +93,13 @@ static double typical_stretch(const apsm_certificate_input *in, double *ratio)
     return ratio[n / 2];
 }
 
+/* Whether a neighbour at this distance is mismatched.  From a particle that reaches no other, alone
+ * on its part of the surface, nothing is near: most is INFINITY, and so is d. */
+static bool is_mismatched(double d, double most)
+{
+    return !(d <= most && most < INFINITY);
+}
+
 /* count[j]: neighbours that j has lost; returns how many particles have lost any. */
 static size_t count_lost(const apsm_certificate_input *in, double stretch, uint32_t *count)
 {
@@ -103,7 +110,7 @@ static size_t count_lost(const apsm_certificate_input *in, double stretch, uint3
         count[j] = 0;
         for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
             const double d = apsm_neighbour_distance(in->shape, j, r->index[i]);
-            count[j] += !(d <= most) && !(d <= stretch * r->distance[i]);
+            count[j] += is_mismatched(d, most) && !(d <= stretch * r->distance[i]);
         }
         particles += count[j] > 0;
     }
@@ -131,7 +138,7 @@ static size_t mismatches_at(const apsm_certificate_input *in, double factor, uin
     size_t n = 0;
     for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
         const uint32_t k = r->index[i] == place ? j : r->index[i];
-        if (!(apsm_neighbour_distance(in->shape, place, k) <= most)) n++;
+        n += is_mismatched(apsm_neighbour_distance(in->shape, place, k), most);
     }
     return n;
 }

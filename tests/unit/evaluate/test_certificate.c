@@ -386,6 +386,36 @@ static void lists_agree_with_counts(void **state)
         assert_true(strlen(apsm_review_text((apsm_review)i)) > 5);
 }
 
+/* A particle alone on a part of the surface, from which no other is reached: all of its neighbours
+ * are mismatched and lost, it is in both lists, and nobody has changed places with it. */
+static void an_isolated_particle_is_listed_and_not_swapped(void **state)
+{
+    enum { ALONE = 17 };
+    cohort *c = *state;
+    double *D = malloc(J * J * sizeof *D);
+    uint32_t count[J];
+    assert_non_null(D);
+    for (size_t j = 0; j < J; j++)
+        for (size_t k = 0; k < J; k++) {
+            const double *p = c->shape[1].P + 3 * j, *q = c->shape[1].P + 3 * k;
+            D[j * J + k] = sqrt((p[0] - q[0]) * (p[0] - q[0]) + (p[1] - q[1]) * (p[1] - q[1]) +
+                                (p[2] - q[2]) * (p[2] - q[2]));
+            if ((j == ALONE) != (k == ALONE)) D[j * J + k] = INFINITY;
+        }
+    assert_ok(apsm_matrix_neighbourhoods(J, D, 4.0, &c->rows));
+    free(D);
+    const apsm_certificate *r = certify_rows(c, 1);
+    const size_t neighbours = c->reference.start[ALONE + 1] - c->reference.start[ALONE];
+    apsm_mismatches(&c->reference, &c->rows, 2.0, count);
+    assert_int_equal(count[ALONE], neighbours);
+    bool mismatched = false, lost = false;
+    for (size_t k = 0; k < r->mismatched; k++) mismatched |= r->mismatched_list[k] == ALONE;
+    for (size_t k = 0; k < r->lost; k++) lost |= r->lost_list[k] == ALONE;
+    assert_true(mismatched && lost);
+    assert_int_equal(r->swaps, 0);
+    assert_false(r->certified);
+}
+
 /* Corners on both sides of a sheet: whatever way round, no verdict. */
 static void triangles_across_a_sheet_say_nothing(void **state)
 {
@@ -411,6 +441,7 @@ int main(void)
         cmocka_unit_test(stray_and_coincident_particles),
         cmocka_unit_test(short_rows_give_the_same_certificate),
         cmocka_unit_test(lists_agree_with_counts),
+        cmocka_unit_test(an_isolated_particle_is_listed_and_not_swapped),
         cmocka_unit_test(triangles_across_a_sheet_say_nothing),
     };
     return cmocka_run_group_tests(tests, make_cohort, free_cohort);
