@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: tsan test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
+.PHONY: static tsan test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -95,6 +95,12 @@ bench: deps ## the short set of benchmarks, and CPU by step beside an earlier co
 	@benchmarks/short $(BUILD)
 	@benchmarks/before $(BUILD) $(BUILD)/before
 
+static: ## build-static/apsm: one program that needs no library, tried in a folder that holds nothing else
+	@scripts/setup --check || { echo "make: run 'make deps' to install what is missing" >&2; exit 1; }
+	@cmake -S . -B $(BUILD)-static -DAPSM_STATIC=ON -DAPSM_TESTS=OFF $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-static -j$(JOBS) --target apsm_cli
+	@scripts/check-static $(BUILD)-static/apsm data/talus
+
 install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 	cmake --install $(BUILD) --prefix $(PREFIX)
 
@@ -116,7 +122,7 @@ package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
 	@ls $(BUILD)-package/*.deb
 
 clean: ## remove everything that was built
-	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi $(BUILD)-package
+	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi $(BUILD)-package $(BUILD)-static
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile

@@ -46,7 +46,14 @@ if(APSM_TSAN)
 endif()
 
 # What pieces of the library need from outside.
-set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON PkgConfig::MINIZIP PkgConfig::XLSXWRITER EXPAT::EXPAT ZLIB::ZLIB PNG::PNG ${LAPACKE_LIBRARY} ${BLAS_LIBRARY} m)
+set(APSM_LINK OpenMP::OpenMP_C PkgConfig::JANSSON PkgConfig::MINIZIP EXPAT::EXPAT PNG::PNG ZLIB::ZLIB ${LAPACKE_LIBRARY} ${BLAS_LIBRARY})
+if(APSM_STATIC)
+  add_link_options(-static)
+  list(APPEND APSM_LINK gfortran quadmath) # what archives of LAPACK do not say that they need
+else()
+  list(APPEND APSM_LINK PkgConfig::XLSXWRITER)
+endif()
+list(APPEND APSM_LINK m)
 set(APSM_ROOMS "" CACHE INTERNAL "")
 
 function(apsm_c_target target)

@@ -5,12 +5,12 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+#ifndef APSM_NO_XLSXWRITER
 #include <xlsxwriter.h>
+#endif
 
 #include "files/io.h"
 #include "files/sheets.h"
-
-enum { CREATED = 315532800 }; /* 1980-01-01, where ZIP's time begins */
 
 sheet *workbook_add(workbook *w, const char *name, size_t rows, size_t columns)
 {
@@ -44,6 +44,17 @@ void workbook_free(workbook *w)
     free(w->sheets);
     *w = (workbook){ 0 };
 }
+
+#ifdef APSM_NO_XLSXWRITER
+apsm_status workbook_write(apsm_context *ctx, const char *path, const workbook *w)
+{
+    (void)w;
+    return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                     "%s: this build writes no .xlsx (it is one static program); write a .swproj",
+                     path);
+}
+#else
+enum { CREATED = 315532800 }; /* 1980-01-01, where ZIP's time begins */
 
 /* Width of a column in letters: its longest text, within reason. */
 static double width_of(const sheet *s, size_t column)
@@ -108,3 +119,4 @@ apsm_status workbook_write(apsm_context *ctx, const char *path, const workbook *
     free(temp);
     return status;
 }
+#endif
