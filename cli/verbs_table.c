@@ -137,7 +137,7 @@ static const cli_verb_info verbs[] = {
       "have, left out of either. With -o DIR it writes compare.json, compare.csv and "
       "mean_difference.ply.",
       .first = "two models", .more = "two models", .most = 2, .call = apsm_cli_compare },
-    { CLI_IMPORT, "import", "PROJECT|MODEL.h5|PARTICLES... [MESHES...] -o MODEL_DIR",
+    { CLI_IMPORT, "import", "PROJECT|MODEL.h5|PARTICLES... [MESHES...] -o DIR",
       "a model from anyone's particles or model",
       "Makes a model folder of particles that another program has placed: a project with particles "
       "and groomed meshes (.swproj, .xlsx), or particle files (aligned) and a mesh for each, in "
