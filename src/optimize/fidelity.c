@@ -6,8 +6,8 @@
  * two-way distance does not grow (by more than a tenth, once the prior weighs) and no fold appears;
  * else it is halved, a few times.  The last round's result is certified.
  *
- * The prior waits for the second half of the rounds: what the surfaces say alone tells how much it
- * should say. */
+ * The prior, and the pull to where particles were when the stage began, wait for the second half of
+ * the rounds: what the surfaces say alone tells how much these should say. */
 #include "optimize/fidelity.h"
 
 #include <math.h>
@@ -247,12 +247,12 @@ static void swap_states(fidelity_work *w)
     w->b = t;
 }
 
-/* kappa: the prior weighs little where the surfaces leave little open, and more than in proportion
- * where they leave much. */
-static double weight_of_prior(const apsm_fidelity *f)
+/* Of what was known before, over the surfaces' weight: little where they leave little open, and
+ * more than in proportion where they leave much. */
+static double weight_of_known(const apsm_fidelity *f)
 {
     const double F = f->o.fidelity;
-    return f->o.prior * f->doubt * sqrt(f->doubt) * (1 - F) / F;
+    return f->doubt * sqrt(f->doubt) * (1 - F) / F;
 }
 
 /* Weights of a round from the mean diagonal of the surface terms. */
@@ -262,9 +262,10 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
     const apsm_fidelity_prior *p = t->prior;
     const size_t fold = i % p->folds, D = 3 * p->J;
     const double share = (double)(t->round + 1) / (double)o->fidelity_rounds; /* of the rounds */
-    return (fidelity_weights){ .stay = diagonal * o->stay,
+    const double known = diagonal * weight_of_known(t->f);
+    return (fidelity_weights){ .stay = diagonal * o->stay + known * o->recall,
                                .smooth = diagonal * o->smooth,
-                               .prior = diagonal * weight_of_prior(t->f),
+                               .prior = known * o->prior,
                                .order = diagonal * o->order,
                                .contact = o->contact * share / o->floor,
                                .shape = i,

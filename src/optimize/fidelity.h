@@ -13,8 +13,8 @@ extern "C" {
 /* fidelity_points: all if a surface has fewer. */
 #define APSM_FIDELITY_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                     \
     REAL(S, fidelity, 0.5, 0, 1,                                                                   \
-         "F: after stage 2 particles fit the warped template to the surfaces (12); the model of "  \
-         "the other shapes weighs (1 - F)/F times what is measured to suit; 0: no such stage")     \
+         "F: after stage 2 particles fit the warped template to the surfaces (12); what was "      \
+         "known before weighs (1 - F)/F times what is measured to suit; 0: no such stage")         \
     INT(S, fidelity_rounds, 12, 1, 1000, "rounds of the fidelity stage")                           \
     INT(S, fidelity_modes, -1, -1, 100000,                                                         \
         "modes of the prior in (12); -1: as many as predict left-out shapes best")                 \
@@ -23,8 +23,9 @@ extern "C" {
     REAL(S, contact, 30, 0, 1000,                                                                  \
          "of a joint: weight of the penalty on rebuilt surfaces that go into the subject's other " \
          "parts, against what the surfaces have to say; grows to this over the rounds; 0: none")   \
-    FIXED(S, double, prior, 550.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
-    FIXED(S, double, stay, 0.02, "lambda in (12): pull to where the stage began")                  \
+    FIXED(S, double, prior, 165.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
+    FIXED(S, double, recall, 80.0, "of the pull to where the stage began, at the same")            \
+    FIXED(S, double, stay, 0.005, "lambda in (12): that pull where nothing is left open")          \
     FIXED(S, double, smooth, 1.0, "mu in (12): displacements from the mean are smooth")            \
     FIXED(S, double, order, 16.0, "nu in (12): neighbours of the template stay neighbours")        \
     FIXED(S, long, iterations, 1, "most Gauss-Newton steps of a shape in a round")                 \
