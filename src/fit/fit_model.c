@@ -166,10 +166,15 @@ static apsm_status make_prior(apsm_fit_model *m)
 
 /* ---- the template ---- */
 
+/* A finished model has a larger say in one shape's fit than unfinished ones had in the cohort's. */
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
+    static const double fit_prior = 550, fit_stay = 0.02;
     apsm_fidelity_options o = m->options.optimize.fidelity;
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
+    o.prior = fit_prior;
+    o.stay = fit_stay;
+    o.recall = 0;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));
     m->h = apsm_fidelity_spacing(m->fidelity);
     return APSM_OK;
