@@ -309,6 +309,10 @@ static void say_verdict(cli_ui *ui, const json_t *certificate)
             json_string_value(json_object_get(certificate, "verdict")),
             (long long)json_integer_value(json_object_get(certificate, "certified")),
             (long long)json_integer_value(json_object_get(certificate, "shapes")));
+    const json_t *expected = json_object_get(certificate, "expected_lost");
+    if (expected)
+        cli_say(ui, "  expected with over a tenth of their particles lost: %.1f shapes",
+                json_number_value(expected));
     json_array_foreach(json_object_get(certificate, "per_shape"), k, shape)
     {
         enum { MOST = 10 };

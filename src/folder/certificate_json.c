@@ -57,10 +57,10 @@ static json_t *json_opposed(const apsm_judgement *g, size_t i)
     return list;
 }
 
-/* null: there is no other way to lay the shape. */
-static json_t *json_evidence(double evidence)
+/* null: it is not known, or there is no other way to lay the shape. */
+static json_t *json_known(double x)
 {
-    return isfinite(evidence) ? json_real(evidence) : json_null();
+    return isfinite(x) ? json_real(x) : json_null();
 }
 
 /* A correlation again; null: there is no other way to lay the shape. */
@@ -81,8 +81,8 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
         "{s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}",
         "agreement", json_agreement(f->agreement), "agreement_turned",
         json_agreement(f->turn[0].agreement), "agreement_mirrored",
-        json_agreement(f->turn[1].agreement), "evidence_pose", json_evidence(f->turn[0].evidence),
-        "evidence_hand", json_evidence(f->turn[1].evidence), "slip_excess", f->slip, "slip",
+        json_agreement(f->turn[1].agreement), "evidence_pose", json_known(f->turn[0].evidence),
+        "evidence_hand", json_known(f->turn[1].evidence), "slip_excess", f->slip, "slip",
         f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
         "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
@@ -92,10 +92,11 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
 static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
 {
     const apsm_certificate *c = &all->shape[i];
-    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}", "name",
-                     name, "verdict", certify_verdict_of(all, i), "reasons",
+    return json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f}",
+                     "name", name, "verdict", certify_verdict_of(all, i), "reasons",
                      json_reasons(c->reasons, all->doubts[i]), "grades", json_grades(all, i),
-                     "judged", json_judged(all, i), "mismatched_1.5_1.5",
+                     "probability_lost", json_known(certify_probability(all, i)), "judged",
+                     json_judged(all, i), "mismatched_1.5_1.5",
                      json_indices(c->mismatched_strict, 1, c->mismatched_strict_list),
                      "mismatched_1.5_2.0", json_indices(c->mismatched, 1, c->mismatched_list),
                      "lost", json_indices(c->lost, 1, c->lost_list), "swaps",
@@ -124,16 +125,17 @@ static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certific
     json_t *shapes = json_array();
     for (size_t i = 0; i < c->I; i++)
         json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
-    return json_pack(
-        "{s:s, s:i, s:s, s:I, s:I, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}", "format",
-        FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict", certify_verdict(c),
-        "certified", (json_int_t)certify_count(c, "certified"), "shapes", (json_int_t)c->I,
-        "pose_untold", (json_int_t)certify_untold(c, APSM_ASPECT_POSE), "hand_untold",
-        (json_int_t)certify_untold(c, APSM_ASPECT_HAND), "template",
-        cohort->shape[cohort->template_index].name, "h", c->h, "mean_mismatched_1.5_1.5",
-        certify_mean_mismatched(c, true), "mean_mismatched_1.5_2.0",
-        certify_mean_mismatched(c, false), "thresholds", json_thresholds(), "notes",
-        c->notes ? json_incref(c->notes) : json_array(), "per_shape", shapes);
+    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:f, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}",
+                     "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
+                     certify_verdict(c), "certified", (json_int_t)certify_count(c, "certified"),
+                     "shapes", (json_int_t)c->I, "expected_lost", certify_expected_lost(c),
+                     "pose_untold", (json_int_t)certify_untold(c, APSM_ASPECT_POSE), "hand_untold",
+                     (json_int_t)certify_untold(c, APSM_ASPECT_HAND), "template",
+                     cohort->shape[cohort->template_index].name, "h", c->h,
+                     "mean_mismatched_1.5_1.5", certify_mean_mismatched(c, true),
+                     "mean_mismatched_1.5_2.0", certify_mean_mismatched(c, false), "thresholds",
+                     json_thresholds(), "notes", c->notes ? json_incref(c->notes) : json_array(),
+                     "per_shape", shapes);
 }
 
 apsm_status certificate_json_write(apsm_context *ctx, const char *path, const apsm_cohort *cohort,

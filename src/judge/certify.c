@@ -303,6 +303,22 @@ const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect asp
     return by_itself || c->judged ? "pass" : "not judged";
 }
 
+double certify_probability(const cohort_certificate *c, size_t i)
+{
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    return c->judged ? apsm_verdict_probability(&c->judgement.shape[i], &options) : NAN;
+}
+
+double certify_expected_lost(const cohort_certificate *c)
+{
+    double sum = 0.0;
+    for (size_t i = 0; i < c->I; i++) {
+        const double p = certify_probability(c, i);
+        if (isfinite(p)) sum += p;
+    }
+    return sum;
+}
+
 size_t certify_untold(const cohort_certificate *c, apsm_aspect aspect)
 {
     size_t n = 0;
@@ -427,6 +443,8 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
         sentence s = { .used = 0 };
         if (!needs_review(c, i)) continue;
         describe(&c->shape[i], c->doubts[i], &s);
+        const double p = certify_probability(c, i);
+        if (isfinite(p)) say(&s, "probability %.2g that over a tenth of its particles are lost", p);
         apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", cohort->shape[i].name, s.text);
     }
     tell_untold(ctx, c);

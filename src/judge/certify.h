@@ -31,6 +31,10 @@ const char *certify_verdict(const cohort_certificate *certificate);
 
 /* "pass", "review" or "not judged": one aspect of one shape. */
 const char *certify_grade(const cohort_certificate *certificate, size_t i, apsm_aspect aspect);
+/* How likely more than a tenth of a shape's particles are over two spacings off; NAN: not told. */
+double certify_probability(const cohort_certificate *certificate, size_t i);
+/* The sum of those that are told: so many shapes can be expected to be. */
+double certify_expected_lost(const cohort_certificate *certificate);
 /* How many shapes pass in pose or hand only because their surface cannot tell. */
 size_t certify_untold(const cohort_certificate *certificate, apsm_aspect aspect);
 /* How many shapes have this verdict. */

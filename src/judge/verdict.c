@@ -6,6 +6,12 @@
  * as much evidence. */
 static const double clearly = 0.3, decisive = 1.0;
 
+/* (J6), fitted by benchmarks/trust/fit; beyond `most_evidence` either way there is no more to tell,
+ * nor below `least_pose` anything, unless it speaks against. */
+static const double at_nothing = 3.52, by_evidence = -0.28, by_agreement = -4.61;
+static const double most_against = 1.0, most_evidence = 2.0, most_agreement = 2.5, least_pose = 0.5;
+static const double least_probability = 0.04;
+
 #define ASPECT_NAME(name, text) text,
 static const char *const aspect_name[] = { APSM_ASPECT_LIST(ASPECT_NAME) };
 #define DOUBT_TEXT(name, aspect, text) text,
@@ -66,6 +72,17 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
 bool apsm_verdict_tells(const apsm_findings *f, apsm_aspect aspect, const apsm_verdict_options *o)
 {
     return f->turn[aspect == APSM_ASPECT_HAND].evidence > o->told;
+}
+
+double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_options *o)
+{
+    const double pose = f->turn[0].evidence, least = fmin(pose, f->turn[1].evidence);
+    if (!(pose < -o->against || pose > least_pose)) return NAN;
+    const double evidence = fmin(fmax(least, -most_against), most_evidence);
+    const double agreement = fmin(f->agreement, most_agreement);
+    const double p =
+        1.0 / (1.0 + exp(-(at_nothing + by_evidence * evidence + by_agreement * agreement)));
+    return fmin(fmax(p, least_probability), 1.0 - least_probability);
 }
 
 unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect, bool undecided)

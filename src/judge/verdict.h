@@ -70,6 +70,11 @@ unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_o
 bool apsm_verdict_tells(const apsm_findings *findings, apsm_aspect aspect,
                         const apsm_verdict_options *options);
 
+/* How likely more than a tenth of the shape's particles are over two spacings from where they
+ * belong (J6); never less than .04, nor more than .96; NAN where the surface does not tell how it
+ * lies. */
+double apsm_verdict_probability(const apsm_findings *findings, const apsm_verdict_options *options);
+
 /* The doubt that grooming has said about pose or hand: none where the findings (NULL: there are
  * none) speak clearly for the shape as it lies. */
 unsigned apsm_verdict_note(const apsm_findings *findings, apsm_aspect aspect, bool undecided);

@@ -43,6 +43,33 @@ grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be 
 "$apsm" certify slips/project.swproj -o ends.json >out 2>log || fail "certify long bones: $(cat log)"
 [ "$(grep -o 'miss a part of the surface' ends.json | wc -l)" -ge 5 ] ||
     fail "missed ends are not seen: $(cat log)"
+# A left bone among right ones, and one upside down that nobody turns back: each named, and likely lost
+# or of the wrong hand; the others are not.
+"$make_synthetic" femur bones count 6 seed 0 >/dev/null || exit 1
+mkdir hands poses
+cp bones/shapes/*.ply hands
+cp bones/shapes/*.ply poses
+"$make_synthetic" bones/shapes/femur_02.ply hands/femur_02.ply mirror 1 || exit 1
+"$make_synthetic" bones/shapes/femur_03.ply poses/femur_03.ply turn 180 || exit 1
+# shellcheck disable=SC2086
+"$apsm" run hands -o hand $few 2>log || fail "run with a left bone: $(cat log)"
+grep -q '^warning: femur_02 needs review: .*looks mirrored' log || fail "the left bone: $(cat log)"
+[ "$(grep -c 'needs review' log)" -eq 1 ] || fail "others are doubted: $(cat log)"
+# shellcheck disable=SC2086
+"$apsm" run poses -o pose --align none $few 2>log || fail "run with a turned bone: $(cat log)"
+grep -q '^warning: femur_03 needs review: .*probability 0.9' log || fail "the turned bone: $(cat log)"
+[ "$(grep -c 'needs review' log)" -eq 1 ] || fail "others are doubted: $(cat log)"
+grep -q '"probability_lost": *0.0' pose/certificate.json || fail "no shape is known to be right"
+"$apsm" info pose | grep -q 'expected with over a tenth' || fail "info does not tell what is expected"
+
+# Ellipsoids look the same turned by half: that is said once, and no shape is doubted for it.
+for i in 0 1 2 3 4 5; do "$make_synthetic" ellipsoid "e$i.ply" level 3 index $i count 6 || exit 1; done
+# shellcheck disable=SC2086
+"$apsm" run e?.ply -o same $few 2>log || fail "run of ellipsoids: $(cat log)"
+grep -q 'of 6 shapes the surface does not tell which way' log || fail "ellipsoids: $(cat log)"
+grep -q '"pose": *"cannot be told"' same/certificate.json || fail "no grade says that it cannot be told"
+grep -q 'looks turned' log && fail "an ellipsoid is doubted: $(cat log)"
+
 echo mine >mine.json
 "$apsm" certify model/project.swproj -o mine.json >out 2>log && fail "certify replaced a file"
 [ "$(cat mine.json)" = mine ] || fail "certify replaced a file"

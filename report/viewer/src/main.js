@@ -149,6 +149,9 @@ function shortNames(names) {
 /** A distance on the template is rounding: 0. */
 const tidy = (x, surface) => (x < 1e-9 * surface.diagonal ? 0 : x);
 
+// How likely a shape's correspondence is lost; "" where that is not known.
+const likely = (c) => (c.probability_lost == null ? "" : `; probability ${c.probability_lost.toFixed(2)} that over a tenth of its particles are lost`);
+
 let facts; // per shape: name, surface, mismatched, strict, distance, certificate
 
 function gatherFacts() {
@@ -554,7 +557,7 @@ function fillFidelity() {
       el("p", { class: "small soft" },
         i === model.template ? "This is the template: its reconstruction is itself. " : "",
         d ? `Two-way: vertices of both surfaces in one list. Diagonal of the shape's box: ${length(d.diagonal)}. ` : "",
-        `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}.`),
+        `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}${likely(fact.certificate)}.`),
     );
     chart.replaceChildren(histogram({
       hi: options.scale === "cohort" ? model.largest_distance : most || 1,
@@ -711,7 +714,7 @@ function fillCertificate() {
       el("span", { class: `badge ${f.fine ? "good" : "bad"}` }, f.fine ? "\u2713 certified" : `! ${k.verdict}`),
       `${f.lost} (${show((100 * f.lost) / model.J, 2)}\u00a0%)`, String(f.mismatched), String(k.swaps?.length ?? "\u2013"), String(k.folds?.length ?? "\u2013"),
       k.off_surface_max < 1e-6 ? "0" : show(k.off_surface_max, 2), show(k.min_separation, 2),
-      el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ")), places(i, k)),
+      el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ") + likely(k)), places(i, k)),
     ];
   };
   body.append(

@@ -221,6 +221,26 @@ static void evidence_decides_pose_and_hand(void **state)
     assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_TURNED);
 }
 
+/* More evidence and agreement, less probability; none where the surface does not tell. */
+static void probability_follows_form(void **state)
+{
+    (void)state;
+    apsm_findings f = { .agreement = 2.4 };
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    f.turn[0].evidence = f.turn[1].evidence = 3.0;
+    assert_float_equal(apsm_verdict_probability(&f, &o), 0.04, 1e-12);
+    f.agreement = 0.9;
+    const double middling = apsm_verdict_probability(&f, &o);
+    assert_true(middling > 0.1 && middling < 0.5);
+    f.turn[1].evidence = -0.5;
+    assert_true(apsm_verdict_probability(&f, &o) > middling);
+    f.turn[0].evidence = -1.0;
+    f.agreement = 0.0;
+    assert_float_equal(apsm_verdict_probability(&f, &o), 0.96, 1e-12);
+    f.turn[0].evidence = 0.2;
+    assert_true(isnan(apsm_verdict_probability(&f, &o)));
+}
+
 /* What grooming doubted is settled where form speaks clearly. */
 static void form_settles_notes(void **state)
 {
@@ -298,6 +318,7 @@ int main(void)
         cmocka_unit_test(missed_end_is_found),
         cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(evidence_decides_pose_and_hand),
+        cmocka_unit_test(probability_follows_form),
         cmocka_unit_test(form_settles_notes),
         cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out),
