@@ -399,15 +399,15 @@ static void judge_mirrored(aligner *a)
     for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
 }
 
-/* Marks those whose x (n, logarithms) is farther from the others' median than chance and `by`. */
+/* Marks those whose x (n, logarithms) is farther from the others' median than chance and `by`.
+ * scratch: 3 n. */
 static void mark_strangers(aligner *a, const double *x, double by, double *scratch)
 {
-    static const double deviation = 0.05, excess = 6.0;
-    for (size_t i = 0; i < a->n; i++) {
-        if (!(fabs(robust_excess(a->n, x, i, deviation, scratch)) > excess)) continue;
-        if (fabs(x[i] - robust_left_out_median(a->n, x, i, scratch)) > by)
-            a->out->stranger[i] = true;
-    }
+    static const double deviation = 0.05, most = 6.0;
+    double *excess = scratch + a->n, *median = scratch + 2 * a->n;
+    robust_excesses(a->n, x, deviation, excess, median, scratch);
+    for (size_t i = 0; i < a->n; i++)
+        a->out->stranger[i] |= fabs(excess[i]) > most && fabs(x[i] - median[i]) > by;
 }
 
 /* By size, and by how near the best pose comes, in its own size: such shapes make no template. */
@@ -415,7 +415,7 @@ static apsm_status find_strangers(aligner *a)
 {
     enum { LEAST = 5 };
     if (a->n < LEAST) return APSM_OK;
-    double *x = malloc(2 * a->n * sizeof *x), sum = 0.0;
+    double *x = malloc(4 * a->n * sizeof *x), sum = 0.0;
     if (!x) return APSM_ERR_MEMORY;
     double *scratch = x + a->n;
     for (size_t i = 0; i < a->n; i++) x[i] = 0.5 * log(a->area[i]);

@@ -39,20 +39,33 @@ void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, d
     }
 }
 
-double robust_left_out_median(size_t I, const double *x, size_t i, double *scratch)
+/* The median of all but one is one of these, whichever that is; returns how many they are. */
+static size_t possible_medians(size_t I, const double *sorted, double c[3])
 {
-    size_t n = 0;
-    for (size_t k = 0; k < I; k++)
-        if (k != i) scratch[n++] = x[k];
-    return robust_median(n, scratch);
+    const size_t k = I / 2;
+    c[0] = I % 2 ? 0.5 * (sorted[k - 1] + sorted[k]) : sorted[k - 1];
+    c[1] = I % 2 ? 0.5 * (sorted[k - 1] + sorted[k + 1]) : sorted[k];
+    c[2] = I % 2 ? 0.5 * (sorted[k] + sorted[k + 1]) : c[1];
+    return I % 2 ? 3 : 2;
 }
 
-double robust_excess(size_t I, const double *x, size_t i, double least, double *scratch)
+void robust_excesses(size_t I, const double *x, double least, double *excess, double *median,
+                     double *scratch)
 {
-    const size_t n = I - 1;
-    const double median = robust_left_out_median(I, x, i, scratch);
-    for (size_t k = 0; k < n; k++) scratch[k] = fabs(scratch[k] - median);
-    return (x[i] - median) / fmax(1.4826 * robust_median(n, scratch), least);
+    double c[3], *sorted = scratch;
+    for (size_t i = 0; i < I; i++) sorted[i] = x[i];
+    qsort(sorted, I, sizeof *sorted, ascending);
+    for (size_t i = 0; i < I; i++) median[i] = middle_without(I, sorted, x[i]);
+    const size_t n = possible_medians(I, sorted, c);
+    for (size_t k = 0; k < n; k++) {
+        for (size_t i = 0; i < I; i++) sorted[i] = fabs(x[i] - c[k]);
+        qsort(sorted, I, sizeof *sorted, ascending);
+        for (size_t i = 0; i < I; i++) {
+            if (median[i] != c[k]) continue;
+            const double spread = middle_without(I, sorted, fabs(x[i] - c[k]));
+            excess[i] = (x[i] - c[k]) / fmax(1.4826 * spread, least);
+        }
+    }
 }
 
 double robust_correlation(size_t n, size_t stride, const double *x, const double *y,

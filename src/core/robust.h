@@ -13,13 +13,12 @@ double robust_median(size_t n, double *x);
  * log I).  column: scratch, I. */
 void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, double *column);
 
-/* Median of the other x than x[i] (I >= 2).  scratch: I. */
-double robust_left_out_median(size_t I, const double *x, size_t i, double *scratch);
-
-/* How many standard deviations x[i] lies above the median of the other x (I >= 3).  The standard
- * deviation is told from the others' median distance from their median (1.4826 of it, for normal
- * numbers), and is never taken for less than `least` (> 0).  scratch: I. */
-double robust_excess(size_t I, const double *x, size_t i, double least, double *scratch);
+/* Of each x[i] (I >= 3, finite) the median of the others, and how many standard deviations it lies
+ * above that.  The standard deviation is told from the others' median distance from their median
+ * (1.4826 of it, for normal numbers), and is never taken for less than `least` (> 0).  scratch: I.
+ * O(I log I). */
+void robust_excesses(size_t I, const double *x, double least, double *excess, double *median,
+                     double *scratch);
 
 /* Correlation of x[stride * k] and y[stride * at[k]], k < n (at NULL: k); 0 where one is constant.
  */

@@ -227,27 +227,30 @@ static apsm_status turn_shape(apsm_context *ctx, size_t i, int worker, void *use
     return ok ? APSM_OK : APSM_ERR_MEMORY;
 }
 
-static void weigh_figures(judging *g, double *scratch)
+static apsm_status weigh_figures(judging *g)
 {
-    double excess[FIGURES];
-    for (size_t i = 0; i < g->I; i++) {
+    const size_t I = g->I;
+    double *excess = malloc((2 * FIGURES + 1) * I * sizeof *excess);
+    if (!excess) return APSM_ERR_MEMORY;
+    double *middle = excess + FIGURES * I, *scratch = middle + FIGURES * I;
+    for (size_t k = 0; k < FIGURES; k++)
+        robust_excesses(I, g->figure + k * I, least_deviation[k], excess + k * I, middle + k * I,
+                        scratch);
+    for (size_t i = 0; i < I; i++) {
         apsm_findings *f = &g->out->shape[i];
-        double middle[FIGURES];
-        for (size_t k = 0; k < FIGURES; k++) {
-            excess[k] = robust_excess(g->I, g->figure + k * g->I, i, least_deviation[k], scratch);
-            middle[k] = robust_left_out_median(g->I, g->figure + k * g->I, i, scratch);
-        }
-        f->area = exp(g->figure[AREA * g->I + i] - middle[AREA]);
-        f->size = exp(g->figure[SIZE * g->I + i] - middle[SIZE]);
-        f->off = exp(g->figure[OFF * g->I + i] - middle[OFF]);
-        f->area_excess = excess[AREA];
-        f->size_excess = excess[SIZE];
-        f->long_excess = excess[LONG];
-        f->flat_excess = excess[FLAT];
-        f->off_excess = excess[OFF];
-        f->slip = excess[SLIP];
-        f->reach_excess = excess[REACH];
+        f->area = exp(g->figure[AREA * I + i] - middle[AREA * I + i]);
+        f->size = exp(g->figure[SIZE * I + i] - middle[SIZE * I + i]);
+        f->off = exp(g->figure[OFF * I + i] - middle[OFF * I + i]);
+        f->area_excess = excess[AREA * I + i];
+        f->size_excess = excess[SIZE * I + i];
+        f->long_excess = excess[LONG * I + i];
+        f->flat_excess = excess[FLAT * I + i];
+        f->off_excess = excess[OFF * I + i];
+        f->slip = excess[SLIP * I + i];
+        f->reach_excess = excess[REACH * I + i];
     }
+    free(excess);
+    return APSM_OK;
 }
 
 /* Of what other processes have found: row k of the figures. */
@@ -305,8 +308,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column, double
     APSM_TRY(apsm_gather(ctx, I, NULL, J * sizeof *g->out->opposed, g->out->opposed));
     APSM_TRY(apsm_own_for(ctx, I, NULL, turn_shape, g, "judge"));
     APSM_TRY(apsm_gather(ctx, I, NULL, sizeof *g->out->shape, g->out->shape));
-    weigh_figures(g, column);
-    return APSM_OK;
+    return weigh_figures(g);
 }
 
 static apsm_status pose(apsm_context *ctx, judging *g)

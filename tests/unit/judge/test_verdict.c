@@ -285,7 +285,33 @@ static void medians_leave_one_out(void **state)
     const double Y[4] = { 1, 2, 3, 100 }, others[4] = { 3, 3, 2, 2 };
     robust_left_out_medians(4, 1, Y, out, column);
     for (int i = 0; i < 4; i++) assert_true(out[i] == others[i]);
-    assert_true(robust_excess(4, Y, 3, 0.1, column) > 50);
+}
+
+/* As told one by one: the median of the others and of their distances from it. */
+static void excesses_are_those_over_the_others(void **state)
+{
+    enum { MOST = 12 };
+    (void)state;
+    uint64_t seed = 7;
+    for (size_t n = 3; n <= MOST; n++)
+        for (int k = 0; k < 20; k++) {
+            double x[MOST], excess[MOST], median[MOST], scratch[MOST];
+            for (size_t i = 0; i < n; i++) { /* with ties */
+                seed = seed * 6364136223846793005u + 1442695040888963407u;
+                x[i] = (double)(seed >> 33 & 15) / 3.0;
+            }
+            robust_excesses(n, x, 0.1, excess, median, scratch);
+            for (size_t i = 0; i < n; i++) {
+                size_t others = 0;
+                double y[MOST];
+                for (size_t l = 0; l < n; l++)
+                    if (l != i) y[others++] = x[l];
+                const double m = robust_median(others, y);
+                for (size_t l = 0; l < others; l++) y[l] = fabs(y[l] - m);
+                const double spread = fmax(1.4826 * robust_median(others, y), 0.1);
+                assert_true(median[i] == m && excess[i] == (x[i] - m) / spread);
+            }
+        }
 }
 
 /* Shapes on a line in shape space are predicted without a rest; one off it is not. */
@@ -322,6 +348,7 @@ int main(void)
         cmocka_unit_test(form_settles_notes),
         cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out),
+        cmocka_unit_test(excesses_are_those_over_the_others),
         cmocka_unit_test(usual_variation_leaves_no_rest),
     };
     return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
