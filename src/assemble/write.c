@@ -169,6 +169,52 @@ static apsm_status describe_subject(writing *w, size_t i, double *x, apsm_projec
     return set_matrix(s, "alignment", "global", w->c->align + 16 * i * w->c->n);
 }
 
+/* What a run makes, of whatever part. */
+static bool is_made(const char *key)
+{
+    static const char *const prefixes[] = { "shape_",           "segmentation_", "mesh_",
+                                            "contour_",         "groomed_",      "local_particles_",
+                                            "world_particles_", "alignment_",    "procrustes_" };
+    for (size_t k = 0; k < sizeof prefixes / sizeof *prefixes; k++)
+        if (strncmp(key, prefixes[k], strlen(prefixes[k])) == 0) return true;
+    return strcmp(key, "mirrored") == 0 || strcmp(key, "reflection") == 0 ||
+           strcmp(key, "name") == 0;
+}
+
+static apsm_status keep_row(const apsm_project *source, apsm_subject *s)
+{
+    const size_t i = apsm_project_find(source, s->name);
+    const char *key;
+    json_t *value;
+    if (i == source->n) return APSM_OK;
+    json_object_foreach(source->subjects[i].row, key, value)
+    {
+        if (!is_made(key) && json_object_set(s->row, key, value) != 0) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+/* What the project that was given says beside the shapes is kept: columns, groups, excluded rows.
+ */
+static apsm_status keep_source(const writing *w, apsm_project *project)
+{
+    apsm_project source = { 0 };
+    const apsm_run_settings *s = &w->job->settings->run;
+    if (!w->job->by_project) return APSM_OK;
+    apsm_status status = apsm_project_read(w->job->ctx, s->inputs[0], &source);
+    if (status == APSM_OK) status = apsm_project_rebase(&source, s->folder);
+    for (size_t i = 0; i < project->n && status == APSM_OK; i++)
+        status = keep_row(&source, &project->subjects[i]);
+    if (status == APSM_OK) {
+        json_object_del(source.root, "apsm");
+        if (json_object_update_missing(project->root, source.root) != 0) status = APSM_ERR_MEMORY;
+        json_decref(project->aside);
+        project->aside = json_incref(source.aside);
+    }
+    apsm_project_free(&source);
+    return status;
+}
+
 static apsm_status write_project(writing *w)
 {
     apsm_project project = { 0 };
@@ -180,6 +226,7 @@ static apsm_status write_project(writing *w)
     if (status == APSM_OK) status = apsm_text_set(&project.domain, part_name(w, 0));
     for (size_t i = 0; i < w->c->I && status == APSM_OK; i++)
         status = describe_subject(w, i, x, &project);
+    if (status == APSM_OK) status = keep_source(w, &project);
     if (status == APSM_OK) status = apsm_project_write(w->job->ctx, path, &project);
     apsm_project_free(&project);
     free(x);

@@ -130,11 +130,11 @@ grep -q "has no part 'cop'" <<<"$said" || fail "wrong part: $said"
     printf '{"data": ['
     comma=
     for side in m1 m3 m5 s0 s2 s4; do
-        printf '%s{"name": "%s", "shape_cup": "shapes/%s_cup.ply", "shape_ball": "shapes/%s_ball.ply", "group_side": "%s"}' \
-            "$comma" $side $side $side ${side:0:1}
+        printf '%s{"name": "%s", "shape_cup": "shapes/%s_cup.ply", "shape_ball": "shapes/%s_ball.ply", "group_side": "%s", "landmarks_file_ball": "marks/%s.csv"}' \
+            "$comma" $side $side $side ${side:0:1} $side
         comma=', '
     done
-    printf '], "groom": {}, "optimize": {}, "project": {}}'
+    printf '], "groom": {}, "optimize": {}, "project": {}, "studio": {"notes": "mine"}}'
 } >two.swproj
 "$apsm" run two.swproj -o project --align-parts cup --reflect-match ^m $fast --quiet 2>said ||
     fail "project of two domains: $(tail -n 1 said)"
@@ -142,7 +142,11 @@ grep -q "has no part 'cop'" <<<"$said" || fail "wrong part: $said"
 for file in scores.csv poses.csv contacts.csv; do
     cmp -s six/$file project/$file || fail "$file of the project is another"
 done
+for words in '"group_side": "m"' '"landmarks_file_ball": "../marks/m1.csv"' '"notes": "mine"'; do
+    grep -qF "$words" project/project.swproj || fail "the joint's project has lost $words"
+done
 grep -q '"group_side": "m"' project/parts/ball/project.swproj || fail "a column of the project is lost"
+"$apsm" test project --formula '~ side' --permutations 50 --quiet >said 2>&1 || fail "test by a column of the joint's project: $(tail -n 1 said)"
 "$apsm" run two.swproj -o ball --domain ball --reflect-match ^m $fast --quiet 2>said ||
     fail "one domain: $(tail -n 1 said)"
 cmp -s ball/scores.csv project/parts/ball/scores.csv || fail "--domain ball is another model"
