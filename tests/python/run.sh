@@ -22,4 +22,18 @@ cp -r python/apsm "$folder/apsm"
 # shellcheck disable=SC2046
 "$cc" -std=c17 -O2 -Wall -Wextra -Werror -shared -fPIC -I"$include" python/_apsm.c -o "$folder/apsm/_apsm.abi3.so" \
     $(pkg-config --cflags --libs apsm) -Wl,-rpath,"$(pkg-config --variable=libdir apsm)" || exit 1
+# The example, on a small cohort.
+mkdir "$folder/cohort"
+for i in 1 2 3 4 5 6 7 8 9; do
+    side=R
+    [ $((i % 2)) -eq 0 ] && side=L
+    "$4" ellipsoid "$folder/cohort/bone_${side}_$i.ply" level 3 index $((i * 5 % 9)) count 9 wobble 0.02 seed $i || exit 1
+done
+TMPDIR=$folder PYTHONPATH=$folder "$python" examples/cohort.py "$folder/cohort" 32 >"$folder/said" 2>&1 &&
+    grep -q '^side on form: p = ' "$folder/said" && grep -q '^left minus right: largest at particle' "$folder/said" &&
+    grep -q '^<apsm.Fit: ' "$folder/said" && [ -s "$folder"/apsm-*/tables/modes.csv ] || {
+    cat "$folder/said"
+    echo "FAILED: examples/cohort.py"
+    exit 1
+}
 APSM_PROGRAM=$3 APSM_SYNTHETIC=$4 PYTHONPATH=$folder "$python" -W ignore tests/python/test_apsm.py
