@@ -432,20 +432,19 @@ static apsm_status write_subject(contour_job *j, size_t i, double *local)
     return write_particles(j, i, "world", world, &s->world_particles);
 }
 
-static bool is_listed(const contour_job *j, const char *name)
-{
-    for (size_t i = 0; i < j->list.n; i++)
-        if (strcmp(j->names[i], name) == 0) return true;
-    return false;
-}
-
-/* The project that was given, as seen from the folder, without whom --exclude left out. */
+/* The project that was given, as seen from the folder, its rows those of the list and in its order:
+ * without whom --exclude left out. */
 static apsm_status keep_project(contour_job *j)
 {
     apsm_project *p = &j->project;
     APSM_TRY(apsm_project_rebase(p, j->folder));
-    for (size_t i = p->n; i-- > 0;)
-        if (!is_listed(j, p->subjects[i].name)) apsm_project_remove(p, i);
+    for (size_t i = 0; i < j->list.n; i++) {
+        const size_t at = apsm_project_find(p, j->names[i]);
+        const apsm_subject moved = p->subjects[at];
+        p->subjects[at] = p->subjects[i];
+        p->subjects[i] = moved;
+    }
+    while (p->n > j->list.n) apsm_project_remove(p, p->n - 1);
     return APSM_OK;
 }
 

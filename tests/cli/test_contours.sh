@@ -42,6 +42,8 @@ for words in '"group_side": "L"' '"excluded": "yes"' '"a": "b"' '"contour_1": ".
     grep -qF -- "$words" p/project.swproj || fail "the project has lost $words"
 done
 expect 0 "3 of 3 shapes certified" info p
+[ "$(cut -d, -f1 p/scores.csv | tail -n +2 | tr '\n' ' ')" = "$(tr ',' '\n' <p/project.swproj | sed -n 's/.*"name": "\([a-z]*\)".*/\1/p' | grep -v no | tr '\n' ' ')" ] ||
+    fail "scores in another order than the project's"
 grep -q 'do not belong' said && fail "info of contours: $(cat said)"
 sed "s/contour_1/shape_1/g" p.swproj >shape.swproj
 expect 0 "3 of 3 contours certified" run shape.swproj -o s -J 48
