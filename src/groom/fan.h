@@ -2,7 +2,6 @@
 #ifndef APSM_GROOM_FAN_H
 #define APSM_GROOM_FAN_H
 
-#include "groom/remesh.h"
 #include "groom/surgery.h"
 
 /* Area vector (twice the area times the normal) of h's face. */
@@ -30,9 +29,5 @@ double fan_flip_quality(const surgery *s, uint32_t h);
 /* Whether the edge's two diagonals pass within `away` and the new faces keep facing the way of
  * the old ones. */
 bool fan_flip_is_flat(const surgery *s, uint32_t h, double away);
-
-/* Fills all of report but edge. */
-apsm_status remesh_measure(const apsm_mesh *before, const apsm_bvh *original,
-                           const apsm_mesh *after, apsm_remesh_report *report) APSM_NODISCARD;
 
 #endif

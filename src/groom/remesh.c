@@ -23,6 +23,7 @@
 #include "geometry/vec3.h"
 #include "groom/edge_size.h"
 #include "groom/fan.h"
+#include "groom/remesh_measure.h"
 #include "groom/surgery.h"
 
 static const double longest = 4.0 / 3.0, least = 4.0 / 5.0;

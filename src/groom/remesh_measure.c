@@ -1,4 +1,6 @@
 /* What remeshing did to a surface: distances both ways, volume, angles. */
+#include "groom/remesh_measure.h"
+
 #include <math.h>
 
 #include "geometry/vec3.h"

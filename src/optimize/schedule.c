@@ -1,6 +1,7 @@
 #include "optimize/schedule.h"
 
-#include "optimize/optimizer.h"
+#include "optimize/options.h"
+#include "optimize/state.h"
 
 schedule schedule_of_stage(const apsm_optimize_options *o, int stage)
 {

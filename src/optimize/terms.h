@@ -1,5 +1,5 @@
 /* terms.h -- the terms of the objective, a table: the loop knows a term by this alone.  A new one
- * is a file term_NAME.c and a line in APSM_TERM_LIST (optimize/optimizer.h). */
+ * is a file term_NAME.c and a line in APSM_TERM_LIST (optimize/state.h). */
 #ifndef APSM_OPTIMIZE_TERMS_H
 #define APSM_OPTIMIZE_TERMS_H
 

@@ -2,11 +2,13 @@
 #ifndef APSM_OPTIMIZE_WORKSPACE_H
 #define APSM_OPTIMIZE_WORKSPACE_H
 
+#include "initialize/cohort.h"
 #include "linalg/polyharmonic.h"
 #include "model/warp.h"
 #include "optimize/fidelity.h"
-#include "optimize/optimizer.h"
+#include "optimize/options.h"
 #include "optimize/schedule.h"
+#include "optimize/state.h"
 
 /* Scratch of one thread.  Point arrays have room for R points, particle arrays for J. */
 typedef struct worker {
