@@ -62,6 +62,7 @@ check: ## format, lint, rules between rooms, goldens, options.md, the viewer
 	@scripts/check-format
 	@scripts/check-lint
 	@scripts/check-rooms
+	@scripts/check-circles
 	@scripts/check-functions
 	@scripts/check-references
 	@scripts/check-constants

@@ -6,8 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "align/align.h"
-#include "align/icp.h"
+#include "align/cloud.h"
 #include "core/random.h"
 #include "geometry/affine.h"
 #include "geometry/face.h"

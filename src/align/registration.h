@@ -3,7 +3,7 @@
 #ifndef APSM_REGISTRATION_H
 #define APSM_REGISTRATION_H
 
-#include "align/align.h" /* apsm_cloud */
+#include "align/cloud.h" /* apsm_cloud */
 
 #ifdef __cplusplus
 extern "C" {

@@ -2,8 +2,8 @@
 #ifndef APSM_GEOMETRY_STORED_H
 #define APSM_GEOMETRY_STORED_H
 
-#include "core/arrays.h"
 #include "apsm/mesh.h"
+#include "core/arrays.h"
 
 struct apsm_topology;
 struct apsm_bvh;

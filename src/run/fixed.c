@@ -10,7 +10,6 @@
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "landmarks/landmark_table.h"
-#include "run/source.h"
 
 enum { LEAST_PARTICLES = 7, MOST_BYTES = 1 << 28 };
 /* World particles, against their extent, are the local ones moved; local ones, in spacings, are on
@@ -278,7 +277,7 @@ static apsm_status check_all(apsm_run *run, const groom_inputs *in)
     return take_number(run, f->J);
 }
 
-apsm_status fixed_find(apsm_run *run, groom_inputs *in, const apsm_project *source)
+apsm_status fixed_find(apsm_run *run, groom_inputs *in, const apsm_project *source, bool ignored)
 {
     const char *option = apsm_run_text(run, "fixed");
     if (!source && *option)
@@ -286,10 +285,10 @@ apsm_status fixed_find(apsm_run *run, groom_inputs *in, const apsm_project *sour
                          "--fixed %s: only a project gives particles of its shapes; give one as "
                          "input (or add shapes to a finished model by `apsm add`)",
                          option);
-    if (source_ignores(run, "fixed") && *option)
+    if (ignored && *option)
         return apsm_fail(run->ctx, APSM_ERR_ARG,
                          "--fixed and --ignore fixed contradict each other");
-    if (!source || source_ignores(run, "fixed")) return APSM_OK;
+    if (!source || ignored) return APSM_OK;
     APSM_TRY(check_names(run, option, &in->list));
     in->fixed = calloc(1, sizeof *in->fixed);
     if (!in->fixed) return APSM_ERR_MEMORY;

@@ -8,8 +8,9 @@
 
 /* Finds them among in's shapes and reads their files.  Refused, before anything is groomed: one
  * without particles, numbers that differ, poses or world particles that contradict each other, what
- * would move them, a template that is none of them, nothing left to be optimised. */
-apsm_status fixed_find(apsm_run *run, groom_inputs *in, const apsm_project *source);
+ * would move them, a template that is none of them, nothing left to be optimised.  ignored: the
+ * column is not to be followed. */
+apsm_status fixed_find(apsm_run *run, groom_inputs *in, const apsm_project *source, bool ignored);
 void fixed_free(struct fixed_shapes *fixed); /* NULL is allowed */
 
 /* The template must be one: unfit (I) <- the others, too. */

@@ -54,7 +54,7 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
     }
     APSM_TRY(
         regions_list(run, in, source->root && !source_ignores(run, "constraints") ? source : NULL));
-    APSM_TRY(fixed_find(run, in, source->root ? source : NULL));
+    APSM_TRY(fixed_find(run, in, source->root ? source : NULL, source_ignores(run, "fixed")));
     return refuse_labels_of_meshes(run, in);
 }
 
