@@ -277,6 +277,7 @@ apsm_status fit_model_prepare(apsm_context *ctx, apsm_fit_model *m)
     APSM_TRY(make_clouds(m));
     if (!(m->calibration.noise > 0)) APSM_TRY(calibrate(ctx, m));
     apsm_fidelity_set_doubt(m->fidelity, doubt_of(&m->calibration));
+    APSM_TRY(fit_pose_mirror(m, &m->mirror));
     APSM_TRY(make_prior(m));
     return make_posterior(m);
 }

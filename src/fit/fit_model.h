@@ -58,6 +58,7 @@ struct apsm_fit_model {
     apsm_cloud cloud, dense; /* of the template */
     posterior_model posterior;
     double *store; /* of the posterior's arrays */
+    double mirror; /* residual of the template's mirror image, over the radius of its cloud */
     double radius; /* root mean square distance of the mean's particles from their centre */
 };
 

@@ -106,6 +106,7 @@ static void search_hands(search *s, const apsm_fit_options *o, fit_pose *out)
         (o->hand == APSM_HAND_AUTO && other.residual < APSM_MIRROR_RATIO * same.residual);
     const apsm_pose *best = out->mirrored ? &other : &same;
     memcpy(out->M, best->M, sizeof out->M);
+    out->usual = s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m, out->M);
     out->residual = best->residual / s->fixed.cloud->radius;
     out->runner_up = fmax(1, ratio(best->runner_up, best->residual));
     out->mirror_ratio = o->hand == APSM_HAND_AUTO
@@ -145,6 +146,24 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
         }
     }
     close_search(&s);
+    return status;
+}
+
+apsm_status fit_pose_mirror(const apsm_fit_model *m, double *residual)
+{
+    search s;
+    apsm_bvh *bvh = NULL;
+    const apsm_mesh *mesh = &m->cohort.shape[0].mesh;
+    APSM_TRY(apsm_bvh_build_unsigned(mesh, &bvh));
+    const apsm_status status = open_search(m, mesh, bvh, &s);
+    if (status == APSM_OK) {
+        apsm_pose pose;
+        const apsm_icp_options icp = icp_options(m);
+        apsm_pose_search(&s.moving, &s.fixed, true, &icp, &pose, s.work);
+        *residual = pose.residual / s.fixed.cloud->radius;
+    }
+    close_search(&s);
+    apsm_bvh_free(bvh);
     return status;
 }
 

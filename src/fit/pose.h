@@ -12,6 +12,7 @@ typedef struct fit_pose {
     double runner_up;    /* of a clearly different pose over the best; INFINITY: none found */
     double mirror_ratio; /* of the other hand over the best's; INFINITY: not tried */
     double size;         /* of the shape over the template's */
+    bool usual;          /* not mirrored, in the orientation in which the cohort came */
 } fit_pose;
 
 /* The pose of a whole shape.  bvh is the mesh's.  O(50,000) closest points. */
@@ -21,6 +22,9 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
 /* S (out): the similarity near the pose M that makes the shape the template's size. */
 apsm_status fit_pose_sized(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
                            const double M[16], double S[16]) APSM_NODISCARD;
+
+/* Residual of the template's mirror image in its best pose, over the radius. */
+apsm_status fit_pose_mirror(const apsm_fit_model *m, double *residual) APSM_NODISCARD;
 
 /* Residual of a mesh that is in its place, with size removed, over the radius. */
 apsm_status fit_pose_residual(const apsm_fit_model *m, const apsm_mesh *mesh,

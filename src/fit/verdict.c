@@ -18,6 +18,8 @@ static const double distance_review = 2;
 static const double distance_unmeasured = 0.2; /* h: what is taken for that where it is not known */
 static const double form_refused = 4; /* product of three ratios; of left-out shapes at most 1.9 */
 static const double form_review = 2.5;
+static const double own_mirror = 1.5; /* usual residuals: a kind that differs less from its mirror
+                                         image does not show its side */
 static const double tail_review = 1e-3;
 static const double part_refused = 0.5, part_review = 0.8; /* of a part, what fits */
 
@@ -43,6 +45,17 @@ void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...
     va_end(args);
 }
 
+/* Of a kind that is nearly its own mirror image (vertebrae, ribs) the pose does not tell the side
+ * unless shapes come in one orientation, and this one does. */
+static bool is_side_shown(const fit_job *job)
+{
+    const apsm_fit_model *m = job->m;
+    const apsm_fit_options *o = job->options;
+    if (o->aligned || o->hand != APSM_HAND_AUTO || job->pose.usual) return true;
+    return m->options.align.align == APSM_ALIGN_NONE ||
+           m->mirror > own_mirror * m->calibration.pose;
+}
+
 void fit_judge_pose(fit_job *job)
 {
     const fit_calibration *c = &job->m->calibration;
@@ -60,6 +73,10 @@ void fit_judge_pose(fit_job *job)
     if (p->runner_up < APSM_AMBIGUOUS_RATIO)
         fit_object(out, APSM_FIT_REVIEW, "ambiguous pose: another one fits within %.0f %%",
                    100 * (p->runner_up - 1));
+    if (!is_side_shown(job))
+        fit_object(out, APSM_FIT_REVIEW,
+                   "its side is not known: shapes of this kind are nearly their own mirror images; "
+                   "say which, --hand same or --hand other");
 }
 
 static void judge_distance(const fit_job *job)

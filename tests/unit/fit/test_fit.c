@@ -252,9 +252,35 @@ static void model_file(void **state)
     apsm_context_free(ctx);
 }
 
+/* A kind that is its own mirror image does not show the side: review, unless the side is told. */
+static void side_of_a_symmetric_kind(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_fit_model *m = make_model(ctx);
+    apsm_fit_options o = apsm_fit_defaults();
+    apsm_mesh mesh = make_patient(false, 1);
+    apsm_fit fit;
+    assert_true(m->mirror > 0);
+    m->oriented = 0;
+    m->mirror = 0;
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &fit), APSM_OK);
+    assert_int_equal(fit.verdict, APSM_FIT_REVIEW);
+    assert_non_null(strstr(fit.reason, "its side is not known"));
+    apsm_fit_free(&fit);
+    o.hand = APSM_HAND_SAME;
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &fit), APSM_OK);
+    assert_null(strstr(fit.reason, "its side is not known"));
+    apsm_fit_free(&fit);
+    apsm_mesh_free(&mesh);
+    apsm_fit_model_free(m);
+    apsm_context_free(ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(whole_shapes), cmocka_unit_test(strangers),
-                                        cmocka_unit_test(parts), cmocka_unit_test(model_file) };
+                                        cmocka_unit_test(parts), cmocka_unit_test(model_file),
+                                        cmocka_unit_test(side_of_a_symmetric_kind) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
