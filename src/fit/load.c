@@ -1,6 +1,7 @@
 /* A model from the folder that a run has left. */
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -125,7 +126,14 @@ static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
 static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
 {
     APSM_TRY(apsm_is_folder(m->path) ? load_folder(ctx, m) : fit_model_read_file(ctx, m));
-    return fit_model_prepare(ctx, m);
+    const apsm_status status = fit_model_prepare(ctx, m);
+    /* Its kernels know no file, and not all of them have a line. */
+    if (status == APSM_OK || status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED)
+        return status;
+    char why[256];
+    snprintf(why, sizeof why, "%s", apsm_error_text(ctx));
+    return apsm_fail(ctx, status, "%s: no shape can be fitted with it (%s); export the model again",
+                     m->path, *why ? why : apsm_status_text(status));
 }
 
 apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path, apsm_fit_model **model)

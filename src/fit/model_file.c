@@ -116,15 +116,17 @@ static apsm_status get_sizes(apsm_context *ctx, const apsm_fit_model *m, const a
     return fit ? APSM_OK : refuse(ctx, m, "has sizes that no model has");
 }
 
-/* *x (malloc'ed) <- n finite numbers. */
+/* *x (malloc'ed) <- n finite numbers, whose products stay finite. */
 static apsm_status get_numbers(apsm_context *ctx, const apsm_fit_model *m, const apsm_checkpoint *c,
                                const char *name, size_t n, double **x)
 {
+    static const double largest = 1e100;
     *x = malloc(n * sizeof **x);
     if (!*x) return APSM_ERR_MEMORY;
     APSM_TRY(apsm_checkpoint_get(ctx, c, name, *x, n * sizeof **x));
     for (size_t k = 0; k < n; k++)
-        if (!isfinite((*x)[k])) return refuse(ctx, m, "holds numbers that are not finite");
+        if (!(fabs((*x)[k]) < largest))
+            return refuse(ctx, m, "holds numbers that no model has, or that are not finite");
     return APSM_OK;
 }
 

@@ -42,8 +42,9 @@ static void nearest_of(size_t J, const double *P, size_t j, uint32_t *nearest)
 apsm_status apsm_neighbours6(size_t J, const double *P, uint32_t *N6)
 {
     if (J <= Q || J > UINT32_MAX) return APSM_ERR_ARG;
+    static const double largest = 1e150; /* beyond, squares of distances are infinite */
     for (size_t i = 0; i < 3 * J; i++)
-        if (!isfinite(P[i])) return APSM_ERR_NONFINITE;
+        if (!(fabs(P[i]) < largest)) return APSM_ERR_NONFINITE;
     for (size_t j = 0; j < J; j++) nearest_of(J, P, j, N6 + Q * j);
     return APSM_OK;
 }

@@ -363,8 +363,10 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
                         const apsm_optimize_options *options, size_t J, long epochs, double *P)
 {
     apsm_cohort one = { .I = 1, .shape = &cohort->shape[i], .anchors = cohort->anchors };
-    one.anchors.has += one.anchors.L * i;
-    one.anchors.x += 3 * one.anchors.L * i;
+    if (one.anchors.L > 0) {
+        one.anchors.has += one.anchors.L * i;
+        one.anchors.x += 3 * one.anchors.L * i;
+    }
     apsm_optimize_options o = *options;
     apsm_optimizer_state state = {
         .I = 1, .J = J, .stage = APSM_STAGE_1, .best_mismatched = 2, .P = P

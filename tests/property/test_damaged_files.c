@@ -14,6 +14,7 @@
 
 static uint64_t rounds = 40; /* of each file; `make test-fuzz` does more */
 static const char *only;     /* NULL, or the one file */
+static const char *seeds;    /* folder */
 enum { MOST_SECONDS = 5 };
 
 typedef struct fixture {
@@ -256,13 +257,59 @@ static void quotes_of_tables_are_closed_or_refused(void **state)
     }
 }
 
+/* Sound by its sum, but with a number whose square is infinite: once neighbours were looked for at
+ * infinite distances. */
+static void huge_numbers_of_models_are_survived(void **state)
+{
+    const fixture *const f = *state;
+    static const double huge[] = { 1e200, -1e-200, NAN };
+    const struct any_reader *r = any_reader;
+    size_t size;
+    while (strcmp(r->name, "p.apsm") != 0) r++;
+    char *const bytes = scratch_read(scratch_path(f->folder, r->name), &size);
+    char *const out = malloc(size), path[2 * SCRATCH_LENGTH];
+    snprintf(path, sizeof path, "%s/huge-%s", f->folder, r->name);
+    for (size_t at = 56; at + 40 < size; at += 136) {
+        memcpy(out, bytes, size);
+        memcpy(out + at, &huge[at / 8 % 3], sizeof *huge);
+        write_damaged(r, path, out, size, true);
+        expect_survived(f, r, path);
+    }
+    free(bytes);
+    free(out);
+}
+
+/* The undamaged files, each behind the byte that chooses its reader, for the fuzzer. */
+static void write_seeds(void **state)
+{
+    const fixture *const f = *state;
+    for (int k = 0; k < ANY_READERS; k++) {
+        char path[2 * SCRATCH_LENGTH];
+        size_t size;
+        char *bytes = scratch_read(scratch_path(f->folder, any_reader[k].name), &size);
+        snprintf(path, sizeof path, "%s/%s", seeds, any_reader[k].name);
+        bytes = realloc(bytes, size + 1);
+        memmove(bytes + 1, bytes, size);
+        bytes[0] = (char)k;
+        scratch_write(path, bytes, size + 1);
+        free(bytes);
+    }
+}
+
+/* [ROUNDS [FILE]], or: seeds FOLDER */
 int main(int argc, char **argv)
 {
+    const struct CMUnitTest seed[] = { cmocka_unit_test(write_seeds) };
+    if (argc > 2 && strcmp(argv[1], "seeds") == 0) {
+        seeds = argv[2];
+        return cmocka_run_group_tests_name("seeds", seed, setup, teardown);
+    }
     if (argc > 1) rounds = strtoull(argv[1], NULL, 10);
     if (argc > 2) only = argv[2];
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(quotes_of_tables_are_closed_or_refused),
         cmocka_unit_test(damaged_files_are_survived),
+        cmocka_unit_test(huge_numbers_of_models_are_survived),
     };
     return cmocka_run_group_tests_name("damaged files", tests, setup, teardown);
 }
