@@ -125,17 +125,18 @@ static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certific
     json_t *shapes = json_array();
     for (size_t i = 0; i < c->I; i++)
         json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
-    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:f, s:I, s:I, s:s, s:f, s:f, s:f, s:o, s:o, s:o}",
-                     "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
-                     certify_verdict(c), "certified", (json_int_t)certify_count(c, "certified"),
-                     "shapes", (json_int_t)c->I, "expected_lost", certify_expected_lost(c),
-                     "pose_untold", (json_int_t)certify_untold(c, APSM_ASPECT_POSE), "hand_untold",
-                     (json_int_t)certify_untold(c, APSM_ASPECT_HAND), "template",
-                     cohort->shape[cohort->template_index].name, "h", c->h,
-                     "mean_mismatched_1.5_1.5", certify_mean_mismatched(c, true),
-                     "mean_mismatched_1.5_2.0", certify_mean_mismatched(c, false), "thresholds",
-                     json_thresholds(), "notes", c->notes ? json_incref(c->notes) : json_array(),
-                     "per_shape", shapes);
+    return json_pack(
+        "{s:s, s:i, s:s, s:I, s:I, s:f, s:I, s:I, s:s, s:s, s:f, s:f, s:f, s:o, s:o, s:o}",
+        "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict", certify_verdict(c),
+        "certified", (json_int_t)certify_count(c, "certified"), "shapes", (json_int_t)c->I,
+        "expected_lost", certify_expected_lost(c), "pose_untold",
+        (json_int_t)certify_untold(c, APSM_ASPECT_POSE), "hand_untold",
+        (json_int_t)certify_untold(c, APSM_ASPECT_HAND), "template",
+        cohort->shape[cohort->template_index].name, "neighbours_of",
+        cohort->shape[c->reference].name, "h", c->h, "mean_mismatched_1.5_1.5",
+        certify_mean_mismatched(c, true), "mean_mismatched_1.5_2.0",
+        certify_mean_mismatched(c, false), "thresholds", json_thresholds(), "notes",
+        c->notes ? json_incref(c->notes) : json_array(), "per_shape", shapes);
 }
 
 apsm_status certificate_json_write(apsm_context *ctx, const char *path, const apsm_cohort *cohort,

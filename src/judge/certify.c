@@ -20,8 +20,9 @@ typedef struct judging {
     const double *P; /* I x J x 3 */
     double h;
     apsm_neighbourhoods reference;
-    uint32_t *N6;    /* J x 6 */
-    const double *T; /* J x 3: the template's particles */
+    size_t t;        /* the shape whose neighbours are the right ones */
+    uint32_t *N6;    /* J x 6: its */
+    const double *T; /* J x 3: its particles */
     double *TN;      /* J x 3 */
     cohort_certificate *out;
 } judging;
@@ -167,10 +168,16 @@ static apsm_status gather_certificates(apsm_context *ctx, size_t I, apsm_certifi
     return status;
 }
 
-static apsm_status judge_template(judging *g)
+/* Makes shape t the one that the others are compared with. */
+static apsm_status take_reference(judging *g, size_t t)
 {
     looked_up l;
-    const apsm_shape *shape = &g->cohort->shape[g->cohort->template_index];
+    const apsm_shape *shape = &g->cohort->shape[t];
+    apsm_neighbourhoods_free(&g->reference);
+    free(g->TN);
+    g->TN = NULL;
+    g->t = t;
+    g->T = g->P + t * g->J * 3;
     apsm_status status = look_up(shape, g->J, g->T, &l);
     if (status == APSM_OK) status = measure_rows(g, shape, g->T, APSM_REFERENCE_FACTOR, &l);
     if (status == APSM_OK) {
@@ -183,6 +190,45 @@ static apsm_status judge_template(judging *g)
     looked_up_free(&l);
     if (status == APSM_OK) g->h = apsm_spacing(g->J, g->T, g->N6, NULL);
     return status;
+}
+
+/* The certificates of all shapes against shape t. */
+static apsm_status judge_against(apsm_context *ctx, judging *g, size_t t)
+{
+    cohort_certificate *c = g->out;
+    for (size_t i = 0; i < c->I; i++) apsm_certificate_free(&c->shape[i]);
+    memset(c->shape, 0, c->I * sizeof *c->shape);
+    APSM_TRY(take_reference(g, t));
+    APSM_TRY(apsm_own_for(ctx, c->I, NULL, judge_shape, g, "certify"));
+    return gather_certificates(ctx, c->I, c->shape);
+}
+
+/* Whether most shapes have other neighbours than the one that they are compared with. */
+static bool stands_alone(const judging *g)
+{
+    const unsigned torn =
+        1u << APSM_REVIEW_MISMATCHED | 1u << APSM_REVIEW_SWAPPED | 1u << APSM_REVIEW_FOLDED;
+    size_t n = 0;
+    for (size_t i = 0; i < g->out->I; i++) n += i != g->t && (g->out->shape[i].reasons & torn) != 0;
+    return 2 * n >= g->out->I;
+}
+
+/* If most shapes disagree with the template it is the template that is wrong, not they: unless they
+ * disagree with each other as well, the most usual of the others takes its place. */
+static apsm_status doubt_template(apsm_context *ctx, judging *g)
+{
+    const cohort_certificate *c = g->out;
+    const size_t template_index = g->t;
+    size_t best = template_index;
+    if (!c->judged || !stands_alone(g)) return APSM_OK;
+    for (size_t i = 0; i < c->I; i++) {
+        if (i == template_index || c->doubts[i]) continue;
+        if (best == template_index || c->judgement.shape[i].off < c->judgement.shape[best].off)
+            best = i;
+    }
+    if (best == template_index) return APSM_OK;
+    APSM_TRY(judge_against(ctx, g, best));
+    return stands_alone(g) ? judge_against(ctx, g, template_index) : APSM_OK;
 }
 
 /* What the other shapes say, where there are enough of them. */
@@ -231,17 +277,14 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
     judging g = { .cohort = cohort,
                   .J = J,
                   .P = P,
-                  .T = P + cohort->template_index * J * 3,
                   .N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6),
                   .out = certificate };
     const bool enough = certificate->shape && certificate->doubts && g.N6;
-    apsm_status status = enough ? judge_template(&g) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        certificate->h = g.h;
-        status = apsm_own_for(ctx, cohort->I, NULL, judge_shape, &g, "certify");
-    }
-    if (status == APSM_OK) status = gather_certificates(ctx, cohort->I, certificate->shape);
+    apsm_status status = enough ? judge_against(ctx, &g, cohort->template_index) : APSM_ERR_MEMORY;
+    certificate->h = g.h;
     if (status == APSM_OK) status = judge_by_others(ctx, &g);
+    if (status == APSM_OK) status = doubt_template(ctx, &g);
+    certificate->reference = g.t;
     if (status == APSM_OK) add_notes(cohort, notes, certificate);
     apsm_neighbourhoods_free(&g.reference);
     free(g.TN);

@@ -11,8 +11,10 @@ struct json_t;
 /* Owns its arrays; zero-initialise with {0}. */
 typedef struct cohort_certificate {
     size_t I;
-    double h;                 /* mean neighbour distance on the template */
-    apsm_certificate *shape;  /* I; the template's is that of the template against itself */
+    double h;         /* mean neighbour distance on the template */
+    size_t reference; /* whose neighbours are the right ones: the template, or, if most shapes
+                         disagree with it, the most usual of them */
+    apsm_certificate *shape;  /* I; the reference's is that of the reference against itself */
     bool judged;              /* by the other shapes: they are enough */
     apsm_judgement judgement; /* if so */
     unsigned *doubts;         /* I: bits 1 << APSM_DOUBT_* */
