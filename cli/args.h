@@ -7,34 +7,41 @@
 
 #include "apsm/context.h"
 
+/* The verbs: X(bit, function), in the order of their bits. */
+#define CLI_VERB_LIST(X)                                                                           \
+    X(RUN, run)                                                                                    \
+    X(GROOM, groom)                                                                                \
+    X(INITIALIZE, initialize)                                                                      \
+    X(OPTIMIZE, optimize)                                                                          \
+    X(EVALUATE, evaluate)                                                                          \
+    X(CERTIFY, certify)                                                                            \
+    X(REPORT, report)                                                                              \
+    X(RENDER, render)                                                                              \
+    X(CHECK, check)                                                                                \
+    X(CONVERT, convert)                                                                            \
+    X(VERIFY, verify)                                                                              \
+    X(INFO, info)                                                                                  \
+    X(TEST, test)                                                                                  \
+    X(ASYMMETRY, asymmetry)                                                                        \
+    X(MEASURE, measure)                                                                            \
+    X(PREDICT, predict)                                                                            \
+    X(LANDMARKS_VERB, landmarks)                                                                   \
+    X(NORM, norm)                                                                                  \
+    X(FIT, fit)                                                                                    \
+    X(EXCLUDE, exclude)                                                                            \
+    X(ADD, add)                                                                                    \
+    X(COMPARE, compare)                                                                            \
+    X(IMPORT, import)                                                                              \
+    X(WARP, warp)                                                                                  \
+    X(EXPORT, export)
+
+#define CLI_PLACE(bit, name) CLI_PLACE_##bit,
+enum { CLI_VERB_LIST(CLI_PLACE) CLI_VERBS };
+#undef CLI_PLACE
 /* One bit a verb, for tables that say which verb takes what. */
-typedef enum cli_verb {
-    CLI_RUN = 1 << 0,
-    CLI_GROOM = 1 << 1,
-    CLI_INITIALIZE = 1 << 2,
-    CLI_OPTIMIZE = 1 << 3,
-    CLI_EVALUATE = 1 << 4,
-    CLI_CHECK = 1 << 5,
-    CLI_INFO = 1 << 6,
-    CLI_REPORT = 1 << 7,
-    CLI_CONVERT = 1 << 8,
-    CLI_RENDER = 1 << 9,
-    CLI_VERIFY = 1 << 10,
-    CLI_LANDMARKS_VERB = 1 << 15,
-    CLI_FIT = 1 << 16,
-    CLI_EXPORT = 1 << 17,
-    CLI_COMPARE = 1 << 19,
-    CLI_EXCLUDE = 1 << 24,
-    CLI_ADD = 1 << 25,
-    CLI_TEST = 1 << 18,
-    CLI_MEASURE = 1 << 21,
-    CLI_NORM = 1 << 22,
-    CLI_IMPORT = 1 << 11,
-    CLI_WARP = 1 << 12,
-    CLI_PREDICT = 1 << 23,
-    CLI_CERTIFY = 1 << 27,
-    CLI_ASYMMETRY = 1 << 28
-} cli_verb;
+#define CLI_BIT(bit, name) CLI_##bit = 1 << CLI_PLACE_##bit,
+typedef enum cli_verb { CLI_VERB_LIST(CLI_BIT) CLI_NO_VERB = 0 } cli_verb;
+#undef CLI_BIT
 
 struct cli_args;
 struct cli_ui;

@@ -28,6 +28,11 @@ static reader reader_of(const char *path)
     return NULL;
 }
 
+bool mesh_is_known(const char *path)
+{
+    return reader_of(path) != NULL;
+}
+
 static apsm_status refuse_extension(apsm_context *ctx, const char *path)
 {
     return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,

@@ -4,6 +4,8 @@
 
 #include "apsm/mesh.h"
 
+/* Whether the extension is that of a mesh. */
+bool mesh_is_known(const char *path);
 /* The format is that of path's extension; path is for messages too. */
 apsm_status mesh_from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
                             apsm_mesh *mesh) APSM_NODISCARD;

@@ -14,6 +14,8 @@
 #include <unistd.h>
 
 #include "files/files.h"
+#include "formats/input_file.h"
+#include "formats/mesh_io.h"
 #include "input/foreign.h"
 #include "input/names.h"
 #include "input/search.h"
@@ -36,24 +38,14 @@ typedef struct expansion {
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
 {
-    static const struct {
-        const char *extension;
-        apsm_input_kind kind;
-    } known[] = { { ".ply", APSM_INPUT_MESH },    { ".stl", APSM_INPUT_MESH },
-                  { ".obj", APSM_INPUT_MESH },    { ".vtk", APSM_INPUT_MESH },
-                  { ".vtp", APSM_INPUT_MESH },    { ".nrrd", APSM_INPUT_VOLUME },
-                  { ".nhdr", APSM_INPUT_VOLUME }, { ".nii", APSM_INPUT_VOLUME },
-                  { ".hdr", APSM_INPUT_VOLUME },  { ".nii.gz", APSM_INPUT_VOLUME },
-                  { ".mha", APSM_INPUT_VOLUME },  { ".mhd", APSM_INPUT_VOLUME } };
-    const size_t length = strlen(path);
-    for (size_t k = 0; k < sizeof known / sizeof *known; k++) {
-        const size_t end = strlen(known[k].extension);
-        if (length > end && strcasecmp(path + length - end, known[k].extension) == 0) {
-            *kind = known[k].kind;
-            return true;
-        }
-    }
-    return false;
+    static const char *const volumes[] = { ".nrrd",   ".nhdr", ".nii", ".hdr",
+                                           ".nii.gz", ".mha",  ".mhd" };
+    const bool mesh = mesh_is_known(path);
+    bool volume = false;
+    for (size_t k = 0; k < sizeof volumes / sizeof *volumes; k++)
+        volume = volume || path_ends_in(path, volumes[k]);
+    if (mesh || volume) *kind = mesh ? APSM_INPUT_MESH : APSM_INPUT_VOLUME;
+    return mesh || volume;
 }
 
 void apsm_input_list_free(apsm_input_list *list)
