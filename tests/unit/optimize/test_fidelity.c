@@ -267,6 +267,9 @@ static void test_contacts(void **state)
     apsm_fidelity_options o = apsm_fidelity_defaults();
     double depth[2], P[I * J * 3];
     scene s;
+    o.prior = 550; /* held back, so that without the penalty the fit leaves something in the balls */
+    o.stay = 0.02;
+    o.recall = 0;
     make_scene(&s, SYNTHETIC_BUMP, 4, 1);
     assert_int_equal(apsm_obstacles_begin(I, &s.cohort.obstacles), APSM_OK);
     for (size_t v = 0; v < s.cohort.shape[OF].mesh.nv; v += 97) put_ball(&s, OF, v, 9);
