@@ -267,7 +267,7 @@ static void test_contacts(void **state)
     apsm_fidelity_options o = apsm_fidelity_defaults();
     double depth[2], P[I * J * 3];
     scene s;
-    o.prior = 550; /* held back, so that without the penalty the fit leaves something in the balls */
+    o.prior = 550; /* held back, so that without the penalty some of the surface ends in balls */
     o.stay = 0.02;
     o.recall = 0;
     make_scene(&s, SYNTHETIC_BUMP, 4, 1);
