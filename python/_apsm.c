@@ -461,16 +461,19 @@ static PyObject *py_test(PyObject *self, PyObject *args)
     (void)self;
     apsm_test_settings s = { 0 };
     unsigned long long permutations, bootstraps, seed;
-    int threads;
+    int threads, unequal;
     call c = { .progress = Py_None };
-    if (!PyArg_ParseTuple(args, "sszzzzsKKKiO", &s.folder, &s.formula, &s.of, &s.on, &s.subjects,
-                          &s.within, &s.out, &permutations, &bootstraps, &seed, &threads, &c.log) ||
+    if (!PyArg_ParseTuple(args, "szzzzzsKKKpdiO", &s.folder, &s.formula, &s.of, &s.on, &s.subjects,
+                          &s.within, &s.out, &permutations, &bootstraps, &seed, &unequal,
+                          &s.stop_risk, &threads, &c.log) ||
         !begin(&c, threads, seed))
         return NULL;
     s.permutations = (size_t)permutations;
     s.bootstraps = (size_t)bootstraps;
+    s.unequal = unequal != 0;
     apsm_status status;
-    Py_BEGIN_ALLOW_THREADS status = apsm_statistics_test(c.ctx, &s);
+    Py_BEGIN_ALLOW_THREADS status =
+        s.formula ? apsm_statistics_test(c.ctx, &s) : apsm_statistics_asymmetry(c.ctx, &s);
     Py_END_ALLOW_THREADS const bool ok = fine(&c, status);
     end(&c);
     if (!ok) return NULL;

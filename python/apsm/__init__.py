@@ -287,16 +287,43 @@ def load(path: str) -> FittedModel:
 
 def test(folder: str, formula: str, *, of: Optional[str] = None, on: str = "form",
          subjects: Optional[str] = None, within: Optional[str] = None, permutations: int = 10000,
-         bootstraps: int = 1000, seed: int = 0, threads: Optional[int] = None,
-         log: Optional[Callable[[str], None]] = None) -> dict:
+         bootstraps: int = 1000, variances: str = "equal", stop_risk: float = 0, seed: int = 0,
+         threads: Optional[int] = None, log: Optional[Callable[[str], None]] = None) -> dict:
     """What `apsm test` finds, as the dictionary of its JSON file (docs/formats.md)."""
-    none = (1 << 64) - 1
+    if variances not in ("equal", "unequal"):
+        raise ValueError(f"variances: equal or unequal, not {variances!r}")
+    return _tested((os.fspath(folder), formula, of, on, subjects, within),
+                   (permutations, bootstraps or _NONE, seed, variances == "unequal", float(stop_risk),
+                    _threads(threads), _logger(log)))[0]
+
+
+def asymmetry(folder: str, *, of: str, within: str, on: str = "form", subjects: Optional[str] = None,
+              permutations: int = 10000, seed: int = 0, threads: Optional[int] = None,
+              log: Optional[Callable[[str], None]] = None) -> dict:
+    """What `apsm asymmetry` finds: the dictionary of asymmetry_ON.json, with its tests as "directional" and, where
+    sides were measured repeatedly, "fluctuating".  of: the column of the sides; within: of the subjects."""
+    found = _tested((os.fspath(folder), None, of, on, subjects, within),
+                    (permutations, _NONE, seed, False, 0.0, _threads(threads), _logger(log)))
+    result = next(f for f in found if f["format"] == "apsm-asymmetry")
+    for other in found:
+        if "title" in other:
+            result[other["title"].split()[0].lower()] = other
+    return result
+
+
+_NONE = (1 << 64) - 1
+
+
+def _tested(given: tuple, how: tuple) -> list:
+    """The JSON files that a test writes."""
     with tempfile.TemporaryDirectory() as out:
-        _apsm.test(os.fspath(folder), formula, of, on, subjects, within, out, permutations,
-                   bootstraps or none, seed, _threads(threads), _logger(log))
-        name = [f for f in os.listdir(out) if f.endswith(".json")][0]
-        with open(os.path.join(out, name), encoding="utf-8") as file:
-            return json.load(file)
+        _apsm.test(*given, out, *how)
+        found = []
+        for name in sorted(os.listdir(out)):
+            if name.endswith(".json"):
+                with open(os.path.join(out, name), encoding="utf-8") as file:
+                    found.append(json.load(file))
+        return found
 
 
 # ---- other programs ----

@@ -95,6 +95,12 @@ class Cohort(unittest.TestCase):
         found = apsm.test(folder, "~ x", on="size", subjects=table)
         self.assertEqual(found["permutations"], 720)
         self.assertTrue(0 < found["p"] <= 1)
+        self.assertEqual(apsm.test(folder, "~ x", on="size", subjects=table, variances="unequal")["variances"], "unequal")
+        with self.assertRaisesRegex(apsm.Error, "5 at least are needed"):
+            sides = self.path("sides.csv")
+            with open(sides, "w") as file:
+                file.write("name,side,person\n" + "".join(f"s{i},{'lr'[i % 2]},p{i // 2}\n" for i in range(6)))
+            apsm.asymmetry(folder, of="side", within="person", subjects=sides)
         with self.assertRaisesRegex(apsm.Error, "no column 'y'"):
             apsm.test(folder, "~ y", subjects=table)
 
