@@ -38,7 +38,7 @@ apsm_verdict_options apsm_verdict_defaults(void)
 {
     return (apsm_verdict_options){ .slip_excess = 1.5,
                                    .slip = 0.5,
-                                   .slip_size = 0.2,
+                                   .slip_size = 0.3,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
