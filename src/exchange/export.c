@@ -157,7 +157,7 @@ apsm_status apsm_export_model(apsm_context *ctx, const apsm_export_settings *set
                     .n_sd = 1,
                     .sd = &two,
                     .folder = { ctx, settings ? settings->path : NULL, "export.json", "apsm-export",
-                                settings && settings->overwrite, NULL } };
+                                settings && settings->overwrite, NULL, NULL } };
     if (settings->n_sd > 0) e.n_sd = settings->n_sd, e.sd = settings->sd;
     APSM_TRY(dense_model_read(ctx, settings->model, &e.dense));
     const apsm_status status = write_export(&e, find_format(settings->format));

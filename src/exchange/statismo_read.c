@@ -54,7 +54,7 @@ static apsm_status damaged(apsm_context *ctx, const char *path, const char *what
 /* Coordinates and cells are stored axis by axis. */
 static apsm_status read_mesh(apsm_context *ctx, const char *path, hid_t file, apsm_mesh *mesh)
 {
-    size_t axes, nv, corners, nf;
+    size_t axes, nv, corners, nf = 0;
     double *cell = NULL, *x = NULL;
     apsm_status status = APSM_OK;
     if (!h5_get(file, "/representer/points", &axes, &nv, &x) || axes != 3 || nv < 4 ||

@@ -252,7 +252,7 @@ apsm_status apsm_warp_files(apsm_context *ctx, const apsm_warp_settings *setting
     warping w = { .ctx = ctx,
                   .s = settings,
                   .folder = { ctx, settings->folder, "warp.json", "apsm-warp", settings->overwrite,
-                              NULL },
+                              NULL, NULL },
                   .inverted = json_object() };
     apsm_status status = w.inverted ? out_folder_open(&w.folder) : no_memory(&w);
     if (status == APSM_OK) status = write_all(&w);

@@ -17,8 +17,8 @@ static const double alpha = 0.05, power = 0.8, wide = 1.5;
 static const char *const on_texts[] = {
     "form: particles as the model has them, size included",
     "shape: particles scaled to one centroid size and aligned by generalised Procrustes",
-    "size: centroid size, the root of the sum of squared distances of the particles from their "
-    "centroid",
+    ("size: centroid size, the root of the sum of squared distances of the particles from their "
+     "centroid"),
     "modes: scores of the modes that hold 95 % of the variance",
     "column: a column of numbers of the table"
 };
