@@ -38,28 +38,13 @@ typedef struct candidate {
     double M[16], residual;
 } candidate;
 
-/* Rotation k of the spiral, row-major. */
-static void grid_rotation(size_t k, double R[9])
-{
-    const double two_pi = 6.283185307179586, psi = 1.533751168755204288118041;
-    const double s = (double)k + 0.5, t = s / GRID, d = two_pi * s;
-    const double r = sqrt(t), q = sqrt(1.0 - t), a = d / sqrt(2.0), b = d / psi;
-    const double x = r * sin(a), y = r * cos(a), z = q * sin(b), w = q * cos(b);
-    const double Q[9] = {
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
-        2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)
-    };
-    memcpy(R, Q, sizeof Q);
-}
-
 /* G S F, F the reflection: columns of G with their signs. */
 static void start_rotation(size_t k, bool mirrored, double R[9])
 {
     const double sign[4][3] = { { 1, 1, 1 }, { 1, -1, -1 }, { -1, 1, -1 }, { -1, -1, 1 } };
     const double identity[9] = { 1, 0, 0, 0, 1, 0, 0, 0, 1 };
     memcpy(R, identity, sizeof identity);
-    if (k >= 4) grid_rotation(k / 4 - 1, R);
+    if (k >= 4) apsm_rotation_of_spiral(k / 4 - 1, GRID, R);
     for (size_t a = 0; a < 3; a++)
         for (size_t b = 0; b < 3; b++)
             R[3 * a + b] *= mirrored && b == 2 ? -sign[k % 4][b] : sign[k % 4][b];

@@ -26,21 +26,6 @@ typedef struct candidate {
     bool usual; /* from the common orientation */
 } candidate;
 
-/* Rotation k of a super-Fibonacci spiral (Alexa, CVPR 2022), row-major. */
-static void grid_rotation(size_t k, double R[9])
-{
-    const double two_pi = 6.283185307179586, psi = 1.533751168755204288118041;
-    const double s = (double)k + 0.5, t = s / GRID, d = two_pi * s;
-    const double r = sqrt(t), q = sqrt(1 - t), a = d / sqrt(2.0), b = d / psi;
-    const double x = r * sin(a), y = r * cos(a), z = q * sin(b), w = q * cos(b);
-    const double Q[9] = {
-        1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
-        2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
-        2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)
-    };
-    memcpy(R, Q, sizeof Q);
-}
-
 /* Centres that a part may have: that of the template, and places half and nearly all the way to
  * its surface. */
 static void place_at(const apsm_cloud *fixed, size_t k, double c[3])
@@ -169,7 +154,7 @@ static size_t make_starts(const apsm_fit_model *m, const part_points *p, bool mi
             if (usual)
                 memcpy(R, m->common, sizeof R);
             else
-                grid_rotation(r, R);
+                apsm_rotation_of_spiral(r, GRID, R);
             start_at(R, centre, at, mirrored, c[n].M);
             c[n++].usual = usual;
         }

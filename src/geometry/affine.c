@@ -239,3 +239,17 @@ void apsm_principal_axes(size_t n, const double *x, double c[3], double V[9])
             C[a] += (x[3 * k + a / 3] - c[a / 3]) * (x[3 * k + a % 3] - c[a % 3]);
     apsm_svd3(C, U, s, V);
 }
+
+void apsm_rotation_of_spiral(size_t k, size_t n, double R[9])
+{
+    const double two_pi = 6.283185307179586, psi = 1.533751168755204288118041;
+    const double s = (double)k + 0.5, t = s / (double)n, d = two_pi * s;
+    const double r = sqrt(t), q = sqrt(1.0 - t), a = d / sqrt(2.0), b = d / psi;
+    const double x = r * sin(a), y = r * cos(a), z = q * sin(b), w = q * cos(b);
+    const double Q[9] = {
+        1 - 2 * (y * y + z * z), 2 * (x * y - z * w),     2 * (x * z + y * w),
+        2 * (x * y + z * w),     1 - 2 * (x * x + z * z), 2 * (y * z - x * w),
+        2 * (x * z - y * w),     2 * (y * z + x * w),     1 - 2 * (x * x + y * y)
+    };
+    memcpy(R, Q, sizeof Q);
+}

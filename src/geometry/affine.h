@@ -36,6 +36,10 @@ void apsm_svd3(const double A[9], double U[9], double s[3], double V[9]);
 /* Nearest rotation (det +1) to A in the Frobenius norm. */
 void apsm_nearest_rotation(const double A[9], double R[9]);
 
+/* R (row-major, out): rotation k of n on a super-Fibonacci spiral (Alexa, CVPR 2022), which spreads
+ * them evenly over all there are. */
+void apsm_rotation_of_spiral(size_t k, size_t n, double R[9]);
+
 #ifdef __cplusplus
 }
 #endif
