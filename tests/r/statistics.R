@@ -313,7 +313,7 @@ particle_p <- function(X, Y, x, y, figures = FALSE) {
 }
 least <- sapply(1:12, function(i) min(particle_p(X[-i, ], shapes[-i, ], X[i, ], shapes[i, ])))
 norms <- read.csv(at("n", "norm.csv"))
-text <- strsplit(sub('.*"new"', "", read_text(at("n", "norm.json"))), '"name"')[[1]][-1]
+text <- strsplit(read_text(at("n", "norm.json")), '"name": "new[12]"')[[1]][-1]
 for (k in 1:2) {
   distance <- rms(added[k, ] - expected(X, shapes, X0[k, ])) / sqrt(1 + leverage(X, X0[k, ]))
   near(norms$distance[k], distance, "distance from the norm")
@@ -330,6 +330,14 @@ for (k in 1:2) {
 }
 modes <- t(apply(m$modes, 3, function(x) as.vector(t(x))))
 scores <- sweep(added, 2, as.vector(t(m$mean))) %*% t(modes)
+fit <- lm(size ~ known$age)
+for (k in 1:2) {
+  told <- sub('(?s).*"values"', "", text[k], perl = TRUE)
+  own_size <- centroid_size(array(t(matrix(added[k, ], 3)), c(J, 3, 1)))
+  expected_size <- sum(coef(fit) * X0[k, ])
+  near(c(figure(told, "value"), figure(told, "expected")), c(own_size, expected_size), "centroid size and what is expected", 1e-6)
+  near(figure(told, "z"), (own_size - expected_size) / (summary(fit)$sigma * sqrt(1 + leverage(X, X0[k, ]))), "z of the centroid size", 1e-5)
+}
 columns <- grep("^mode_", names(norms))
 for (v in seq_along(columns)) {
   fit <- lm(m$scores[, v] ~ known$age)
