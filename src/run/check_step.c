@@ -36,7 +36,7 @@ static void count_problem(void *user, const char *line)
 }
 
 /* Hands, poses and strangers, as groom will see them: the log has the lines.  Counted are mirror
- * images and strangers. */
+ * images; a form unlike the others' may be the news, and is told only. */
 static apsm_status check_cohort(apsm_run *run, const groom_inputs *in, size_t *problems)
 {
     const size_t n = in->list.n;
@@ -54,7 +54,7 @@ static apsm_status check_cohort(apsm_run *run, const groom_inputs *in, size_t *p
         ao.borders = borders;
         status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &a);
     }
-    for (size_t i = 0; status == APSM_OK && i < n; i++) *problems += a.mirrored[i] || a.stranger[i];
+    for (size_t i = 0; status == APSM_OK && i < n; i++) *problems += a.mirrored[i];
     apsm_alignment_free(&a);
     free(borders);
     free(names);
