@@ -7,6 +7,7 @@
 
 #include "files/files.h"
 #include "help.h"
+#include "kernels.h"
 #include "plain.h"
 #include "ranks.h"
 #include "room.h"
@@ -143,6 +144,7 @@ static int run_program(int argc, char **argv)
 
 int main(int argc, char **argv)
 {
+    cli_pin_kernels(argv);
     cli_ranks_begin(&argc, &argv);
     return cli_ranks_end(cli_with_stack(run_program, argc, argv));
 }
