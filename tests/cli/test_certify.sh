@@ -45,7 +45,7 @@ grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be 
     fail "missed ends are not seen: $(cat log)"
 # A left bone among right ones, and one upside down that nobody turns back: each named, and likely lost
 # or of the wrong hand; the others are not.
-"$make_synthetic" femur bones count 6 seed 0 >/dev/null || exit 1
+"$make_synthetic" femur bones count 8 seed 0 >/dev/null || exit 1
 mkdir hands poses
 cp bones/shapes/*.ply hands
 cp bones/shapes/*.ply poses
