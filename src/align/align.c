@@ -142,18 +142,6 @@ static void roughly(apsm_icp_options *icp)
     icp->tolerance = 1e-3;
 }
 
-/* Makes a similarity rigid; the centre goes where it went. */
-static void remove_scale(const double centre[3], double M[16])
-{
-    const double scale = vec3_norm(M);
-    for (size_t r = 0; r < 3; r++)
-        for (size_t c = 0; c < 3; c++) {
-            const double rigid = M[4 * r + c] / scale;
-            M[4 * r + 3] += (M[4 * r + c] - rigid) * centre[c];
-            M[4 * r + c] = rigid;
-        }
-}
-
 static double ratio(double a, double b)
 {
     return b > 0.0 ? a / b : INFINITY;
@@ -353,9 +341,9 @@ static void take(aligner *a, size_t i)
     if (a->opt->mirror_check != APSM_MIRROR_OFF)
         a->out->mirror_ratio[i] = ratio(b->residual[1][c->option[1]], a->out->residual[i]);
     if (a->opt->align == APSM_ALIGN_SIMILARITY) return;
-    remove_scale(a->cloud[i].centre, a->P + 16 * i);
+    apsm_affine_remove_scale(a->cloud[i].centre, a->P + 16 * i);
     if (a->opt->mirror_check != APSM_MIRROR_OFF)
-        remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
+        apsm_affine_remove_scale(a->cloud[i].centre, a->mirror + 16 * i);
 }
 
 static apsm_status choose_poses(apsm_context *ctx, aligner *a)

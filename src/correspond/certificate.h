@@ -73,6 +73,12 @@ apsm_status apsm_certificate_rows(const apsm_geodesic *g, apsm_geodesic_work *w,
                                   const apsm_surface_point *points, const double *P,
                                   const apsm_neighbourhoods *reference,
                                   apsm_neighbourhoods *rows) APSM_NODISCARD;
+/* rows (resized): these (factor = 0), or those of apsm_geodesic_neighbourhoods with that factor.
+ * Allocates what the search needs. */
+apsm_status apsm_certificate_measure(const apsm_geodesic *g, size_t J,
+                                     const apsm_surface_point *points, const double *P,
+                                     const apsm_neighbourhoods *reference, double factor,
+                                     apsm_neighbourhoods *rows) APSM_NODISCARD;
 
 /* Which way the triangle of particles t looks along the surface: +1 or -1, or 0 if it has no
  * reliable orientation.  P, N (J x 3): particles and unit normals. */

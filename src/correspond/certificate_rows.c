@@ -99,3 +99,18 @@ apsm_status apsm_certificate_rows(const apsm_geodesic *g, apsm_geodesic_work *w,
     free(distance);
     return status;
 }
+
+apsm_status apsm_certificate_measure(const apsm_geodesic *g, size_t J,
+                                     const apsm_surface_point *points, const double *P,
+                                     const apsm_neighbourhoods *reference, double factor,
+                                     apsm_neighbourhoods *rows)
+{
+    apsm_geodesic_work *w = NULL;
+    APSM_TRY(apsm_neighbourhoods_resize(rows, J));
+    APSM_TRY(apsm_geodesic_work_new(g, &w));
+    const apsm_status status = factor > 0
+                                   ? apsm_geodesic_neighbourhoods(g, w, J, points, P, factor, rows)
+                                   : apsm_certificate_rows(g, w, J, points, P, reference, rows);
+    apsm_geodesic_work_free(w);
+    return status;
+}

@@ -52,18 +52,6 @@ static void close_search(search *s)
     free(s->work);
 }
 
-/* Makes a similarity rigid; the centre goes where it went. */
-static void remove_scale(const double centre[3], double M[16])
-{
-    const double scale = vec3_norm(M);
-    for (size_t r = 0; r < 3; r++)
-        for (size_t c = 0; c < 3; c++) {
-            const double rigid = M[4 * r + c] / scale;
-            M[4 * r + 3] += (M[4 * r + c] - rigid) * centre[c];
-            M[4 * r + c] = rigid;
-        }
-}
-
 /* Whether the rotation in M is within 60 degrees of the cohort's common one. */
 static bool hardly_turns(const apsm_fit_model *m, const double M[16])
 {
@@ -121,7 +109,7 @@ static void register_to_rest(search *s, fit_pose *out)
     double residual;
     if (s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m, out->M))
         icp.usual = s->m->common;
-    if (!icp.scale) remove_scale(s->cloud.centre, out->M);
+    if (!icp.scale) apsm_affine_remove_scale(s->cloud.centre, out->M);
     apsm_icp(&s->moving, &s->fixed, &icp, out->M, &residual, s->work);
     icp.points = 0;
     icp.tolerance = at_rest;

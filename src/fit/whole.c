@@ -113,18 +113,8 @@ typedef struct looked_up {
 /* Rows to factor times the closest, or, for 0, as far as the certificate needs them. */
 static apsm_status measure_rows(const fit_job *job, double factor, looked_up *l)
 {
-    apsm_geodesic_work *w = NULL;
-    const apsm_geodesic *g = job->shape.geodesic;
-    const size_t J = job->m->model.J;
-    const double *P = job->out->world;
-    APSM_TRY(apsm_neighbourhoods_resize(&l->rows, J));
-    APSM_TRY(apsm_geodesic_work_new(g, &w));
-    const apsm_status status =
-        factor > 0
-            ? apsm_geodesic_neighbourhoods(g, w, J, l->S, P, factor, &l->rows)
-            : apsm_certificate_rows(g, w, J, l->S, P, &job->m->fidelity->reference, &l->rows);
-    apsm_geodesic_work_free(w);
-    return status;
+    return apsm_certificate_measure(job->shape.geodesic, job->m->model.J, l->S, job->out->world,
+                                    &job->m->fidelity->reference, factor, &l->rows);
 }
 
 static apsm_status look_up(const fit_job *job, looked_up *l)

@@ -70,6 +70,17 @@ static void apply_linear(const double M[16], const double x[3], double y[3])
     for (int r = 0; r < 3; r++) y[r] = M[4 * r] * x0 + M[4 * r + 1] * x1 + M[4 * r + 2] * x2;
 }
 
+void apsm_affine_remove_scale(const double centre[3], double M[16])
+{
+    const double scale = vec3_norm(M);
+    for (size_t r = 0; r < 3; r++)
+        for (size_t c = 0; c < 3; c++) {
+            const double rigid = M[4 * r + c] / scale;
+            M[4 * r + 3] += (M[4 * r + c] - rigid) * centre[c];
+            M[4 * r + c] = rigid;
+        }
+}
+
 void apsm_affine_apply(const double M[16], size_t n, const double *x, double *y)
 {
     for (size_t i = 0; i < n; i++) {

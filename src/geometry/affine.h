@@ -20,6 +20,9 @@ void apsm_affine_apply(const double M[16], size_t n, const double *x, double *y)
 /* Directions: 3 x 3 part only, renormalised to unit length. */
 void apsm_affine_apply_normals(const double M[16], size_t n, const double *x, double *y);
 
+/* Makes a similarity rigid; the centre goes where it went. */
+void apsm_affine_remove_scale(const double centre[3], double M[16]);
+
 /* The rigid (scale = 0) or similarity (scale = 1) map M that minimises
  * sum_k w_k |M x_k - y_k|^2; w NULL: all 1.  det = +1 (Kabsch/Umeyama by the 3 x 3 SVD).  n >= 3.
  * Degenerate sets (collinear) give one of the minimisers. */

@@ -46,15 +46,8 @@ static void looked_up_free(looked_up *l)
 static apsm_status measure_rows(const judging *g, const apsm_shape *shape, const double *P,
                                 double factor, looked_up *l)
 {
-    apsm_geodesic_work *w = NULL;
-    const apsm_geodesic *s = shape->geodesic;
-    APSM_TRY(apsm_neighbourhoods_resize(&l->rows, g->J));
-    APSM_TRY(apsm_geodesic_work_new(s, &w));
-    const apsm_status status =
-        factor > 0 ? apsm_geodesic_neighbourhoods(s, w, g->J, l->S, P, factor, &l->rows)
-                   : apsm_certificate_rows(s, w, g->J, l->S, P, &g->reference, &l->rows);
-    apsm_geodesic_work_free(w);
-    return status;
+    return apsm_certificate_measure(shape->geodesic, g->J, l->S, P, &g->reference, factor,
+                                    &l->rows);
 }
 
 /* Where particles are on the surface, and how far from it. */
