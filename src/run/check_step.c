@@ -39,26 +39,12 @@ static void count_problem(void *user, const char *line)
  * images; a form unlike the others' may be the news, and is told only. */
 static apsm_status check_cohort(apsm_run *run, const groom_inputs *in, size_t *problems)
 {
-    const size_t n = in->list.n;
-    const apsm_mesh **meshes = calloc(n, sizeof *meshes);
-    const char **names = calloc(n, sizeof *names);
-    apsm_borders *borders = calloc(n, sizeof *borders);
+    groomed_cohort cohort = { 0 };
     apsm_alignment a = { 0 };
-    apsm_align_options ao = run->options.align;
-    apsm_status status = meshes && names && borders
-                             ? groom_inputs_template(run, in, &ao.template_index)
-                             : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        for (size_t i = 0; i < n; i++) meshes[i] = &in->mesh[i], names[i] = in->list.cases[i].name;
-        groomed_borders(in, borders);
-        ao.borders = borders;
-        status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &a);
-    }
-    for (size_t i = 0; status == APSM_OK && i < n; i++) *problems += a.mirrored[i];
+    const apsm_status status = groomed_align(run, in, &cohort, &a);
+    for (size_t i = 0; status == APSM_OK && i < in->list.n; i++) *problems += a.mirrored[i];
     apsm_alignment_free(&a);
-    free(borders);
-    free(names);
-    free(meshes);
+    groomed_cohort_free(&cohort);
     return status;
 }
 

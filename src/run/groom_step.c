@@ -153,45 +153,31 @@ static apsm_status align(groom_work *w)
 {
     apsm_run *run = w->run;
     const size_t n = w->in.list.n;
-    const apsm_mesh **meshes = calloc(n, sizeof *meshes);
-    const char **names = calloc(n, sizeof *names);
-    apsm_borders *borders = calloc(n, sizeof *borders);
+    groomed_cohort c = { 0 };
     bool cropped = false, cut = false;
-    apsm_align_options ao = run->options.align;
-    apsm_status status = meshes && names && borders
-                             ? groom_inputs_template(run, &w->in, &ao.template_index)
-                             : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        for (size_t i = 0; i < n; i++)
-            meshes[i] = &w->in.mesh[i], names[i] = w->in.list.cases[i].name;
-        groomed_borders(&w->in, borders);
-        /* Asked to crop, all that looks cut off is, wherever the image ended. */
-        if (run->options.cuts.cuts != APSM_CUTS_CROP) ao.borders = borders;
-        status = apsm_align_cohort(run->ctx, n, meshes, names, &ao, &w->alignment);
-    }
+    apsm_status status = groomed_align(run, &w->in, &c, &w->alignment);
     if (status == APSM_OK) fixed_trust(&w->in, &w->alignment);
-    json_t *notes = status == APSM_OK ? notes_of_alignment(&w->alignment, names, &ao) : NULL;
+    json_t *notes =
+        status == APSM_OK ? notes_of_alignment(&w->alignment, c.names, &c.options) : NULL;
     for (size_t i = 0; i < n && status == APSM_OK; i++) status = move_mirror_to_mesh(w, i);
     if (status == APSM_OK) status = groom_cut_regions(run, &w->in, &w->alignment, &cut);
-    if (status == APSM_OK && cut) status = align_parts(w, meshes, names, &ao);
+    if (status == APSM_OK && cut) status = align_parts(w, c.meshes, c.names, &c.options);
     if (status == APSM_OK) status = groom_crop_ends(run, &w->in, &w->alignment, &cropped);
     if (status == APSM_OK && cropped)
-        status = apsm_align_cropped(run->ctx, n, meshes, names, &ao, &w->alignment);
+        status = apsm_align_cropped(run->ctx, n, c.meshes, c.names, &c.options, &w->alignment);
     if (status == APSM_OK) status = align_by_landmarks(w);
     if (status == APSM_OK) {
         avoid_handles(w);
         fixed_prefer(&w->in, w->alignment.unfit);
     }
-    if (status == APSM_OK && ao.template_index == APSM_TEMPLATE_AUTO)
-        status = apsm_choose_template(run->ctx, n, meshes, w->alignment.M, w->alignment.residual,
+    if (status == APSM_OK && c.options.template_index == APSM_TEMPLATE_AUTO)
+        status = apsm_choose_template(run->ctx, n, c.meshes, w->alignment.M, w->alignment.residual,
                                       w->alignment.unfit, w->alignment.template_index,
                                       &w->alignment.template_index);
     if (status == APSM_OK) status = fixed_settle(run, &w->in, cropped, &w->alignment);
     if (status == APSM_OK) status = describe_grooming(w, notes);
     json_decref(notes);
-    free(borders);
-    free(meshes);
-    free(names);
+    groomed_cohort_free(&c);
     return status;
 }
 

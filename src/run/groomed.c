@@ -2,11 +2,14 @@
 
 #include <jansson.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+
+#include "run/session.h"
 
 enum { SIDES = 6 };
 
-void groomed_borders(const groom_inputs *in, apsm_borders *borders)
+static void find_borders(const groom_inputs *in, apsm_borders *borders)
 {
     for (size_t i = 0; i < in->list.n; i++) {
         apsm_borders *b = &borders[i];
@@ -18,6 +21,34 @@ void groomed_borders(const groom_inputs *in, apsm_borders *borders)
             if (in->reflected[i]) n[0] = -n[0]; /* apsm_reflect mirrors x */
         }
     }
+}
+
+void groomed_cohort_free(groomed_cohort *c)
+{
+    free(c->meshes);
+    free(c->names);
+    free(c->borders);
+    *c = (groomed_cohort){ 0 };
+}
+
+apsm_status groomed_align(apsm_run *run, const groom_inputs *in, groomed_cohort *c,
+                          apsm_alignment *alignment)
+{
+    const size_t n = in->list.n;
+    c->meshes = calloc(n, sizeof *c->meshes);
+    c->names = calloc(n, sizeof *c->names);
+    c->borders = calloc(n, sizeof *c->borders);
+    if (!c->meshes || !c->names || !c->borders) return APSM_ERR_MEMORY;
+    c->options = run->options.align;
+    APSM_TRY(groom_inputs_template(run, in, &c->options.template_index));
+    for (size_t i = 0; i < n; i++) {
+        c->meshes[i] = &in->mesh[i];
+        c->names[i] = in->list.cases[i].name;
+    }
+    find_borders(in, c->borders);
+    /* Asked to crop, all that looks cut off is, wherever the image ended. */
+    if (run->options.cuts.cuts != APSM_CUTS_CROP) c->options.borders = c->borders;
+    return apsm_align_cohort(run->ctx, n, c->meshes, c->names, &c->options, alignment);
 }
 
 static json_t *border_json(unsigned border)
