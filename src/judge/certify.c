@@ -439,7 +439,7 @@ static size_t count_kind(const cohort_certificate *c, size_t k, size_t end, size
     return n;
 }
 
-/* A kind that many shapes share is told once. */
+/* Notes of a kind that many shapes share are told once. */
 static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
 {
     const size_t all = json_array_size(c->notes);
@@ -472,17 +472,53 @@ static void tell_untold(apsm_context *ctx, const cohort_certificate *c)
                  hand, c->I);
 }
 
+/* How many of the first `end` shapes are doubted for the same reasons as shape i, up to `most`. */
+static size_t count_doubted_as(const cohort_certificate *c, size_t i, size_t end, size_t most)
+{
+    size_t n = 0;
+    for (size_t k = 0; k < end && n < most; k++)
+        n += c->doubts[k] == c->doubts[i] && c->shape[k].reasons == c->shape[i].reasons;
+    return n;
+}
+
+static void tell_review(apsm_context *ctx, const char *name, const cohort_certificate *c, size_t i)
+{
+    sentence s = { .used = 0 };
+    describe(&c->shape[i], c->doubts[i], &s);
+    const double p = certify_probability(c, i);
+    if (isfinite(p)) say(&s, "probability %.2g that over a tenth of its particles are lost", p);
+    apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", name, s.text);
+}
+
+static void tell_reviews(apsm_context *ctx, const char *name, const cohort_certificate *c, size_t i)
+{
+    sentence s = { .used = 0 };
+    for (unsigned r = 0; r < APSM_REVIEW_COUNT; r++)
+        if (c->shape[i].reasons & (1u << r)) say(&s, "%s", apsm_review_text((apsm_review)r));
+    for (unsigned d = 0; d < APSM_DOUBT_COUNT; d++)
+        if (c->doubts[i] & (1u << d)) say(&s, "%s", apsm_doubt_text((apsm_doubt)d));
+    apsm_log(ctx, APSM_LOG_WARNING,
+             "%zu shapes need review, %s the first: %s; certificate.json has each",
+             count_doubted_as(c, i, c->I, c->I), name, s.text);
+}
+
+/* Shapes that many share the reasons with are told once. */
+static void tell_doubted(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c)
+{
+    for (size_t i = 0; i < c->I; i++) {
+        const char *name = cohort->shape[i].name;
+        if (!needs_review(c, i)) continue;
+        if (count_doubted_as(c, i, c->I, MOST_TOLD + 1) <= MOST_TOLD)
+            tell_review(ctx, name, c, i);
+        else if (count_doubted_as(c, i, i, 1) == 0)
+            tell_reviews(ctx, name, c, i);
+    }
+}
+
 void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c)
 {
     tell_notes(ctx, c);
-    for (size_t i = 0; i < c->I; i++) {
-        sentence s = { .used = 0 };
-        if (!needs_review(c, i)) continue;
-        describe(&c->shape[i], c->doubts[i], &s);
-        const double p = certify_probability(c, i);
-        if (isfinite(p)) say(&s, "probability %.2g that over a tenth of its particles are lost", p);
-        apsm_log(ctx, APSM_LOG_WARNING, "%s needs review: %s", cohort->shape[i].name, s.text);
-    }
+    tell_doubted(ctx, cohort, c);
     tell_untold(ctx, c);
     if (!c->judged)
         apsm_log(ctx, APSM_LOG_WARNING,
