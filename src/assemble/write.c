@@ -10,6 +10,7 @@
 #include "apsm/formats.h"
 #include "apsm/report.h"
 #include "assemble/job.h"
+#include "files/constraints_file.h"
 #include "files/files.h"
 #include "files/particles_file.h"
 #include "files/project.h"
@@ -181,6 +182,23 @@ static bool is_made(const char *key)
            strcmp(key, "name") == 0;
 }
 
+/* Constraints that stood in a column are files of ours. */
+static apsm_status store_constraints(const writing *w, const apsm_project *project, size_t i)
+{
+    static const char key_begins[] = "constraints_", ours[] = "constraints/";
+    const char *key;
+    json_t *value;
+    APSM_TRY(apsm_constraints_store(w->job->ctx, project, &project->subjects[i]));
+    json_object_foreach(project->subjects[i].row, key, value)
+    {
+        const char *text = json_string_value(value);
+        if (text && strncmp(key, key_begins, strlen(key_begins)) == 0 &&
+            strncmp(text, ours, strlen(ours)) == 0 && json_array_append(w->files, value) != 0)
+            return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
 static apsm_status keep_row(const apsm_project *source, apsm_subject *s)
 {
     const size_t i = apsm_project_find(source, s->name);
@@ -205,6 +223,8 @@ static apsm_status keep_source(const writing *w, apsm_project *project)
     if (status == APSM_OK) status = apsm_project_rebase(&source, s->folder);
     for (size_t i = 0; i < project->n && status == APSM_OK; i++)
         status = keep_row(&source, &project->subjects[i]);
+    for (size_t i = 0; i < project->n && status == APSM_OK; i++)
+        status = store_constraints(w, project, i);
     if (status == APSM_OK) {
         json_object_del(source.root, "apsm");
         if (json_object_update_missing(project->root, source.root) != 0) status = APSM_ERR_MEMORY;

@@ -2,6 +2,7 @@
 
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -88,6 +89,28 @@ static apsm_status read_planes(const reading *r, const json_t *planes)
     r->region->plane = calloc(json_array_size(planes) + 1, sizeof *r->region->plane);
     if (!r->region->plane) return APSM_ERR_MEMORY;
     json_array_foreach(planes, k, plane) APSM_TRY(read_plane(r, plane));
+    return APSM_OK;
+}
+
+/* ---- spheres ---- */
+
+static apsm_status read_spheres(const reading *r, const json_t *spheres)
+{
+    static const char *const keys[] = { "center", "radius", NULL };
+    size_t k;
+    json_t *sphere;
+    if (!json_is_array(spheres)) return refuse(r, "\"spheres\"", "is no list");
+    r->region->sphere = calloc(json_array_size(spheres) + 1, sizeof *r->region->sphere);
+    if (!r->region->sphere) return APSM_ERR_MEMORY;
+    json_array_foreach(spheres, k, sphere)
+    {
+        double *to = r->region->sphere[r->region->spheres];
+        APSM_TRY(check_keys(r, sphere, keys, "a sphere"));
+        to[3] = json_number_value(json_object_get(sphere, "radius"));
+        if (!get_point(json_object_get(sphere, "center"), to) || !(to[3] > 0.0) || isinf(to[3]))
+            return refuse(r, "a sphere", "has no \"center\", or no \"radius\" above 0");
+        r->region->spheres++;
+    }
     return APSM_OK;
 }
 
@@ -185,12 +208,24 @@ static apsm_status read_free_form(const reading *r, const json_t *form)
 
 static apsm_status read_all(const reading *r, const json_t *root)
 {
-    static const char *const keys[] = { "planes", "free_form_constraints", NULL };
+    static const char *const keys[] = { "planes", "spheres", "free_form_constraints", NULL };
     APSM_TRY(check_keys(r, root, keys, "the file"));
     const json_t *planes = json_object_get(root, "planes");
     const json_t *form = json_object_get(root, "free_form_constraints");
+    const json_t *spheres = json_object_get(root, "spheres");
     if (planes && !json_is_null(planes)) APSM_TRY(read_planes(r, planes));
+    if (spheres) APSM_TRY(read_spheres(r, spheres));
     return form ? read_free_form(r, form) : APSM_OK;
+}
+
+/* Of an open root, which goes. */
+static apsm_status read_root(apsm_context *ctx, const char *what, json_t *root, apsm_region *region)
+{
+    const reading r = { ctx, what, region };
+    const apsm_status status = read_all(&r, root);
+    json_decref(root);
+    if (status != APSM_OK) apsm_region_free(region);
+    return status;
 }
 
 apsm_status apsm_constraints_read(apsm_context *ctx, const char *path, apsm_region *region)
@@ -198,9 +233,68 @@ apsm_status apsm_constraints_read(apsm_context *ctx, const char *path, apsm_regi
     json_t *root;
     *region = (apsm_region){ 0 };
     APSM_TRY(apsm_json_read(ctx, path, &root));
-    const reading r = { ctx, path, region };
-    const apsm_status status = read_all(&r, root);
+    return read_root(ctx, path, root, region);
+}
+
+/* ---- in a column ---- */
+
+bool apsm_constraints_are_here(const char *column)
+{
+    return column && column[0] == '{';
+}
+
+static json_t *parse(apsm_context *ctx, const char *what, const char *text)
+{
+    json_error_t error;
+    json_t *root = json_loads(text, JSON_REJECT_DUPLICATES, &error);
+    if (!root)
+        (void)apsm_fail(ctx, APSM_ERR_FORMAT, "%s: %d:%d: %s; correct it, or name a file there",
+                        what, error.line, error.column, error.text);
+    return root;
+}
+
+apsm_status apsm_constraints_parse(apsm_context *ctx, const char *what, const char *text,
+                                   apsm_region *region)
+{
+    *region = (apsm_region){ 0 };
+    json_t *root = parse(ctx, what, text);
+    return root ? read_root(ctx, what, root, region) : APSM_ERR_FORMAT;
+}
+
+void apsm_constraints_name(const char *name, const char *key, char stored[APSM_CONSTRAINTS_NAME])
+{
+    snprintf(stored, APSM_CONSTRAINTS_NAME, "constraints/%.900s_%.64s.json", name,
+             key + strlen("constraints_"));
+}
+
+/* One column, whose text it replaces. */
+static apsm_status store(apsm_context *ctx, const apsm_project *project, const char *name,
+                         const char *key, json_t *column)
+{
+    char stored[APSM_CONSTRAINTS_NAME];
+    apsm_constraints_name(name, key, stored);
+    json_t *root = parse(ctx, stored, json_string_value(column));
+    char *path = apsm_project_path(project, stored), *folder = path ? apsm_path_folder(path) : NULL;
+    apsm_status status = !root ? APSM_ERR_FORMAT : folder ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_make_folder(ctx, folder);
+    if (status == APSM_OK) status = apsm_json_write(ctx, path, root);
+    if (status == APSM_OK && json_string_set(column, stored)) status = APSM_ERR_MEMORY;
     json_decref(root);
-    if (status != APSM_OK) apsm_region_free(region);
+    free(folder);
+    free(path);
     return status;
+}
+
+apsm_status apsm_constraints_store(apsm_context *ctx, const apsm_project *project,
+                                   const apsm_subject *subject)
+{
+    const char *key;
+    json_t *column;
+    json_object_foreach(subject->row, key, column)
+    {
+        if (strncmp(key, "constraints_", strlen("constraints_")) == 0 &&
+            apsm_constraints_are_here(json_string_value(column)))
+            APSM_TRY(store(ctx, project, subject->name, key, column));
+    }
+    return APSM_OK;
 }

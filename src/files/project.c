@@ -306,7 +306,7 @@ static apsm_status move_slot(const apsm_project *project, const char *folder, ch
     return APSM_OK;
 }
 
-bool apsm_project_is_path(const char *key)
+bool apsm_project_is_path(const char *key, const char *text)
 {
     static const char *const prefixes[] = {
         "shape_",   "segmentation_",    "mesh_",           "contour_",
@@ -314,7 +314,8 @@ bool apsm_project_is_path(const char *key)
         "feature_", "local_particles_", "world_particles_"
     };
     for (size_t i = 0; i < sizeof prefixes / sizeof *prefixes; i++)
-        if (strncmp(key, prefixes[i], strlen(prefixes[i])) == 0) return true;
+        if (strncmp(key, prefixes[i], strlen(prefixes[i])) == 0)
+            return key[0] != 'c' || text[0] != '{'; /* constraints that stand here */
     return false;
 }
 
@@ -324,9 +325,10 @@ static apsm_status move_row(const apsm_project *project, const char *folder, jso
     json_t *value;
     json_object_foreach(row, key, value)
     {
-        if (!apsm_project_is_path(key)) continue;
+        const char *text = json_string_value(value);
+        if (!text || !apsm_project_is_path(key, text)) continue;
         char *moved;
-        APSM_TRY(move_path(project, folder, json_string_value(value), &moved));
+        APSM_TRY(move_path(project, folder, text, &moved));
         if (!moved) continue;
         const int failed = json_string_set(value, moved);
         free(moved);

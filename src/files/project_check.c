@@ -150,7 +150,7 @@ size_t apsm_project_check_inputs(apsm_context *ctx, const apsm_project *project,
         json_object_foreach(s->row, key, value)
         {
             const char *stored = json_string_value(value);
-            if (stored && *stored && apsm_project_is_path(key) && !is_made_by_a_run(key))
+            if (stored && *stored && apsm_project_is_path(key, stored) && !is_made_by_a_run(key))
                 check_column(&c, s, key, stored);
         }
     }

@@ -20,8 +20,8 @@ const char *apsm_project_input_key(const apsm_project *project, const json_t *ro
 enum { APSM_COLUMNS = 5 };
 extern const char *const apsm_project_columns[APSM_COLUMNS];
 
-/* Whether a column holds a path, by its name. */
-bool apsm_project_is_path(const char *key);
+/* Whether a column's text is a path, by its name; constraints may stand there themselves. */
+bool apsm_project_is_path(const char *key, const char *text);
 
 /* M <- the 16 (row-major 4 x 4) or 12 (translation last) numbers of text.  Returns how many
  * numbers were read, 0 if it is no usable transform.  plain: false if the first nine of 12 are

@@ -12,6 +12,7 @@
 #include <strings.h>
 
 #include "files/files.h"
+#include "files/xml_constraints.h"
 
 enum { LONGEST = 1 << 28, NAME = 64 };
 static const char blanks[] = " \t\r\n";
@@ -149,20 +150,6 @@ static const char *text_of(const json_t *values, const char *name)
     return text ? text : "";
 }
 
-/* Constraints are there, in forms that only these files have. */
-static apsm_status refuse_constraints(apsm_context *ctx, const char *path, const json_t *values)
-{
-    static const char *const names[] = { "cutting_planes", "cutting_plane_files", "ffcs",
-                                         "sphere_radii", "sphere_centers" };
-    for (size_t k = 0; k < sizeof names / sizeof *names; k++)
-        if (*text_of(values, names[k]))
-            return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                             "%s: its constraints (%s) are not read; save it as .swproj, whose "
-                             "constraints are followed, or take the element out",
-                             path, names[k]);
-    return APSM_OK;
-}
-
 /* Whether number k, from 0, is in a list of numbers. */
 static bool lists(const char *text, size_t k)
 {
@@ -187,13 +174,18 @@ static int add_input(json_t *data, size_t k, size_t domains, const char *file, s
     return json_object_set_new(row, key, json_stringn(file, length));
 }
 
+static size_t domains_of(const json_t *values)
+{
+    const char *const given = text_of(values, "domains_per_shape");
+    const long asked = *given ? strtol(given, NULL, 10) : 1;
+    return asked >= 1 && asked < 1000 ? (size_t)asked : 1;
+}
+
 static apsm_status add_inputs(apsm_context *ctx, const char *path, const json_t *values,
                               json_t *data)
 {
     const char *at = text_of(values, "inputs");
-    const char *const given = text_of(values, "domains_per_shape");
-    const long asked = *given ? strtol(given, NULL, 10) : 1;
-    const size_t domains = asked >= 1 && asked < 1000 ? (size_t)asked : 1;
+    const size_t domains = domains_of(values);
     size_t n = 0;
     for (at += strspn(at, blanks); *at; n++) {
         const size_t length = strcspn(at, blanks);
@@ -208,7 +200,7 @@ static apsm_status add_inputs(apsm_context *ctx, const char *path, const json_t 
                          *text_of(values, "point_files")
                              ? "; its point_files are particles: `apsm certify` or `apsm import`"
                              : ", and is no parameter file of ShapeWorks");
-    if (n % domains == 0) return APSM_OK;
+    if (n % domains == 0) return xml_constraints(ctx, path, values, n, domains, data);
     return apsm_fail(ctx, APSM_ERR_FORMAT,
                      "%s: has %zu inputs, which are no whole shapes of %zu domains", path, n,
                      domains);
@@ -224,7 +216,7 @@ static int add_parameters(const json_t *values, json_t *optimize)
     int failed = 0;
     json_object_foreach((json_t *)values, key, value)
     {
-        bool taken = false;
+        bool taken = xml_is_constraint(key);
         for (size_t k = 0; k < sizeof others / sizeof *others; k++)
             taken = taken || strcmp(key, others[k]) == 0;
         if (!taken) failed |= json_object_set(optimize, key, value);
@@ -239,8 +231,8 @@ apsm_status project_from_xml(apsm_context *ctx, const char *path, json_t **root)
     APSM_TRY(read_values(ctx, path, &values));
     json_t *const made =
         json_pack("{s:[], s:{}, s:{s:s}}", "data", "optimize", "project", "version", "2");
-    apsm_status status = made ? refuse_constraints(ctx, path, values)
-                              : apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    apsm_status status =
+        made ? APSM_OK : apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     if (status == APSM_OK) status = add_inputs(ctx, path, values, json_object_get(made, "data"));
     if (status == APSM_OK && add_parameters(values, json_object_get(made, "optimize")))
         status = apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);

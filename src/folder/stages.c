@@ -48,6 +48,7 @@ static const struct {
 } kinds[] = { { "groomed/", ".ply", "groom" },
               { "groomed/whole/", ".ply", "groom" },
               { "fixed/", ".particles", "groom" },
+              { "constraints/", ".json", "groom" },
               { "particles/", ".particles", "initialize" },
               { "particles/", ".particles", "optimize" },
               { "meshes/", ".ply", "evaluate" } };

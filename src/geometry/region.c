@@ -20,6 +20,7 @@ enum { DEEPEST = 12 };           /* halvings of a step */
 void apsm_region_free(apsm_region *region)
 {
     free(region->plane);
+    free(region->sphere);
     free(region->point);
     free(region->in);
     free(region->loop_start);
@@ -36,6 +37,12 @@ static void limit_by_plane(const double plane[4], const apsm_mesh *mesh, double 
 {
     for (size_t v = 0; v < mesh->nv; v++)
         limit(&field[v], vec3_dot(plane, mesh->V + 3 * v) - plane[3]); /* (R1) */
+}
+
+static void limit_by_sphere(const double sphere[4], const apsm_mesh *mesh, double *field)
+{
+    for (size_t v = 0; v < mesh->nv; v++)
+        limit(&field[v], sqrt(vec3_distance2(mesh->V + 3 * v, sphere)) - sphere[3]); /* (R1) */
 }
 
 /* ---- paint ---------------------------------------------------------------------------------- */
@@ -281,6 +288,7 @@ apsm_status apsm_region_field(const apsm_region *region, const apsm_mesh *mesh, 
 {
     for (size_t v = 0; v < mesh->nv; v++) field[v] = INFINITY;
     for (size_t k = 0; k < region->planes; k++) limit_by_plane(region->plane[k], mesh, field);
+    for (size_t k = 0; k < region->spheres; k++) limit_by_sphere(region->sphere[k], mesh, field);
     if (region->painted) APSM_TRY(limit_by_paint(region, mesh, field));
     if (region->loops) APSM_TRY(limit_by_loops(region, mesh, field));
     return APSM_OK;

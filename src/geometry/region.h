@@ -17,6 +17,8 @@ extern "C" {
 typedef struct apsm_region {
     size_t planes;
     double (*plane)[4]; /* n, d with |n| = 1: n.x >= d stays */
+    size_t spheres;
+    double (*sphere)[4]; /* centre and radius: what lies outside stays */
     size_t painted;
     double *point; /* painted x 3: points of the surface ... */
     bool *in;      /* ... and whether they count; other places are as their nearest point */
@@ -29,7 +31,7 @@ typedef struct apsm_region {
 void apsm_region_free(apsm_region *region);
 
 /* field (nv, out): at each vertex the least, over the region's limits, of the signed distances
- *   plane     n.x - d                                                                     (R1)
+ *   plane     n.x - d;   sphere   |x - c| - r                                             (R1)
  *   paint     half of the distance to the nearest point that does not count, less that to the
  *             nearest that does                                                           (R2)
  *   loop      the distance to the loops, positive where the query point is reached across the

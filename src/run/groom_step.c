@@ -7,6 +7,7 @@
 
 #include "align/align.h"
 #include "apsm/formats.h"
+#include "files/constraints_file.h"
 #include "files/project_columns.h"
 #include "geometry/affine.h"
 #include "model/template_choice.h"
@@ -234,6 +235,8 @@ static apsm_status describe_subject(groom_work *w, size_t i)
     free(shape);
     const apsm_project *source = w->own.root ? &w->own : &w->in.source;
     if (status == APSM_OK && source->root) status = source_take_row(source, s);
+    if (status == APSM_OK && !run_is_in_memory(run))
+        status = apsm_constraints_store(run->ctx, &run->project, s);
     if (status != APSM_OK) return status;
     s->mirrored = w->in.reflected[i];
     s->has_alignment = s->has_procrustes = true; /* ShapeWorks expects both columns */

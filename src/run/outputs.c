@@ -171,7 +171,7 @@ static apsm_status add_folder(apsm_run *run, const char *name, apsm_file_list *a
 apsm_status outputs_list(apsm_run *run, apsm_file_list *all)
 {
     static const char *const folders[] = { "",      "state",     "groomed", "groomed/whole",
-                                           "fixed", "particles", "meshes" };
+                                           "fixed", "particles", "meshes",  "constraints" };
     *all = (apsm_file_list){ 0 };
     apsm_status status = APSM_OK;
     for (size_t k = 0; k < sizeof folders / sizeof folders[0] && status == APSM_OK; k++)

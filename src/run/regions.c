@@ -28,6 +28,18 @@ static apsm_status take(apsm_run *run, groom_inputs *in, size_t i, char *path)
     return apsm_constraints_read(run->ctx, path, &in->region[i]);
 }
 
+/* Constraints that stand in the column, which the project that is written names by a file. */
+static apsm_status take_text(apsm_run *run, groom_inputs *in, size_t i, const char *key,
+                             const char *text)
+{
+    char stored[APSM_CONSTRAINTS_NAME];
+    apsm_constraints_name(in->list.cases[i].name, key, stored);
+    free(in->limits[i]);
+    in->limits[i] = strdup(stored);
+    if (!in->limits[i]) return APSM_ERR_MEMORY;
+    return apsm_constraints_parse(run->ctx, stored, text, &in->region[i]);
+}
+
 static apsm_status take_columns(apsm_run *run, groom_inputs *in, const apsm_project *source)
 {
     char key[APSM_KEY_LENGTH];
@@ -35,7 +47,10 @@ static apsm_status take_columns(apsm_run *run, groom_inputs *in, const apsm_proj
     for (size_t i = 0; i < in->list.n; i++) {
         const size_t k = apsm_project_find(source, in->list.cases[i].name);
         const char *text = k < source->n ? apsm_subject_column(&source->subjects[k], key) : NULL;
-        if (text && *text) APSM_TRY(take(run, in, i, apsm_project_path(source, text)));
+        if (apsm_constraints_are_here(text))
+            APSM_TRY(take_text(run, in, i, key, text));
+        else if (text && *text)
+            APSM_TRY(take(run, in, i, apsm_project_path(source, text)));
     }
     return APSM_OK;
 }

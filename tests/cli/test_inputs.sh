@@ -64,7 +64,7 @@ expect 1 "--ignore fixed" run old.xml -o old --dry-run
 expect 0 "" convert old.xml -o old.swproj
 grep -q '"shape_1": "quads.ply"' old.swproj || fail "old.xml: its inputs are not in $(cat old.swproj)"
 expect 1 "names no inputs; its point_files are particles" check points.xml
-expect 1 "its constraints (cutting_planes)" check planes.xml
+expect 1 "cutting_planes has 9 entries, where num_planes_per_input asks for 0" check planes.xml # test_old_projects.sh
 expect 1 "torn.xml:3: " check torn.xml
 expect 1 "entity.xml:1: " check entity.xml
 

@@ -65,6 +65,19 @@ static void planes_leave_what_they_should(void **state)
     apsm_mesh_free(&ball);
 }
 
+/* A sphere around the pole takes as much of the ball as its chord says: (r / 2 R)^2. */
+static void spheres_take_what_they_should(void **state)
+{
+    (void)state;
+    apsm_mesh ball = shape_sphere(5, 10.0);
+    double sphere[2][4] = { { 0, 0, 10, 10 }, { 0, 0, -10, 10 } };
+    apsm_region region = { .spheres = 1, .sphere = sphere };
+    assert_share(&ball, &region, 0.75);
+    region.spheres = 2;
+    assert_share(&ball, &region, 0.5);
+    apsm_mesh_free(&ball);
+}
+
 /* What lies in the level itself does not count: a box loses its lid and nothing else. */
 static void faces_in_the_level_go(void **state)
 {
@@ -177,6 +190,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(planes_leave_what_they_should),
+        cmocka_unit_test(spheres_take_what_they_should),
         cmocka_unit_test(faces_in_the_level_go),
         cmocka_unit_test(loops_part_by_their_query_point),
         cmocka_unit_test(loop_that_parts_nothing_is_refused),
