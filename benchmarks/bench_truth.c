@@ -7,13 +7,14 @@
  * shapes, and the template, whose errors are 0, is left out of every mean.
  *
  *   truth      every particle of every shape, carried to the template along the triangulation: its
- *              distance from the template's own particle; `lost` are more than two spacings off
- *   landmark   LANDMARKS vertices of the template, spread evenly, which no particle knows of,
- * warped to a shape by the particles: distance from the true place there distance   two-way, of the
- * true surfaces (with `groomed`, of the groomed ones: what was cut off has no particles), with the
- * template warped; `other`: the mean over OTHERS other shapes in the template's place, which no fit
- * knew of model      G(1), S(1), C(1); `own`: those of the template's particles carried to all
- * shapes by the truth */
+ *              distance from the template's own particle; `lost` are more than two spacings off;
+ * those that lie off the true surface, on the lid of a filled opening, do not count landmark
+ * LANDMARKS vertices of the template, spread evenly, which no particle knows of, warped to a shape
+ * by the particles: distance from the true place there distance   two-way, of the true surfaces
+ * (with `groomed`, of the groomed ones: what was cut off has no particles), with the template
+ * warped; `other`: the mean over OTHERS other shapes in the template's place, which no fit knew of
+ * model      G(1), S(1), C(1); `own`: those of the template's particles carried to all shapes by
+ * the truth */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -121,6 +122,13 @@ static double spacing(const judge *j)
     return h;
 }
 
+static bool is_on(const judge *j, size_t i, size_t k, double h)
+{
+    apsm_closest at;
+    apsm_bvh_closest(j->bvh[i], particles(j, i) + 3 * k, INFINITY, &at);
+    return at.distance2 < 0.0625 * h * h;
+}
+
 static void tell_truth(const judge *j)
 {
     const double *T = particles(j, j->t), h = spacing(j);
@@ -129,6 +137,7 @@ static void tell_truth(const judge *j)
     for (size_t i = 0; i < j->I; i++)
         for (size_t k = 0; i != j->t && k < j->J; k++) {
             double y[3];
+            if (!is_on(j, j->t, k, h) || !is_on(j, i, k, h)) continue;
             synthetic_carry(j->bvh[i], &j->truth[j->t], particles(j, i) + 3 * k, y);
             error[n] = sqrt(vec3_distance2(y, T + 3 * k));
             sum += error[n];
