@@ -83,20 +83,19 @@ static void make_process_way(fold *f, size_t k)
     const apsm_shape_model *s = &f->m->model;
     const size_t D = 3 * s->J, size = fit_posterior_size(s->J, 0);
     double *P = bench_doubles(s->I * D), *store = bench_doubles(size), best = -INFINITY, total = 0;
+    const fit_modes mean_alone = { s->J, 0, s->mean, s->mode, s->variance };
     fit_model_particles(s, P);
     for (size_t j = 0; j < s->modes; j++) total += s->variance[j] / (double)D;
     for (size_t r = 0; r < 6; r++)
         for (size_t t = 0; t < 3; t++) {
             double *const at = r + t == 0 ? f->store[k] : store;
-            const posterior_model q =
-                fit_posterior_make(s->J, 0, s->mean, s->mode, s->variance, shares[t] * total,
-                                   reaches[r] * f->m->h, (1 - shares[t]) * total, at);
+            const fit_process process = { shares[t] * total, reaches[r] * f->m->h,
+                                          (1 - shares[t]) * total };
+            const posterior_model q = fit_posterior_make(&mean_alone, &process, at);
             const double found = likelihood(f->b, &q, s->I, P);
             if (!(found > best)) continue;
             best = found;
-            f->way[k].posterior =
-                fit_posterior_make(s->J, 0, s->mean, s->mode, s->variance, shares[t] * total,
-                                   reaches[r] * f->m->h, (1 - shares[t]) * total, f->store[k]);
+            f->way[k].posterior = fit_posterior_make(&mean_alone, &process, f->store[k]);
         }
     free(store);
     free(P);

@@ -282,7 +282,8 @@ static void steps(left_out *b)
         step("tree", &t);
         must_fit(b, fit_pose_find(b->joint, &mesh, bvh, &o, &job.pose));
         step("pose", &t);
-        must_fit(b, apsm_cohort_build(b->ctx, 1, names, &mesh, job.pose.M, 0, 0, 0, &one));
+        const apsm_cohort_input in = { 1, names, &mesh, job.pose.M, 0 };
+        must_fit(b, apsm_cohort_build(b->ctx, &in, 0, 0, &one));
         job.shape = one.shape[0];
         step("shape", &t);
         must_fit(b, fit_whole_particles(b->ctx, &job));

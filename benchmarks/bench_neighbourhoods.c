@@ -28,8 +28,9 @@ static void pass(void *user)
     apsm_walk_report report;
     memcpy(b->points, b->start, b->s.J * sizeof *b->points);
     memcpy(b->P, b->start_P, b->s.J * 3 * sizeof *b->P);
-    bench_must(apsm_geodesic_correspondence(b->s.g, b->s.w, b->s.bvh, b->s.J, &b->reference, &b->o,
-                                            b->points, b->P, b->work, &report));
+    const apsm_walk_ground ground = { b->s.g, b->s.w, b->s.bvh };
+    bench_must(apsm_geodesic_correspondence(&ground, b->s.J, &b->reference, &b->o, b->points, b->P,
+                                            b->work, &report));
 }
 
 /* Vertices within twice the closest of the particles, and an edge more. */

@@ -68,8 +68,8 @@ static void optimize(const setting *s)
         apsm_affine_identity(transforms + 16 * i);
     }
     const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[s->I / 2]), s->J);
-    bench_must(apsm_cohort_build(ctx, s->I, names, mesh, transforms, s->I / 2,
-                                 apsm_options_defaults().field.field_voxel * h,
+    const apsm_cohort_input in = { s->I, names, mesh, transforms, s->I / 2 };
+    bench_must(apsm_cohort_build(ctx, &in, apsm_options_defaults().field.field_voxel * h,
                                  1.1 * o.rbf.band * o.rbf.dipole * h, &cohort));
     bench_must(apsm_optimizer_state_alloc(s->I, s->J, &state));
     bench_must(apsm_first_particles(ctx, &cohort, &o, s->J, state.P));

@@ -58,7 +58,8 @@ int main(int argc, char **argv)
         names[i] = "ellipsoid";
         for (size_t a = 0; a < 16; a++) transforms[i][a] = a % 5 == 0;
     }
-    must(ctx, apsm_cohort_build(ctx, I, names, mesh, transforms[0], 0, 0, 0, &cohort));
+    const apsm_cohort_input in = { I, names, mesh, transforms[0], 0 };
+    must(ctx, apsm_cohort_build(ctx, &in, 0, 0, &cohort));
     if (argc < 2) {
         time_size(ctx, &cohort, 128);
         time_size(ctx, &cohort, 256);

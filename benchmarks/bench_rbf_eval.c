@@ -30,8 +30,8 @@ static void measure(size_t J, double sqrt32, double sqrt64)
     apsm_polyharmonic factor;
     b.work = bench_doubles(apsm_rbf_work_size(J) + apsm_rbf_eval_f32_work_size(J));
     apsm_rbf_bind(&b.shape, J, store);
-    bench_must(apsm_rbf_fit(APSM_PHI_R, b.s.P, b.s.N, b.s.s, true, factor_store, &factor, &b.shape,
-                            b.work));
+    const apsm_dipoles d = { b.s.P, b.s.N, b.s.s };
+    bench_must(apsm_rbf_fit(APSM_PHI_R, &d, true, factor_store, &factor, &b.shape, b.work));
     bench_report("rbf evaluation", b.s.size, bench_median(eval_single, &b), pairs, "pair",
                  "vector sqrtf", pairs * sqrt32);
     bench_report("rbf evaluation, double", b.s.size, bench_median(eval, &b), pairs, "pair",

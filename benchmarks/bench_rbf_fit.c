@@ -17,15 +17,16 @@ typedef struct bench {
 static void fit(void *user)
 {
     bench *b = user;
-    bench_must(apsm_rbf_fit(APSM_PHI_R, b->s.P, b->s.N, b->s.s, b->single, b->store, &b->factor,
-                            &b->shape, b->work));
+    const apsm_dipoles d = { b->s.P, b->s.N, b->s.s };
+    bench_must(apsm_rbf_fit(APSM_PHI_R, &d, b->single, b->store, &b->factor, &b->shape, b->work));
 }
 
 static void refit(void *user)
 {
     bench *b = user;
-    bench_must(apsm_rbf_refit(&b->factor, b->s.P2, b->s.N, b->s.s, true, APSM_RBF_TOLERANCE, 50,
-                              &b->shape, &b->iterations, b->work));
+    const apsm_dipoles d = { b->s.P2, b->s.N, b->s.s };
+    const apsm_resolve_options o = { true, APSM_RBF_TOLERANCE, 50 };
+    bench_must(apsm_rbf_refit(&b->factor, &d, &o, &b->shape, &b->iterations, b->work));
 }
 
 static void measure(size_t J, double sqrt32, double stream)

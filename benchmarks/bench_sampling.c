@@ -13,8 +13,9 @@ static void run(void *user)
 {
     bench *b = user;
     double loss;
-    bench_must(apsm_sampling_loss(b->s.J, b->s.P, b->s.R, b->s.B, b->s.g, &b->o, &loss, b->s.grad,
-                                  NULL, NULL, b->work));
+    const apsm_sampling_points points = { b->s.J, b->s.R, b->s.P, b->s.B, b->s.g };
+    const apsm_sampling_result result = { .loss = &loss, .grad = b->s.grad };
+    bench_must(apsm_sampling_loss(&points, &b->o, &result, b->work));
 }
 
 static double distance(const double *x, const double *y)

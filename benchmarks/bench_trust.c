@@ -96,7 +96,8 @@ static void load(bench *b, const char *folder)
     read_model(b, mesh, M);
     for (size_t i = 0; i < I; i++)
         if (used && strcmp(used, b->name[i]) == 0) b->t = i;
-    must(b->ctx, apsm_cohort_build(b->ctx, I, b->name, mesh, M, b->t, 0, 0, &b->cohort));
+    const apsm_cohort_input in = { I, b->name, mesh, M, b->t };
+    must(b->ctx, apsm_cohort_build(b->ctx, &in, 0, 0, &b->cohort));
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
     free(mesh);
     free(M);
@@ -225,7 +226,8 @@ static void replace(bench *b, size_t i, apsm_mesh *mesh)
 {
     double M[16];
     apsm_affine_identity(M);
-    must(b->ctx, apsm_cohort_build(b->ctx, 1, &b->name[i], mesh, M, 0, 0, 0, &b->other[i]));
+    const apsm_cohort_input in = { 1, &b->name[i], mesh, M, 0 };
+    must(b->ctx, apsm_cohort_build(b->ctx, &in, 0, 0, &b->other[i]));
     b->whole[i] = b->cohort.shape[i];
     b->cohort.shape[i] = b->other[i].shape[0]; /* whose parts point to each other there */
     apsm_mesh_free(mesh);

@@ -339,20 +339,25 @@ static void count_both(pass *a, size_t particles[2])
         particles[f] = apsm_mismatches(a->reference, &a->s->now, report_factor[f], a->s->count);
 }
 
-apsm_status apsm_geodesic_correspondence(const apsm_geodesic *g, apsm_geodesic_work *w,
-                                         const apsm_bvh *bvh, size_t J,
+apsm_status apsm_geodesic_correspondence(const apsm_walk_ground *ground, size_t J,
                                          const apsm_neighbourhoods *reference,
                                          const apsm_walk_options *options,
                                          apsm_surface_point *points, double *P, apsm_walk_work *s,
                                          apsm_walk_report *report)
 {
     if (s->J < J || reference->J != J ||
-        (!bvh && !(options->geodesic_target == APSM_TARGET_FARTHEST)))
+        (!ground->bvh && !(options->geodesic_target == APSM_TARGET_FARTHEST)))
         return APSM_ERR_ARG;
-    pass a = {
-        g,      w, bvh, J, reference, options, fmax(options->geodesic_factor, report_factor[1]),
-        points, P, s
-    };
+    pass a = { ground->g,
+               ground->w,
+               ground->bvh,
+               J,
+               reference,
+               options,
+               fmax(options->geodesic_factor, report_factor[1]),
+               points,
+               P,
+               s };
     *report = (apsm_walk_report){ 0 };
     APSM_TRY(make_rows(&a, &s->now));
     count_both(&a, report->before);

@@ -92,17 +92,23 @@ typedef struct apsm_walk_work apsm_walk_work;
 apsm_status apsm_walk_work_new(size_t J, apsm_walk_work **work) APSM_NODISCARD;
 void apsm_walk_work_free(apsm_walk_work *work);
 
+/* The surface that particles walk on. */
+typedef struct apsm_walk_ground {
+    const apsm_geodesic *g;
+    apsm_geodesic_work *w;
+    const apsm_bvh *bvh; /* of g's mesh */
+} apsm_walk_ground;
+
 /* One pass over a shape.  points (J) and P (J x 3) are moved together; they must agree on entry.
  * Particles move one after the other in the order of apsm_mismatch_order, each seeing those
  * before it: along the geodesic towards missing neighbour k, to the distance from k at which k's
- * closest particle is.  bvh (of g's mesh) brings the mean of several such targets back to the
+ * closest particle is.  The ground's bvh brings the mean of several such targets back to the
  * surface; NULL is allowed with farthest.  Missing neighbours on another component are left alone.
  * Unless strict, a particle whose reference neighbours are all within F times the distance in space
  * of its closest by a way across the surface (apsm_geodesic_section) is not mismatched and is not
  * searched from.  O(searches of the other neighbourhoods + a longer one per particle that walks).
  */
-apsm_status apsm_geodesic_correspondence(const apsm_geodesic *g, apsm_geodesic_work *w,
-                                         const apsm_bvh *bvh, size_t J,
+apsm_status apsm_geodesic_correspondence(const apsm_walk_ground *ground, size_t J,
                                          const apsm_neighbourhoods *reference,
                                          const apsm_walk_options *options,
                                          apsm_surface_point *points, double *P,

@@ -26,9 +26,9 @@ typedef struct judging {
     apsm_fit_model *m;
     const double *P; /* I x 3J */
     apsm_fidelity_prior prior;
-    size_t n;                    /* shapes that are judged, evenly taken */
-    double smooth, reach, noise; /* of the present trial; lengths in h */
-    double *result;              /* n, or n x FIT_BANDS x DIRECTIONS */
+    size_t n;            /* shapes that are judged, evenly taken */
+    fit_process process; /* of the present trial; lengths in h */
+    double *result;      /* n, or n x FIT_BANDS x DIRECTIONS */
 } judging;
 
 static size_t shape_of(const judging *g, size_t k)
@@ -115,8 +115,9 @@ static posterior_model model_without(const judging *g, size_t i, double *store)
     const size_t D = 3 * p->J, fold = i % p->folds;
     double *variance = store + fit_posterior_size(p->J, p->modes);
     for (size_t k = 0; k < p->modes; k++) variance[k] = variance_of(p, fold, k);
-    return fit_posterior_make(p->J, p->modes, p->mean + fold * D, p->mode + fold * p->modes * D,
-                              variance, g->smooth, g->reach, g->noise, store);
+    const fit_modes known = { p->J, p->modes, p->mean + fold * D, p->mode + fold * p->modes * D,
+                              variance };
+    return fit_posterior_make(&known, &g->process, store);
 }
 
 /* Arrays for a posterior of a shape with a model of at most modes + 3 FIT_SMOOTH + FIT_RIGID. */
@@ -172,9 +173,7 @@ static apsm_status likelihood_of(apsm_context *ctx, size_t k, int worker, void *
 static apsm_status try_smooth(apsm_context *ctx, judging *g, double total, double share,
                               double reach, double *sum)
 {
-    g->smooth = share * total;
-    g->reach = reach;
-    g->noise = total - g->smooth;
+    g->process = (fit_process){ share * total, reach, total - share * total };
     APSM_TRY(apsm_parallel_for(ctx, g->n, likelihood_of, g, NULL));
     *sum = 0;
     for (size_t k = 0; k < g->n; k++) *sum += g->result[k];
@@ -194,9 +193,9 @@ static apsm_status choose_smooth(apsm_context *ctx, judging *g)
             APSM_TRY(try_smooth(ctx, g, total, shares[s], reaches[r], &sum));
             if (!(sum > best)) continue;
             best = sum;
-            c->smooth = g->smooth;
-            c->reach = g->reach;
-            c->noise = g->noise;
+            c->smooth = g->process.smooth;
+            c->reach = g->process.reach;
+            c->noise = g->process.noise;
         }
     return APSM_OK;
 }
@@ -309,9 +308,7 @@ static apsm_status judge(apsm_context *ctx, judging *g)
     if (!g->result) return APSM_ERR_MEMORY;
     APSM_TRY(judge_residuals(g));
     APSM_TRY(choose_smooth(ctx, g));
-    g->smooth = c->smooth;
-    g->reach = c->reach;
-    g->noise = c->noise;
+    g->process = (fit_process){ c->smooth, c->reach, c->noise };
     APSM_TRY(apsm_parallel_for(ctx, g->n, bands_of, g, NULL));
     sum_up_bands(g, c);
     return APSM_OK;

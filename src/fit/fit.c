@@ -181,7 +181,10 @@ static apsm_status fit_whole(apsm_context *ctx, fit_job *job)
     apsm_cohort one = { 0 };
     APSM_TRY(place(ctx, job));
     if (is_refused(job)) return APSM_OK;
-    APSM_TRY(apsm_cohort_build(ctx, 1, names, job->mesh, job->pose.M, 0, 0, 0, &one));
+    const apsm_cohort_input in = {
+        .I = 1, .names = names, .meshes = job->mesh, .transforms = job->pose.M
+    };
+    APSM_TRY(apsm_cohort_build(ctx, &in, 0, 0, &one));
     job->shape = one.shape[0];
     const apsm_status status = finish_whole(ctx, job);
     apsm_cohort_free(&one);

@@ -68,7 +68,8 @@ apsm_status fit_model_take_mesh(apsm_context *ctx, apsm_mesh *mesh, apsm_fit_mod
     static const char *const name[] = { "template" };
     double M[16];
     apsm_affine_identity(M);
-    const apsm_status status = apsm_cohort_build(ctx, 1, name, mesh, M, 0, 0, 0, &m->cohort);
+    const apsm_cohort_input in = { .I = 1, .names = name, .meshes = mesh, .transforms = M };
+    const apsm_status status = apsm_cohort_build(ctx, &in, 0, 0, &m->cohort);
     apsm_mesh_free(mesh);
     return status;
 }
@@ -105,26 +106,24 @@ size_t fit_posterior_size(size_t J, size_t modes)
     return 3 * J + M * 3 * J + M + FIT_SMOOTH * J + J;
 }
 
-posterior_model fit_posterior_make(size_t J, size_t modes, const double *mean, const double *mode,
-                                   const double *variance, double smooth, double reach,
-                                   double noise, double *store)
+posterior_model fit_posterior_make(const fit_modes *m, const fit_process *p, double *store)
 {
-    const size_t D = 3 * J, most = modes + 3 * FIT_SMOOTH;
+    const size_t J = m->J, modes = m->modes, D = 3 * J, most = modes + 3 * FIT_SMOOTH;
     double *mu = store, *U = mu + D, *v = U + most * D, *column = v + most;
-    memcpy(mu, mean, D * sizeof *mu);
-    memcpy(U, mode, modes * D * sizeof *U);
-    memcpy(v, variance, modes * sizeof *v);
+    memcpy(mu, m->mean, D * sizeof *mu);
+    memcpy(U, m->mode, modes * D * sizeof *U);
+    memcpy(v, m->variance, modes * sizeof *v);
     size_t M = modes;
-    const size_t n =
-        smooth > 0 ? fit_smooth_columns(J, mean, reach, FIT_SMOOTH, column, column + FIT_SMOOTH * J)
-                   : 0;
+    const size_t n = p->smooth > 0 ? fit_smooth_columns(J, m->mean, p->reach, FIT_SMOOTH, column,
+                                                        column + FIT_SMOOTH * J)
+                                   : 0;
     for (size_t k = 0; k < n; k++)
         for (size_t c = 0; c < 3; c++, M++) {
             memset(U + M * D, 0, D * sizeof *U);
             for (size_t j = 0; j < J; j++) U[M * D + 3 * j + c] = column[k * J + j];
-            v[M] = smooth;
+            v[M] = p->smooth;
         }
-    return (posterior_model){ D, M, mu, U, v, noise };
+    return (posterior_model){ D, M, mu, U, v, p->noise };
 }
 
 static apsm_status make_posterior(apsm_fit_model *m)
@@ -134,9 +133,10 @@ static apsm_status make_posterior(apsm_fit_model *m)
     const size_t modes = (size_t)c->modes;
     m->store = malloc(fit_posterior_size(m->model.J, modes) * sizeof *m->store);
     if (!m->store) return APSM_ERR_MEMORY;
-    m->posterior =
-        fit_posterior_make(m->model.J, modes, m->model.mean, m->model.mode, m->model.variance,
-                           c->smooth * h2, c->reach * m->h, c->noise * h2, m->store);
+    const apsm_shape_model *s = &m->model;
+    const fit_modes known = { s->J, modes, s->mean, s->mode, s->variance };
+    const fit_process beside = { c->smooth * h2, c->reach * m->h, c->noise * h2 };
+    m->posterior = fit_posterior_make(&known, &beside, m->store);
     return APSM_OK;
 }
 

@@ -93,12 +93,23 @@ extern const double fit_part_error;
  * scratch of J. */
 size_t fit_smooth_columns(size_t J, const double *X, double reach, size_t most, double *column,
                           double *work);
-/* A posterior model of D = 3 J: the first `modes` of mode (rows of 3 J) with their variances, and
- * the smooth process of that variance.  store of fit_posterior_size(J, modes). */
+/* Mean and modes of J particles, borrowed. */
+typedef struct fit_modes {
+    size_t J, modes;
+    const double *mean;     /* 3 J */
+    const double *mode;     /* modes x 3 J */
+    const double *variance; /* modes */
+} fit_modes;
+
+/* What is beside the modes: a smooth process of that variance and reach, and what no neighbour
+ * shares. */
+typedef struct fit_process {
+    double smooth, reach, noise;
+} fit_process;
+
+/* A posterior model of D = 3 J of both.  store of fit_posterior_size(J, modes). */
 enum { FIT_SMOOTH = 24 };
 size_t fit_posterior_size(size_t J, size_t modes);
-posterior_model fit_posterior_make(size_t J, size_t modes, const double *mean, const double *mode,
-                                   const double *variance, double smooth, double reach,
-                                   double noise, double *store);
+posterior_model fit_posterior_make(const fit_modes *m, const fit_process *p, double *store);
 
 #endif

@@ -182,8 +182,8 @@ static apsm_status model_scores(norm_job *w)
                 sum += (w->files.P[i * V + v] - model->mean[v]) * model->mode[k * V + v];
             b[(w->N + i) * K + k] = sum;
         }
-    const apsm_status status =
-        norm_model_make(w->ctx, w->N, w->n, w->q, w->X, K, b, b + w->N * K, &w->score_model);
+    const norm_data data = { w->N, w->n, w->q, K, w->X, b, b + w->N * K };
+    const apsm_status status = norm_model_make(w->ctx, &data, &w->score_model);
     free(b);
     return status;
 }
@@ -209,7 +209,8 @@ static apsm_status make_models(norm_job *w)
     if (!w->Y || !w->least) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < w->N; i++)
         memcpy(w->Y + i * V, w->m.P + w->row[i] * V, V * sizeof *w->Y);
-    APSM_TRY(norm_model_make(w->ctx, w->N, w->n, w->q, w->X, V, w->Y, w->files.P, &w->model));
+    const norm_data data = { w->N, w->n, w->q, V, w->X, w->Y, w->files.P };
+    APSM_TRY(norm_model_make(w->ctx, &data, &w->model));
     APSM_TRY(model_scores(w));
     return apsm_parallel_for(w->ctx, w->N, own_particles, w, "norm");
 }
@@ -312,12 +313,13 @@ static apsm_status percentiles_of_halves(const norm_job *w, double *percentile)
     size_t *order = malloc((w->N + 1) * sizeof *order);
     double *X = malloc(((half + w->n) * w->q + 1) * sizeof *X);
     double *Y = malloc((half * V + 1) * sizeof *Y);
+    const norm_data data = { half, w->n, w->q, V, X, Y, w->files.P };
     apsm_status status = order && X && Y ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t h = 0; h < HALVINGS && status == APSM_OK; h++) {
         norm_model m = { 0 };
         size_t N;
         draw_half(w, h, order, X, Y);
-        status = norm_model_make(w->ctx, half, w->n, w->q, X, V, Y, w->files.P, &m);
+        status = norm_model_make(w->ctx, &data, &m);
         for (size_t k = 0; k < w->n; k++)
             percentile[k * HALVINGS + h] =
                 status == APSM_OK ? (double)nearer(&m, k, &N) / (double)half : NAN;

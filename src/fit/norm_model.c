@@ -51,12 +51,12 @@ static void new_rows(const apsm_design *d, size_t n, const double *X0, double *R
         }
 }
 
-apsm_status norm_model_make(apsm_context *ctx, size_t N, size_t n, size_t q, const double *X,
-                            size_t V, const double *Y, const double *Y0, norm_model *model)
+apsm_status norm_model_make(apsm_context *ctx, const norm_data *data, norm_model *model)
 {
+    const size_t N = data->N, n = data->n, q = data->q, V = data->V;
     apsm_design d = { 0 };
     *model = (norm_model){ .N = N, .n = n, .q = q, .V = V };
-    APSM_TRY(apsm_design_make(ctx, N, q, X, 0, X, &d));
+    APSM_TRY(apsm_design_make(ctx, N, q, data->X, 0, data->X, &d));
     model->h = calloc(N + 1, sizeof *model->h);
     model->h0 = calloc(n + 1, sizeof *model->h0);
     model->E = malloc((N * V + 1) * sizeof *model->E);
@@ -65,8 +65,8 @@ apsm_status norm_model_make(apsm_context *ctx, size_t N, size_t n, size_t q, con
     const bool there = model->h && model->h0 && model->E && model->E0 && R;
     if (there) {
         double *Z = R + q * q;
-        new_rows(&d, n, X + N * q, R, Z);
-        residuals(model, d.Q, Z, Y, Y0, Z + n * q);
+        new_rows(&d, n, data->X + N * q, R, Z);
+        residuals(model, d.Q, Z, data->Y, data->Y0, Z + n * q);
     } else
         norm_model_free(model);
     free(R);

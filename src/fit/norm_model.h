@@ -15,9 +15,15 @@ typedef struct norm_model {
     double *E0;        /* n x V: their distance from what is expected */
 } norm_model;
 
-/* X (N + n x q): the cohort's rows, then the new ones'; Y (N x V), Y0 (n x V). */
-apsm_status norm_model_make(apsm_context *ctx, size_t N, size_t n, size_t q, const double *X,
-                            size_t V, const double *Y, const double *Y0,
+/* What it is made of; borrowed. */
+typedef struct norm_data {
+    size_t N, n, q, V;
+    const double *X;  /* N + n x q: the cohort's rows, then the new ones' */
+    const double *Y;  /* N x V */
+    const double *Y0; /* n x V */
+} norm_data;
+
+apsm_status norm_model_make(apsm_context *ctx, const norm_data *data,
                             norm_model *model) APSM_NODISCARD;
 void norm_model_free(norm_model *model);
 

@@ -138,7 +138,8 @@ static apsm_status judge_value(norm_job *w, const char *name, const double *all)
         w->values++;
         v->N = gather(w, all, X, y, y0);
         if (v->N > w->q + LEAST_FREEDOM)
-            status = norm_model_make(w->ctx, v->N, w->n, w->q, X, 1, y, y0, &m);
+            status = norm_model_make(
+                w->ctx, &(norm_data){ v->N, w->n, w->q, .V = 1, .X = X, .Y = y, .Y0 = y0 }, &m);
         if (status == APSM_OK && m.E0) set_value(w, &m, all, y0, v);
     }
     norm_model_free(&m);

@@ -19,11 +19,8 @@ double apsm_dipole_length(const apsm_shape *shape, double wanted)
 
 typedef struct build {
     apsm_store *store; /* NULL: shapes stay in memory */
-    const char *const *names;
-    const apsm_mesh *meshes;
-    const double *transforms;
+    const apsm_cohort_input *in;
     const apsm_field_plan *fields;
-    size_t template_index;
     apsm_shape *shape;
 } build;
 
@@ -89,9 +86,9 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     (void)worker;
     const build *b = user;
     apsm_shape *s = &b->shape[i];
-    s->name = b->names[i];
-    APSM_TRY(apsm_mesh_copy(&b->meshes[i], &s->mesh));
-    apsm_mesh_transform(&s->mesh, b->transforms + 16 * i);
+    s->name = b->in->names[i];
+    APSM_TRY(apsm_mesh_copy(&b->in->meshes[i], &s->mesh));
+    apsm_mesh_transform(&s->mesh, b->in->transforms + 16 * i);
     s->VN = malloc(3 * s->mesh.nv * sizeof *s->VN);
     if (!s->VN) return APSM_ERR_MEMORY;
     apsm_mesh_vertex_normals(&s->mesh, s->VN);
@@ -101,32 +98,28 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
     const double voxel = b->fields->voxel, band = apsm_dipole_length(s, b->fields->band);
-    if (voxel > 0 && (i == b->template_index || wants_field(b->fields, i)))
+    if (voxel > 0 && (i == b->in->template_index || wants_field(b->fields, i)))
         APSM_TRY(apsm_field_build(ctx, s->bvh, voxel, band, &s->field));
     return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
 }
 
-apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
-                                 const char *const *names, const apsm_mesh *meshes,
-                                 const double *transforms, size_t template_index,
+apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, const apsm_cohort_input *in,
                                  const apsm_field_plan *fields, apsm_cohort *cohort)
 {
-    *cohort = (apsm_cohort){ .I = I, .template_index = template_index };
-    cohort->shape = calloc(I, sizeof *cohort->shape);
+    *cohort = (apsm_cohort){ .I = in->I, .template_index = in->template_index };
+    cohort->shape = calloc(in->I, sizeof *cohort->shape);
     if (!cohort->shape) return APSM_ERR_MEMORY;
-    build b = { store, names, meshes, transforms, fields, template_index, cohort->shape };
-    const apsm_status status = apsm_parallel_for(ctx, I, build_shape, &b, "distance fields");
+    build b = { store, in, fields, cohort->shape };
+    const apsm_status status = apsm_parallel_for(ctx, in->I, build_shape, &b, "distance fields");
     if (status != APSM_OK) apsm_cohort_free(cohort);
     return status;
 }
 
-apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
-                              const apsm_mesh *meshes, const double *transforms,
-                              size_t template_index, double voxel, double band, apsm_cohort *cohort)
+apsm_status apsm_cohort_build(apsm_context *ctx, const apsm_cohort_input *in, double voxel,
+                              double band, apsm_cohort *cohort)
 {
     const apsm_field_plan fields = { .voxel = voxel, .band = band };
-    return apsm_cohort_build_in(ctx, NULL, I, names, meshes, transforms, template_index, &fields,
-                                cohort);
+    return apsm_cohort_build_in(ctx, NULL, in, &fields, cohort);
 }
 
 static void free_shape(apsm_shape *s)

@@ -77,14 +77,21 @@ double apsm_expected_spacing(double area, size_t J);
 /* The dipoles' distance on a shape: what is wanted, but at most half the half-thickness. */
 double apsm_dipole_length(const apsm_shape *shape, double wanted);
 
-/* Moves the meshes (I, borrowed, in their own frames) to the world frame by transforms (I x 16)
- * and prepares each, in parallel.  voxel and band of the distance fields are in the world's
- * unit (the band at most apsm_dipole_length: nobody draws farther away); voxel 0: no fields, for
- * what only looks at finished particles.  names (I) are borrowed. O(surface) memory a shape. */
-apsm_status apsm_cohort_build(apsm_context *ctx, size_t I, const char *const *names,
-                              const apsm_mesh *meshes, const double *transforms,
-                              size_t template_index, double voxel, double band,
-                              apsm_cohort *cohort) APSM_NODISCARD;
+/* What a cohort is made of; borrowed, the names as long as the cohort is used. */
+typedef struct apsm_cohort_input {
+    size_t I;
+    const char *const *names; /* I */
+    const apsm_mesh *meshes;  /* I, in their own frames */
+    const double *transforms; /* I x 16, to the world */
+    size_t template_index;
+} apsm_cohort_input;
+
+/* Moves the meshes to the world frame and prepares each, in parallel.  voxel and band of the
+ * distance fields are in the world's unit (the band at most apsm_dipole_length: nobody draws
+ * farther away); voxel 0: no fields, for what only looks at finished particles.  O(surface) memory
+ * a shape. */
+apsm_status apsm_cohort_build(apsm_context *ctx, const apsm_cohort_input *in, double voxel,
+                              double band, apsm_cohort *cohort) APSM_NODISCARD;
 /* The distance fields of a cohort. */
 typedef struct apsm_field_plan {
     double voxel, band;
@@ -94,9 +101,7 @@ typedef struct apsm_field_plan {
 
 /* The same with every finished shape moved to the store, which must outlive the cohort (NULL: kept
  * in memory).  The shapes are the same to the byte. */
-apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, size_t I,
-                                 const char *const *names, const apsm_mesh *meshes,
-                                 const double *transforms, size_t template_index,
+apsm_status apsm_cohort_build_in(apsm_context *ctx, apsm_store *store, const apsm_cohort_input *in,
                                  const apsm_field_plan *fields, apsm_cohort *cohort) APSM_NODISCARD;
 void apsm_cohort_free(apsm_cohort *cohort);
 

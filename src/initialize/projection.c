@@ -30,12 +30,30 @@ static apsm_closest project(const apsm_bvh *bvh, const double x[3], const double
     return facing.distance2 < INFINITY ? facing : any;
 }
 
-/* Of those that look the same way: the sides of a sheet may be as close as they like. */
-static size_t nearest_other(size_t J, const double *P, const double *N, size_t j, double *d2)
+/* Particles with where they come from, on one surface. */
+typedef struct placing {
+    const apsm_bvh *bvh;
+    const apsm_projection_options *o;
+    size_t J;
+    const double *X, *N;   /* J x 3: the aligned reference's particles and normals */
+    apsm_surface_point *S; /* J */
+    double *P;             /* J x 3 */
+} placing;
+
+static void place(const placing *p, size_t j, const double x[3])
 {
+    const apsm_closest c = project(p->bvh, x, p->N + 3 * j, p->o);
+    p->S[j] = c.on;
+    for (size_t e = 0; e < 3; e++) p->P[3 * j + e] = c.x[e];
+}
+
+/* Of those that look the same way: the sides of a sheet may be as close as they like. */
+static size_t nearest_other(const placing *p, size_t j, double *d2)
+{
+    const double *P = p->P, *N = p->N;
     size_t best = j;
     *d2 = INFINITY;
-    for (size_t k = 0; k < J; k++) {
+    for (size_t k = 0; k < p->J; k++) {
         const double e = vec3_distance2(P + 3 * j, P + 3 * k);
         if (k != j && e < *d2 && vec3_dot(N + 3 * j, N + 3 * k) > 0.0) {
             *d2 = e;
@@ -46,12 +64,11 @@ static size_t nearest_other(size_t J, const double *P, const double *N, size_t j
 }
 
 /* Direction in which particle j leaves k: that between them, or between their references where
- * they coincide, within the plane across n. */
-static void parting(const double *X, const double *P, const double n[3], size_t j, size_t k,
-                    double r[3])
+ * they coincide, within the plane across the normal. */
+static void parting(const placing *p, size_t j, size_t k, double r[3])
 {
     static const double axis[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
-    const double *from[2] = { P, X };
+    const double *from[2] = { p->P, p->X }, *n = p->N + 3 * j;
     for (int attempt = 0; attempt < 5; attempt++) {
         if (attempt < 2)
             vec3_sub(from[attempt] + 3 * j, from[attempt] + 3 * k, r);
@@ -63,32 +80,26 @@ static void parting(const double *X, const double *P, const double n[3], size_t 
     }
 }
 
-/* Moves j away from k until they are min_separation apart, and back onto the surface. */
-static void part(const apsm_bvh *bvh, const double *X, const double *N,
-                 const apsm_projection_options *o, size_t j, size_t k, double d,
-                 apsm_surface_point *S, double *P)
+/* Moves j away from k, at d from it, until they are min_separation apart, and back onto the
+ * surface. */
+static void part(const placing *p, size_t j, size_t k, double d)
 {
-    const double *n = N + 3 * j;
-    double r[3], x[3] = { P[3 * j], P[3 * j + 1], P[3 * j + 2] };
-    parting(X, P, n, j, k, r);
-    vec3_add_scaled(x, 1.1 * separation(o) - d, r);
-    const apsm_closest c = project(bvh, x, n, o);
-    S[j] = c.on;
-    for (int e = 0; e < 3; e++) P[3 * j + (size_t)e] = c.x[e];
+    double r[3], x[3] = { p->P[3 * j], p->P[3 * j + 1], p->P[3 * j + 2] };
+    parting(p, j, k, r);
+    vec3_add_scaled(x, 1.1 * separation(p->o) - d, r);
+    place(p, j, x);
 }
 
 /* One round, the later particle of a pair moves; returns how many were too close. */
-static size_t separate(const apsm_bvh *bvh, size_t J, const double *X, const double *N,
-                       const apsm_projection_options *o, apsm_surface_point *S, double *P,
-                       bool move)
+static size_t separate(const placing *p, bool move)
 {
     size_t close = 0;
-    for (size_t j = 0; j < J; j++) {
+    for (size_t j = 0; j < p->J; j++) {
         double d2;
-        const size_t k = nearest_other(J, P, N, j, &d2);
-        if (k == j || d2 >= separation(o) * separation(o)) continue;
+        const size_t k = nearest_other(p, j, &d2);
+        if (k == j || d2 >= separation(p->o) * separation(p->o)) continue;
         close++;
-        if (move) part(bvh, X, N, o, j > k ? j : k, j > k ? k : j, sqrt(d2), S, P);
+        if (move) part(p, j > k ? j : k, j > k ? k : j, sqrt(d2));
     }
     return close;
 }
@@ -97,14 +108,11 @@ void apsm_project_particles(const apsm_bvh *bvh, size_t J, const double *X, cons
                             const apsm_projection_options *options, apsm_surface_point *S,
                             double *P, size_t *close)
 {
-    for (size_t j = 0; j < J; j++) {
-        const apsm_closest c = project(bvh, X + 3 * j, N + 3 * j, options);
-        S[j] = c.on;
-        for (size_t e = 0; e < 3; e++) P[3 * j + e] = c.x[e];
-    }
+    const placing p = { bvh, options, J, X, N, S, P };
+    for (size_t j = 0; j < J; j++) place(&p, j, X + 3 * j);
     size_t left = J;
     for (int round = 0; left > 0 && round <= options->rounds; round++)
-        left = separate(bvh, J, X, N, options, S, P, round < options->rounds);
+        left = separate(&p, round < options->rounds);
     if (close) *close = left;
 }
 

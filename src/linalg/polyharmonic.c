@@ -573,18 +573,19 @@ static void load_block(size_t count, const double *Y, double *y)
         for (size_t c = 0; c < 3; c++) y[c * LANES + l] = Y[3 * (l < count ? l : count - 1) + c];
 }
 
-void apsm_polyharmonic_eval(apsm_phi phi, size_t n, const double *X, size_t m, const double *w,
-                            const double *c, size_t ny, const double *Y, double *out)
+void apsm_polyharmonic_eval(const apsm_interpolants *f, size_t ny, const double *Y, double *out)
 {
+    const size_t n = f->n, m = f->m;
+    const double *c = f->c;
     double y[3 * LANES], sum[LANES];
     for (size_t r = 0; r < ny; r += LANES) {
         const size_t count = ny - r < LANES ? ny - r : LANES;
         load_block(count, Y + 3 * r, y);
         for (size_t j = 0; j < m; j++) {
-            if (phi == APSM_PHI_R)
-                eval_block_r(n, X, m, w + j, y, sum);
+            if (f->phi == APSM_PHI_R)
+                eval_block_r(n, f->X, m, f->w + j, y, sum);
             else
-                eval_block_r3(n, X, m, w + j, y, sum);
+                eval_block_r3(n, f->X, m, f->w + j, y, sum);
             for (size_t l = 0; l < count; l++)
                 out[(r + l) * m + j] =
                     sum[l] + (c[j] + c[m + j] * y[l] + c[2 * m + j] * y[LANES + l] +
@@ -642,6 +643,7 @@ typedef struct resolve_work {
     const double *A;
     const float *A32;     /* its lower triangle, instead of A; or NULL */
     double *full, *solve; /* n; solve work */
+    double *z, *p, *q;    /* n each */
 } resolve_work;
 
 /* y <- A x. */
@@ -686,18 +688,17 @@ static void precondition(const resolve_work *s, const double *r, double *z)
     memset(z, 0, 4 * sizeof *z);
 }
 
-/* Preconditioned conjugate gradients from u = 0; r holds the right-hand side at entry.  z, p, q
- * are scratch. */
-static apsm_status conjugate_gradients(const resolve_work *s, double tolerance, size_t most,
-                                       double *u, double *r, double *z, double *p, double *q,
-                                       size_t *iterations)
+/* Preconditioned conjugate gradients from u = 0; r holds the right-hand side at entry. */
+static apsm_status conjugate_gradients(const resolve_work *s, const apsm_resolve_options *o,
+                                       double *u, double *r, size_t *iterations)
 {
     const size_t n = s->now->n;
-    const double goal = tolerance * tolerance * dot(n, r, r);
+    const double goal = o->tolerance * o->tolerance * dot(n, r, r);
+    double *z = s->z, *p = s->p, *q = s->q;
     double rho = 0.0;
     memset(u, 0, n * sizeof *u);
     for (*iterations = 0; !(dot(n, r, r) <= goal); ++*iterations) {
-        if (*iterations == most) return APSM_ERR_NONFINITE;
+        if (*iterations == o->most) return APSM_ERR_NONFINITE;
         precondition(s, r, z);
         const double before = rho;
         rho = dot(n, r, z);
@@ -714,25 +715,25 @@ static apsm_status conjugate_gradients(const resolve_work *s, double tolerance, 
 }
 
 apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const double *X,
-                                      const double *values, bool single, double tolerance,
-                                      size_t max_iterations, double *w, double c[4],
-                                      size_t *iterations, double *work)
+                                      const double *values, const apsm_resolve_options *o,
+                                      double *w, double c[4], size_t *iterations, double *work)
 {
-    if (single && stale->phi != APSM_PHI_R) return APSM_ERR_ARG;
+    if (o->single && stale->phi != APSM_PHI_R) return APSM_ERR_ARG;
     const size_t n = stale->n;
     double *A = work, *V = A + n * n + 7 * n, *full = V + 4 * n;
     double *u = full + n, *r = u + n, *z = r + n, *p = z + n, *q = p + n, *v = q + n;
     apsm_polyharmonic now = *stale;
     now.V = V;
-    const resolve_work s = { stale, &now, A, single ? (const float *)A : NULL, full, v + n };
+    const resolve_work s = { stale, &now, A, o->single ? (const float *)A : NULL, full, v + n,
+                             z,     p,    q };
     double t[8];
     for (size_t k = 0; k < 3 * n; k++)
         if (!isfinite(X[k])) return APSM_ERR_NONFINITE;
-    APSM_TRY(single ? assemble_single(&now, X, work) : assemble(&now, X, work));
+    APSM_TRY(o->single ? assemble_single(&now, X, work) : assemble(&now, X, work));
     memcpy(v, values, n * sizeof *v);
     reflect(&now, true, 1, v, t, t + 4);
     for (size_t k = 0; k < n; k++) r[k] = k < 4 ? 0.0 : sign_of(now.phi) * v[k];
-    APSM_TRY(conjugate_gradients(&s, tolerance, max_iterations, u, r, z, p, q, iterations));
+    APSM_TRY(conjugate_gradients(&s, o, u, r, iterations));
     reflect(&now, false, 1, u, t, t + 4); /* u is w in the unit box now */
     apply(&s, u, q);
     reflect(&now, true, 1, q, t, t + 4);

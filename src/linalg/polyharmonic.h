@@ -63,9 +63,17 @@ apsm_status apsm_polyharmonic_factor_robust(apsm_phi phi, size_t n, const double
 void apsm_polyharmonic_solve(const apsm_polyharmonic *f, size_t m, const double *values,
                              const double *d, double *w, double *c, double *work);
 
-/* out (ny x m) = the m interpolants at Y (ny x 3); X, w, c as above.  O(ny n m). */
-void apsm_polyharmonic_eval(apsm_phi phi, size_t n, const double *X, size_t m, const double *w,
-                            const double *c, size_t ny, const double *Y, double *out);
+/* m interpolants (1) of the same centres; all borrowed. */
+typedef struct apsm_interpolants {
+    apsm_phi phi;
+    size_t n, m;
+    const double *X; /* n x 3 */
+    const double *w; /* n x m */
+    const double *c; /* 4 x m */
+} apsm_interpolants;
+
+/* out (ny x m) = the interpolants at Y (ny x 3).  O(ny n m). */
+void apsm_polyharmonic_eval(const apsm_interpolants *f, size_t ny, const double *Y, double *out);
 
 /* The interpolant as a linear map of its values: W (ny x n, out) with f(Y) = W values.  X must
  * be the centres of f.  Rows sum to 1, and W X = Y.  O(ny n^2).  work: of size
@@ -74,18 +82,23 @@ void apsm_polyharmonic_eval(apsm_phi phi, size_t n, const double *X, size_t m, c
 void apsm_polyharmonic_map(const apsm_polyharmonic *f, const double *X, size_t ny, const double *Y,
                            double *W, double *work);
 
+/* How far conjugate gradients go. */
+typedef struct apsm_resolve_options {
+    bool single;      /* the matrix in single precision: several times faster, phi = r only */
+    double tolerance; /* of the residual, in the right-hand side; single is good to 1e-4 */
+    size_t most;      /* iterations */
+} apsm_resolve_options;
+
 /* Solves (2) at new centres X (n x 3) for one right-hand side by conjugate gradients on the
  * projected system, with the factor of earlier, nearby centres as preconditioner (and the single
- * precision factor serves as well).  Stops when the residual has fallen to `tolerance` of the
- * right-hand side; *iterations (out) is the count.  APSM_ERR_NONFINITE if max_iterations do not
- * suffice or the system is no longer definite: factor anew.  single: the matrix in single
- * precision, which is several times faster and good to tolerances of 1e-4 (phi = r only).  work:
+ * precision factor serves as well).  *iterations (out) is the count.  APSM_ERR_NONFINITE if the
+ * most do not suffice or the system is no longer definite: factor anew.  work:
  * apsm_polyharmonic_resolve_work_size(n).  O(n^2) an iteration. */
 size_t apsm_polyharmonic_resolve_work_size(size_t n);
 apsm_status apsm_polyharmonic_resolve(const apsm_polyharmonic *stale, const double *X,
-                                      const double *values, bool single, double tolerance,
-                                      size_t max_iterations, double *w, double c[4],
-                                      size_t *iterations, double *work) APSM_NODISCARD;
+                                      const double *values, const apsm_resolve_options *options,
+                                      double *w, double c[4], size_t *iterations,
+                                      double *work) APSM_NODISCARD;
 
 #ifdef __cplusplus
 }

@@ -62,9 +62,10 @@ static apsm_status walk_shape(apsm_context *ctx, size_t i, int worker, void *use
     apsm_status status = surface_points(p, i, &S);
     if (status == APSM_OK) status = apsm_geodesic_work_new(shape->geodesic, &g);
     if (status == APSM_OK) status = apsm_walk_work_new(p->J, &w);
+    const apsm_walk_ground ground = { shape->geodesic, g, shape->bvh };
     if (status == APSM_OK)
-        status = apsm_geodesic_correspondence(shape->geodesic, g, shape->bvh, p->J, &p->reference,
-                                              &p->walk, S, p->P + i * p->J * 3, w, &p->report[i]);
+        status = apsm_geodesic_correspondence(&ground, p->J, &p->reference, &p->walk, S,
+                                              p->P + i * p->J * 3, w, &p->report[i]);
     if (status == APSM_OK)
         apsm_shape_keep_on_rim(shape, p->J, p->on_rim, p->P + i * p->J * 3, NULL);
     apsm_walk_work_free(w);

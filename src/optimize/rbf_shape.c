@@ -27,15 +27,15 @@ void apsm_rbf_bind(apsm_rbf_shape *shape, size_t J, double *store)
     *shape = (apsm_rbf_shape){ .J = J, .Q = store, .w = store + 9 * J };
 }
 
-void apsm_rbf_dipoles(size_t J, const double *P, const double *N, double s, double *Q,
-                      double *values)
+void apsm_rbf_centres(size_t J, const apsm_dipoles *dipoles, double *Q, double *values)
 {
     static const double side[3] = { 0.0, 1.0, -1.0 };
     for (size_t d = 0; d < 3; d++)
         for (size_t j = 0; j < J; j++) {
             for (size_t a = 0; a < 3; a++)
-                Q[3 * (d * J + j) + a] = P[3 * j + a] + side[d] * s * N[3 * j + a];
-            values[d * J + j] = side[d] * s;
+                Q[3 * (d * J + j) + a] =
+                    dipoles->P[3 * j + a] + side[d] * dipoles->s * dipoles->N[3 * j + a];
+            values[d * J + j] = side[d] * dipoles->s;
         }
 }
 
@@ -48,31 +48,30 @@ size_t apsm_rbf_work_size(size_t J)
     return (fit > refit ? fit : refit) + n; /* an adjoint needs less */
 }
 
-apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double s, bool single,
-                         double *factor_store, apsm_polyharmonic *factor, apsm_rbf_shape *shape,
-                         double *work)
+apsm_status apsm_rbf_fit(apsm_phi phi, const apsm_dipoles *d, bool single, double *factor_store,
+                         apsm_polyharmonic *factor, apsm_rbf_shape *shape, double *work)
 {
     const size_t n = 3 * shape->J;
     double *values = work, *rest = work + n;
     shape->phi = phi;
-    shape->s = s;
-    apsm_rbf_dipoles(shape->J, P, N, s, shape->Q, values);
+    shape->s = d->s;
+    apsm_rbf_centres(shape->J, d, shape->Q, values);
     APSM_TRY(apsm_polyharmonic_factor_robust(phi, n, shape->Q, single, factor_store, rest, factor));
     apsm_polyharmonic_solve(factor, 1, values, NULL, shape->w, shape->c, rest);
     return APSM_OK;
 }
 
-apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
-                           double s, bool single, double tolerance, size_t max_iterations,
-                           apsm_rbf_shape *shape, size_t *iterations, double *work)
+apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const apsm_dipoles *d,
+                           const apsm_resolve_options *options, apsm_rbf_shape *shape,
+                           size_t *iterations, double *work)
 {
     const size_t n = 3 * shape->J;
     double *values = work;
     shape->phi = stale->phi;
-    shape->s = s;
-    apsm_rbf_dipoles(shape->J, P, N, s, shape->Q, values);
-    return apsm_polyharmonic_resolve(stale, shape->Q, values, single, tolerance, max_iterations,
-                                     shape->w, shape->c, iterations, work + n);
+    shape->s = d->s;
+    apsm_rbf_centres(shape->J, d, shape->Q, values);
+    return apsm_polyharmonic_resolve(stale, shape->Q, values, options, shape->w, shape->c,
+                                     iterations, work + n);
 }
 
 /* ---- evaluate ---- */
@@ -132,7 +131,8 @@ void apsm_rbf_eval(const apsm_rbf_shape *shape, size_t R, const double *X, doubl
                    double *grad_f)
 {
     const size_t n = 3 * shape->J;
-    apsm_polyharmonic_eval(shape->phi, n, shape->Q, 1, shape->w, shape->c, R, X, f);
+    const apsm_interpolants all = { shape->phi, n, 1, shape->Q, shape->w, shape->c };
+    apsm_polyharmonic_eval(&all, R, X, f);
     if (!grad_f) return;
     kernel_gradient(shape->phi, n, shape->Q, shape->w, R, X, grad_f);
     for (size_t r = 0; r < R; r++)
@@ -209,7 +209,8 @@ void apsm_rbf_adjoint(const apsm_rbf_shape *shape, const apsm_polyharmonic *fact
         d[0] += dL_df[r];
         for (size_t a = 0; a < 3; a++) d[1 + a] += dL_df[r] * X[3 * r + a];
     }
-    apsm_polyharmonic_eval(shape->phi, R, X, 1, dL_df, zero, n, shape->Q, l);
+    const apsm_interpolants pulls = { shape->phi, R, 1, X, dL_df, zero };
+    apsm_polyharmonic_eval(&pulls, n, shape->Q, l);
     apsm_polyharmonic_solve(factor, 1, l, d, l, m, rest);
     kernel_gradient(shape->phi, R, X, dL_df, n, shape->Q, dq);
     gather(J, shape->w, 1.0, dq, grad);

@@ -37,18 +37,23 @@ typedef struct apsm_rbf_shape {
 size_t apsm_rbf_store_size(size_t J);
 void apsm_rbf_bind(apsm_rbf_shape *shape, size_t J, double *store);
 
-/* Centres Q (9J) and values (3J) of the dipoles. */
-void apsm_rbf_dipoles(size_t J, const double *P, const double *N, double s, double *Q,
-                      double *values);
+/* Particles with the sides of the surface told by dipoles. */
+typedef struct apsm_dipoles {
+    const double *P, *N; /* J x 3: particles, unit normals */
+    double s;            /* distance from the particle, > 0 */
+} apsm_dipoles;
 
-/* Fits shape (bound, its J set) to particles P and unit normals N (J x 3), dipole distance s > 0.
+/* Centres Q (9J) and values (3J) of the dipoles. */
+void apsm_rbf_centres(size_t J, const apsm_dipoles *d, double *Q, double *values);
+
+/* Fits shape (bound, its J set) to the dipoles.
  * factor and its factor_store (apsm_polyharmonic_store_size(3J, single)) are out, for adjoints
  * and later refits; factor->ridge > 0 reports that particles (nearly) coincide.
  * single: factor in single precision, error of f about 1e-5 of the shape's size.
  * work: apsm_rbf_work_size(J).  Errors as apsm_polyharmonic_factor_robust.  O(9 J^3). */
 size_t apsm_rbf_work_size(size_t J);
-apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double s, bool single,
-                         double *factor_store, apsm_polyharmonic *factor, apsm_rbf_shape *shape,
+apsm_status apsm_rbf_fit(apsm_phi phi, const apsm_dipoles *d, bool single, double *factor_store,
+                         apsm_polyharmonic *factor, apsm_rbf_shape *shape,
                          double *work) APSM_NODISCARD;
 
 /* Residual of refits, relative to s, that does for the weights E (4). */
@@ -57,9 +62,9 @@ apsm_status apsm_rbf_fit(apsm_phi phi, const double *P, const double *N, double 
 /* As above, after small moves, with the factor of an earlier fit as preconditioner: a third (J =
  * 128) to a quarter (J = 1024) of the time; single, with floats alone, a tenth.  *iterations:
  * conjugate gradient steps taken.  Errors as apsm_polyharmonic_resolve: fit anew then. */
-apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const double *P, const double *N,
-                           double s, bool single, double tolerance, size_t max_iterations,
-                           apsm_rbf_shape *shape, size_t *iterations, double *work) APSM_NODISCARD;
+apsm_status apsm_rbf_refit(const apsm_polyharmonic *stale, const apsm_dipoles *d,
+                           const apsm_resolve_options *options, apsm_rbf_shape *shape,
+                           size_t *iterations, double *work) APSM_NODISCARD;
 
 /* f (R) and grad f (R x 3; NULL: not wanted) at X (R x 3).  O(R J); no scratch.  At a centre
  * the kernel's share of the gradient is taken as 0. */

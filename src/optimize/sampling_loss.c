@@ -418,12 +418,18 @@ KERNEL_INLINE void soften(const double *restrict d2, double kmin, double reach, 
     }
 }
 
+/* A point x and what (7) says of it. */
+typedef struct puller {
+    const double *x;
+    double kbar, sharpness, g_over_sum;
+} puller;
+
 /* Adds a point's share of (7) and of the mass to one block. */
-KERNEL_INLINE void pull(size_t Jp, const double *restrict p, const double *restrict k,
-                        const double *restrict e, const double x[3], double kbar, double sharpness,
-                        double g_over_sum, double *restrict grad)
+KERNEL_INLINE void pull(const puller *by, size_t Jp, const double *restrict p,
+                        const double *restrict k, const double *restrict e, double *restrict grad)
 {
-    const double a = x[0], b = x[1], c = x[2];
+    const double a = by->x[0], b = by->x[1], c = by->x[2], kbar = by->kbar;
+    const double sharpness = by->sharpness, g_over_sum = by->g_over_sum;
 #pragma omp simd
     for (size_t l = 0; l < LANES; l++) {
         const double w = g_over_sum * e[l], r = k[l];
@@ -448,10 +454,10 @@ KERNEL_INLINE double do_point(const cells *c, size_t found, const double x[3], d
         soften(c->d2 + (size_t)c->near[i] * LANES, kmin, reach, sharpness, c->k + i * LANES,
                c->e + i * LANES, s0, s1);
     const double sum = sum_lanes(s0), kbar = sum_lanes(s1) / sum;
+    const puller by = { x, kbar, sharpness, g / sum };
     for (size_t i = 0; i < kept; i++) {
         const size_t first = (size_t)c->block[c->near[i]] * LANES;
-        pull(c->Jp, c->p + first, c->k + i * LANES, c->e + i * LANES, x, kbar, sharpness, g / sum,
-             c->grad + first);
+        pull(&by, c->Jp, c->p + first, c->k + i * LANES, c->e + i * LANES, c->grad + first);
     }
     return kbar;
 }
@@ -577,10 +583,11 @@ static void hand_out(const cells *c, double scale, double *grad, double *mass)
     }
 }
 
-apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double *B,
-                               const double *g, const apsm_sampling_options *opt, double *loss,
-                               double *grad, double *kbar, double *mass, double *work)
+apsm_status apsm_sampling_loss(const apsm_sampling_points *in, const apsm_sampling_options *opt,
+                               const apsm_sampling_result *out, double *work)
 {
+    const size_t J = in->J, R = in->R;
+    const double *P = in->P, *B = in->B, *g = in->g;
     if (J < 1 || R < 1 || J > UINT32_MAX / 2 || R > UINT32_MAX / 2) return APSM_ERR_ARG;
     const double tau = tau_of(opt);
     const bool single = opt->precision == APSM_PRECISION_SINGLE;
@@ -597,8 +604,9 @@ apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double
     make_blocks(&c, P, reach);
     sort_along_curve(&c, R, B, c.b_order);
     memset(c.grad, 0, 4 * c.Jp * sizeof *c.grad);
-    const double total = single ? do_patches(&c, B, g, opt, kbar) : do_points(&c, B, g, opt, kbar);
-    hand_out(&c, scale, grad, mass);
-    if (loss) *loss = scale * total;
+    const double total =
+        single ? do_patches(&c, B, g, opt, out->kbar) : do_points(&c, B, g, opt, out->kbar);
+    hand_out(&c, scale, out->grad, out->mass);
+    if (out->loss) *out->loss = scale * total;
     return isfinite(total) ? APSM_OK : APSM_ERR_NONFINITE;
 }

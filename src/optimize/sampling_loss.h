@@ -52,17 +52,29 @@ double apsm_sampling_factor(int norm, size_t J);    /* 1, J or J^2 */
 double apsm_sampling_weights(size_t R, const double *f, const double *D, double c, bool relative,
                              double *E, double *g);
 
-/* Loss (6) and gradient (7), E constant, of particles P (J x 3, J >= 1) for points B (R x 3) with
- * weights g (R; NULL: all 1).  Out: loss; grad (J x 3), overwritten; kbar (R) soft distance of each
- * point; mass (J) sum_r w_rj g_r.  Each may be NULL.  work: apsm_sampling_work_size(J, R) doubles.
+/* Particles and the near-surface points that pull them; borrowed. */
+typedef struct apsm_sampling_points {
+    size_t J, R;     /* >= 1 */
+    const double *P; /* J x 3: particles */
+    const double *B; /* R x 3: points */
+    const double *g; /* R: their weights; NULL: all 1 */
+} apsm_sampling_points;
+
+/* What is wanted, in arrays of the caller's; each may be NULL. */
+typedef struct apsm_sampling_result {
+    double *loss; /* 1: (6) */
+    double *grad; /* J x 3: (7), E constant; overwritten */
+    double *kbar; /* R: soft distance of each point */
+    double *mass; /* J: sum_r w_rj g_r */
+} apsm_sampling_result;
+
+/* Loss (6) and gradient (7).  work: apsm_sampling_work_size(J, R) doubles.
  * Points are taken along a space-filling curve, in groups that meet the particles within reach:
  * O(R + pairs within reach).  Deterministic.  APSM_ERR_ARG leaves outputs untouched;
  * APSM_ERR_NONFINITE if anything is not finite. */
 size_t apsm_sampling_work_size(size_t J, size_t R);
-apsm_status apsm_sampling_loss(size_t J, const double *P, size_t R, const double *B,
-                               const double *g, const apsm_sampling_options *opt, double *loss,
-                               double *grad, double *kbar, double *mass,
-                               double *work) APSM_NODISCARD;
+apsm_status apsm_sampling_loss(const apsm_sampling_points *points, const apsm_sampling_options *opt,
+                               const apsm_sampling_result *result, double *work) APSM_NODISCARD;
 
 /* dL/df (R, out) of the loss through E, for apsm_rbf_adjoint: E's mean is a constant.
  * e_factor is what apsm_sampling_weights returned, kbar comes from apsm_sampling_loss. */

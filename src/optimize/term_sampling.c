@@ -56,9 +56,9 @@ static apsm_status fit_anew(const optimizer *op, size_t i, const double *P, cons
                             worker *w, double *store, apsm_rbf_shape *rbf,
                             apsm_polyharmonic *factor)
 {
-    const double s = dipole_length(op, &op->cohort->shape[i]);
+    const apsm_dipoles d = { P, N, dipole_length(op, &op->cohort->shape[i]) };
     const apsm_status status =
-        apsm_rbf_fit(kernel_of(op->o), P, N, s, is_single(op->o), store, factor, rbf, w->rbf_work);
+        apsm_rbf_fit(kernel_of(op->o), &d, is_single(op->o), store, factor, rbf, w->rbf_work);
     if (status == APSM_OK) return APSM_OK;
     return apsm_fail(op->ctx, status,
                      "%s: the particles do not determine a surface (coinciding, or all in a "
@@ -90,13 +90,12 @@ static apsm_status factor_at_own(const optimizer *op, size_t i, worker *w, apsm_
 static apsm_status fit_again(const optimizer *op, size_t i, const double *P, const double *N,
                              worker *w, apsm_rbf_shape *rbf, apsm_polyharmonic *spare)
 {
-    enum { MOST_ITERATIONS = 24 };
-    const double s = dipole_length(op, &op->cohort->shape[i]);
+    static const apsm_resolve_options o = { true, APSM_RBF_TOLERANCE, 24 };
+    const apsm_dipoles d = { P, N, dipole_length(op, &op->cohort->shape[i]) };
     const apsm_polyharmonic *factor;
     size_t iterations;
     APSM_TRY(factor_at_own(op, i, w, rbf, spare, &factor));
-    const apsm_status status = apsm_rbf_refit(factor, P, N, s, true, APSM_RBF_TOLERANCE,
-                                              MOST_ITERATIONS, rbf, &iterations, w->rbf_work);
+    const apsm_status status = apsm_rbf_refit(factor, &d, &o, rbf, &iterations, w->rbf_work);
     return status == APSM_OK ? status : fit_anew(op, i, P, N, w, w->factor_store, rbf, spare);
 }
 
@@ -133,8 +132,9 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
     const apsm_sampling_options so = sampling_options(op);
     draw_points(op, i, w);
     if (adaptive) APSM_TRY(surface_error(op, i, P, N, w, &rbf, &factor, &e_factor));
-    APSM_TRY(apsm_sampling_loss(op->J, P, op->R, w->B, adaptive ? w->g : NULL, &so, loss, g,
-                                w->kbar, NULL, w->sampling_work));
+    const apsm_sampling_points points = { op->J, op->R, P, w->B, adaptive ? w->g : NULL };
+    const apsm_sampling_result result = { .loss = loss, .grad = g, .kbar = w->kbar };
+    APSM_TRY(apsm_sampling_loss(&points, &so, &result, w->sampling_work));
     if (adaptive && op->o->sampling.error_gradient == APSM_ERROR_THROUGH_W) {
         apsm_sampling_dL_df(op->J, op->R, w->f, w->D, w->kbar, e_factor, so.sampling_scale,
                             w->dL_df);

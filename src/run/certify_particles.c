@@ -33,8 +33,8 @@ apsm_status apsm_certify_particles(apsm_context *ctx, const apsm_certify_input *
     double *M = malloc(16 * in->I * sizeof *M);
     if (!M) return apsm_fail(ctx, APSM_ERR_MEMORY, "certify: out of memory");
     for (size_t i = 0; i < in->I; i++) apsm_affine_identity(M + 16 * i);
-    apsm_status status = apsm_cohort_build(ctx, in->I, in->names, in->meshes, M, in->template_index,
-                                           0.0, 0.0, &cohort);
+    const apsm_cohort_input made = { in->I, in->names, in->meshes, M, in->template_index };
+    apsm_status status = apsm_cohort_build(ctx, &made, 0.0, 0.0, &cohort);
     free(M);
     if (status == APSM_OK) status = certify(ctx, in, &cohort, path, certified);
     apsm_cohort_free(&cohort);

@@ -127,8 +127,8 @@ apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
     };
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
-    APSM_TRY(apsm_cohort_build_in(run->ctx, store, run->project.n, run->names, run->mesh,
-                                  run->transforms, t, &fields, &run->cohort));
+    const apsm_cohort_input in = { run->project.n, run->names, run->mesh, run->transforms, t };
+    APSM_TRY(apsm_cohort_build_in(run->ctx, store, &in, &fields, &run->cohort));
     APSM_TRY(fixed_flag(run));
     APSM_TRY(features_load(run));
     return landmarks_anchor(run);

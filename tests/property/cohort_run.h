@@ -36,7 +36,8 @@ static inline cohort_run cohort_begin(synthetic_kind kind, size_t I, int level, 
         apsm_affine_identity(transforms + 16 * i);
     }
     const double h = apsm_expected_spacing(apsm_mesh_area(&r.mesh[I / 2]), J);
-    ok(&r, apsm_cohort_build(r.ctx, I, names, r.mesh, transforms, I / 2, h / 8, h, &r.cohort));
+    const apsm_cohort_input in = { I, names, r.mesh, transforms, I / 2 };
+    ok(&r, apsm_cohort_build(r.ctx, &in, h / 8, h, &r.cohort));
     ok(&r, apsm_optimizer_state_alloc(I, J, &r.state));
     free(transforms);
     return r;

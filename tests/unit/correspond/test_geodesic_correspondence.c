@@ -222,8 +222,9 @@ static void free_pair(pair *p)
 static apsm_walk_report pass(pair *p, const apsm_walk_options *o)
 {
     apsm_walk_report report;
-    assert_ok(apsm_geodesic_correspondence(p->shape.g, p->shape.w, p->shape.bvh, J, &p->rows, o,
-                                           p->points, p->P, p->work, &report));
+    const apsm_walk_ground ground = { p->shape.g, p->shape.w, p->shape.bvh };
+    assert_ok(
+        apsm_geodesic_correspondence(&ground, J, &p->rows, o, p->points, p->P, p->work, &report));
     for (size_t j = 0; j < J; j++) {
         double x[3];
         apsm_surface_position(&p->shape.mesh, p->points + j, x);
@@ -362,13 +363,13 @@ static void literal_pass_runs(void **state)
                                   .geodesic_target = APSM_TARGET_FARTHEST,
                                   .geodesic_walk = 1.0 };
     apsm_walk_report r;
-    assert_ok(apsm_geodesic_correspondence(p.shape.g, p.shape.w, NULL, J, &p.rows, &o, p.points,
-                                           p.P, p.work, &r));
+    const apsm_walk_ground ground = { p.shape.g, p.shape.w, NULL };
+    assert_ok(apsm_geodesic_correspondence(&ground, J, &p.rows, &o, p.points, p.P, p.work, &r));
     assert_true(r.moved >= 30 && r.moved <= J);
     const apsm_walk_options mean = apsm_walk_defaults(p.h);
-    assert_int_equal(apsm_geodesic_correspondence(p.shape.g, p.shape.w, NULL, J, &p.rows, &mean,
-                                                  p.points, p.P, p.work, &r),
-                     APSM_ERR_ARG);
+    assert_int_equal(
+        apsm_geodesic_correspondence(&ground, J, &p.rows, &mean, p.points, p.P, p.work, &r),
+        APSM_ERR_ARG);
     free_pair(&p);
 }
 

@@ -31,7 +31,7 @@ static void left_out_is_as_new(void **state)
     double X[N * Q], Y[N * V], X1[N * Q], Y1[N * V], own[J], new[J];
     norm_model all, others;
     data(0, N, X, Y);
-    assert_ok(norm_model_make(NULL, N, 0, Q, X, V, Y, Y, &all));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 0, Q, V, X, Y, Y }, &all));
     for (size_t i = 0; i < N; i += 5) {
         size_t n = 0;
         for (size_t k = 0; k < N; k++) {
@@ -40,7 +40,7 @@ static void left_out_is_as_new(void **state)
             memcpy(Y1 + n++ * V, Y + k * V, V * sizeof *Y);
         }
         memcpy(X1 + n * Q, X + i * Q, Q * sizeof *X);
-        assert_ok(norm_model_make(NULL, n, 1, Q, X1, V, Y1, Y + i * V, &others));
+        assert_ok(norm_model_make(NULL, &(norm_data){ n, 1, Q, V, X1, Y1, Y + i * V }, &others));
         assert_true(fabs(norm_distance_own(&all, i) / norm_distance_new(&others, 0) - 1) < 1e-12);
         norm_particles_own(&all, i, own);
         norm_particles_new(&others, 0, NULL, new);
@@ -61,7 +61,7 @@ static void level_is_kept(void **state)
         double X[(N + 1) * Q], Y[(N + 1) * V], p[J];
         norm_model m;
         data(10 + k, N + 1, X, Y);
-        assert_ok(norm_model_make(NULL, N, 1, Q, X, V, Y, Y + N * V, &m));
+        assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
         norm_particles_new(&m, 0, NULL, p);
         for (size_t j = 0; j < J; j++) particles += p[j] < 0.05;
         for (size_t v = 0; v < V; v++) t += fabs(norm_t(&m, 0, v)) > 2.0796138447; /* 21 degrees */
@@ -81,7 +81,7 @@ static void planted_bump_is_found(void **state)
     norm_model m;
     data(1000, N + 1, X, Y);
     Y[N * V + 3 * 4] += 30;
-    assert_ok(norm_model_make(NULL, N, 1, Q, X, V, Y, Y + N * V, &m));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
     norm_particles_new(&m, 0, T2, p);
     for (size_t j = 0; j < J; j++) assert_true(j == 4 ? p[j] < 1e-6 : p[j] > 1e-3);
     for (size_t j = 0; j < J; j++) assert_true(j == 4 || T2[j] < T2[4] / 5);
@@ -96,7 +96,7 @@ static void along_normals_is_as_coordinates(void **state)
     norm_model m;
     data(5, N + 1, X, Y);
     for (size_t j = 0; j < J; j++) normal[3 * j + j % 3] = j % 2 ? -1 : 1;
-    assert_ok(norm_model_make(NULL, N, 1, Q, X, V, Y, Y + N * V, &m));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
     norm_t_along(&m, 0, normal, t);
     for (size_t j = 0; j < J; j++) {
         const double one = norm_t(&m, 0, 3 * j + j % 3);

@@ -59,7 +59,8 @@ static void open_scene(scene *s)
             body(i, u, s->P + 3 * (J * i + j));
         }
     }
-    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, 0, 0, 0, &s->cohort), APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, 0 };
+    assert_int_equal(apsm_cohort_build(s->ctx, &in, 0, 0, &s->cohort), APSM_OK);
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
 }
 

@@ -56,7 +56,7 @@ static void warp_equals_golden(void **state)
         fit x = fit_new(phis[k], 10, source, false);
         for (size_t i = 0; i < 30; i++) d[i] = target[i] - source[i];
         apsm_polyharmonic_solve(&x.f, 3, d, NULL, w, c, x.work);
-        apsm_polyharmonic_eval(phis[k], 10, source, 3, w, c, 12, X, got);
+        apsm_polyharmonic_eval(&(apsm_interpolants){ phis[k], 10, 3, source, w, c }, 12, X, got);
         for (size_t i = 0; i < 36; i++) got[i] += X[i];
         golden_close_max(names[k], 36, got, want, k ? 1e-7 : 1e-9);
         apsm_polyharmonic_map(&x.f, source, 12, X, W, x.work);
@@ -87,7 +87,7 @@ static void interpolates_and_reproduces_affine(void **state)
     for (apsm_phi phi = APSM_PHI_R; phi <= APSM_PHI_R3; phi += 2) {
         fit x = fit_new(phi, N, X, false);
         apsm_polyharmonic_solve(&x.f, M, v, NULL, w, c, x.work);
-        apsm_polyharmonic_eval(phi, N, X, M, w, c, N, X, back);
+        apsm_polyharmonic_eval(&(apsm_interpolants){ phi, N, M, X, w, c }, N, X, back);
         golden_close("values", N * M, back, v, phi == APSM_PHI_R ? 1e-11 : 1e-9);
         const double want[4] = { 3.0, -1.0, 0.0, 0.5 };
         for (size_t i = 0; i < 4; i++)
@@ -117,7 +117,7 @@ static void solves_with_both_halves(void **state)
     for (apsm_phi phi = APSM_PHI_R; phi <= APSM_PHI_R3; phi += 2) {
         fit x = fit_new(phi, N, X, false);
         apsm_polyharmonic_solve(&x.f, M, v, d, w, c, x.work);
-        apsm_polyharmonic_eval(phi, N, X, M, w, c, N, X, back);
+        apsm_polyharmonic_eval(&(apsm_interpolants){ phi, N, M, X, w, c }, N, X, back);
         golden_close_max("A w + Q c", N * M, back, v, 1e-8);
         for (size_t j = 0; j < M; j++)
             for (size_t i = 0; i < 4; i++) {
@@ -186,9 +186,9 @@ static void single_precision_is_close(void **state)
     check_uniform(12, N, -1.0, 1.0, v);
     fit x = fit_new(APSM_PHI_R, N, X, false), s = fit_new(APSM_PHI_R, N, X, true);
     apsm_polyharmonic_solve(&x.f, 1, v, NULL, w, c, x.work);
-    apsm_polyharmonic_eval(APSM_PHI_R, N, X, 1, w, c, NY, Y, f);
+    apsm_polyharmonic_eval(&(apsm_interpolants){ APSM_PHI_R, N, 1, X, w, c }, NY, Y, f);
     apsm_polyharmonic_solve(&s.f, 1, v, NULL, w, c, s.work);
-    apsm_polyharmonic_eval(APSM_PHI_R, N, X, 1, w, c, NY, Y, f32);
+    apsm_polyharmonic_eval(&(apsm_interpolants){ APSM_PHI_R, N, 1, X, w, c }, NY, Y, f32);
     golden_close("single", NY, f32, f, 3e-5);
     fit_free(&x);
     fit_free(&s);
@@ -242,28 +242,37 @@ static void resolves_after_moves(void **state)
     fit x = fit_new(APSM_PHI_R, N, X, false), z = fit_new(APSM_PHI_R, N, Z, false),
         s = fit_new(APSM_PHI_R, N, Z, true);
     apsm_polyharmonic_solve(&z.f, 1, v, NULL, w, c, z.work);
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&x.f, Z, v, false, 1e-13, 60, u, b, &iterations, x.work),
-        APSM_OK);
+    assert_int_equal(apsm_polyharmonic_resolve(&x.f, Z, v,
+                                               &(apsm_resolve_options){ false, 1e-13, 60 }, u, b,
+                                               &iterations, x.work),
+                     APSM_OK);
     golden_close_max("stale w", N, u, w, 1e-10);
     golden_close_max("stale c", 4, b, c, 1e-10);
     assert_true(iterations >= 2);
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&s.f, Z, v, false, 1e-13, 9, u, b, &iterations, s.work), APSM_OK);
+    assert_int_equal(apsm_polyharmonic_resolve(&s.f, Z, v,
+                                               &(apsm_resolve_options){ false, 1e-13, 9 }, u, b,
+                                               &iterations, s.work),
+                     APSM_OK);
     golden_close_max("single w", N, u, w, 1e-10);
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&s.f, Z, v, true, 1e-5, 9, u, b, &iterations, s.work), APSM_OK);
+    assert_int_equal(apsm_polyharmonic_resolve(&s.f, Z, v, &(apsm_resolve_options){ true, 1e-5, 9 },
+                                               u, b, &iterations, s.work),
+                     APSM_OK);
     golden_close_max("w by floats", N, u, w, 1e-4);
     golden_close_max("c by floats", 4, b, c, 1e-3);
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&x.f, Z, v, true, 1e-5, 60, u, b, &iterations, x.work), APSM_OK);
+    assert_int_equal(apsm_polyharmonic_resolve(&x.f, Z, v,
+                                               &(apsm_resolve_options){ true, 1e-5, 60 }, u, b,
+                                               &iterations, x.work),
+                     APSM_OK);
     golden_close_max("stale w by floats", N, u, w, 1e-4);
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&z.f, Z, v, false, 1e-9, 1, u, b, &iterations, x.work), APSM_OK);
+    assert_int_equal(apsm_polyharmonic_resolve(&z.f, Z, v,
+                                               &(apsm_resolve_options){ false, 1e-9, 1 }, u, b,
+                                               &iterations, x.work),
+                     APSM_OK);
     assert_int_equal(iterations, 1); /* its own factor */
-    assert_int_equal(
-        apsm_polyharmonic_resolve(&x.f, Z, v, false, 1e-13, 2, u, b, &iterations, x.work),
-        APSM_ERR_NONFINITE);
+    assert_int_equal(apsm_polyharmonic_resolve(&x.f, Z, v,
+                                               &(apsm_resolve_options){ false, 1e-13, 2 }, u, b,
+                                               &iterations, x.work),
+                     APSM_ERR_NONFINITE);
     fit_free(&x);
     fit_free(&z);
     fit_free(&s);

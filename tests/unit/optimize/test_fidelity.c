@@ -38,7 +38,8 @@ static void make_scene(scene *s, synthetic_kind kind, double error, double size)
         for (size_t x = 0; x < 3 * mesh[i].nv; x++) mesh[i].V[x] *= size;
         for (size_t c = 0; c < 4; c++) M[16 * i + 5 * c] = 1;
     }
-    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, 0, 0, 0, &s->cohort), APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, 0 };
+    assert_int_equal(apsm_cohort_build(s->ctx, &in, 0, 0, &s->cohort), APSM_OK);
     uint32_t order[J];
     double *nearest = malloc(mesh[0].nv * sizeof *nearest);
     apsm_geodesic_work *w = NULL;

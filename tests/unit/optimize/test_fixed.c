@@ -28,9 +28,10 @@ static void make_scene(scene *s)
     s->options = apsm_optimize_defaults();
     const apsm_rbf_options *rbf = &s->options.rbf;
     const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[0]), J);
-    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, 0, 0.125 * h,
-                                       1.1 * rbf->band * rbf->dipole * h, &s->cohort),
-                     APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, 0 };
+    assert_int_equal(
+        apsm_cohort_build(s->ctx, &in, 0.125 * h, 1.1 * rbf->band * rbf->dipole * h, &s->cohort),
+        APSM_OK);
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
     s->options.schedule.stage1_epochs = 4;
     s->options.schedule.stage2_epochs = 4;

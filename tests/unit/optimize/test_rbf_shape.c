@@ -23,9 +23,10 @@ static fit fit_new(apsm_phi phi, size_t J, const double *P, const double *N, dou
     fit x = { .store = check_alloc(apsm_rbf_store_size(J)),
               .factor_store = check_alloc(apsm_polyharmonic_store_size(3 * J, single)),
               .work = check_alloc(apsm_rbf_work_size(J)) };
+    const apsm_dipoles d = { P, N, s };
     apsm_rbf_bind(&x.shape, J, x.store);
-    assert_int_equal(
-        apsm_rbf_fit(phi, P, N, s, single, x.factor_store, &x.factor, &x.shape, x.work), APSM_OK);
+    assert_int_equal(apsm_rbf_fit(phi, &d, single, x.factor_store, &x.factor, &x.shape, x.work),
+                     APSM_OK);
     return x;
 }
 
@@ -197,9 +198,9 @@ static void refit_equals_fit(void **state)
     fit x = fit_new(APSM_PHI_R, J, P, N, 1.0, false);
     for (size_t i = 0; i < 3 * J; i++) P[i] += move[i];
     fit y = fit_new(APSM_PHI_R, J, P, N, 1.0, false);
-    assert_int_equal(
-        apsm_rbf_refit(&x.factor, P, N, 1.0, false, 1e-4, 30, &x.shape, &iterations, x.work),
-        APSM_OK);
+    const apsm_resolve_options o = { false, 1e-4, 30 };
+    const apsm_dipoles d = { P, N, 1.0 };
+    assert_int_equal(apsm_rbf_refit(&x.factor, &d, &o, &x.shape, &iterations, x.work), APSM_OK);
     golden_close_max("w", 3 * J, x.shape.w, y.shape.w, 1e-3);
     golden_close_max("c", 4, x.shape.c, y.shape.c, 1e-3);
     assert_true(iterations > 0 && iterations <= 15);

@@ -58,8 +58,8 @@ static void make_scene(scene *s, bool balls)
                 synthetic_map(SYNTHETIC_BUMP, i, I, u, x);
         }
     }
-    assert_int_equal(apsm_cohort_build(s->ctx, I, names, mesh, M, I / 2, 0, 0, &s->cohort),
-                     APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, I / 2 };
+    assert_int_equal(apsm_cohort_build(s->ctx, &in, 0, 0, &s->cohort), APSM_OK);
     for (size_t i = 0; i < I; i++) {
         apsm_snap_closest(s->cohort.shape[i].bvh, J, s->P + i * J * 3, NULL, NULL);
         apsm_mesh_free(&mesh[i]);

@@ -47,9 +47,9 @@ static void make_scene(scene *s, bool with_fields)
         for (size_t c = 0; c < 4; c++) M[16 * i + 5 * c] = 1;
     }
     const double h = apsm_expected_spacing(apsm_mesh_area(&mesh[1]), J);
-    assert_int_equal(
-        apsm_cohort_build(s->ctx, I, names, mesh, M, 1, with_fields ? h / 8 : 0, h / 4, &s->cohort),
-        APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, 1 };
+    assert_int_equal(apsm_cohort_build(s->ctx, &in, with_fields ? h / 8 : 0, h / 4, &s->cohort),
+                     APSM_OK);
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
 }
 

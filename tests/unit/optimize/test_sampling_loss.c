@@ -109,8 +109,9 @@ static result loss_with(size_t J, const double *P, size_t R, const double *B, co
 {
     result x = result_new(J, R);
     double *work = check_alloc(apsm_sampling_work_size(J, R));
-    assert_int_equal(apsm_sampling_loss(J, P, R, B, g, &opt, &x.loss, x.grad, x.kbar, x.mass, work),
-                     APSM_OK);
+    const apsm_sampling_points points = { J, R, P, B, g };
+    const apsm_sampling_result wanted = { &x.loss, x.grad, x.kbar, x.mass };
+    assert_int_equal(apsm_sampling_loss(&points, &opt, &wanted, work), APSM_OK);
     free(work);
     return x;
 }
@@ -246,8 +247,8 @@ static void equals_golden(void **state)
         apsm_rbf_shape shape;
         apsm_polyharmonic factor;
         apsm_rbf_bind(&shape, J, store);
-        assert_int_equal(apsm_rbf_fit(APSM_PHI_R, in.P + 48 * i, in.N + 48 * i, in.s, false,
-                                      factor_store, &factor, &shape, work),
+        const apsm_dipoles d = { in.P + 48 * i, in.N + 48 * i, in.s };
+        assert_int_equal(apsm_rbf_fit(APSM_PHI_R, &d, false, factor_store, &factor, &shape, work),
                          APSM_OK);
         for (size_t k = 0; k < json_array_size(cases); k++)
             check_shape(&in, json_array_get(cases, k), i, &shape, &factor, work);
@@ -408,19 +409,17 @@ static void refuses_bad_arguments(void **state)
     double P[3] = { 0 }, B[3] = { 1, 0, 0 }, loss = 5.0, work[4096];
     assert_true(apsm_sampling_work_size(1, 1) <= 4096);
     apsm_sampling_options opt = apsm_sampling_defaults();
-    assert_int_equal(apsm_sampling_loss(1, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
-                     APSM_ERR_ARG); /* h is 0 */
+    const apsm_sampling_result wanted = { .loss = &loss };
+    const apsm_sampling_points one = { 1, 1, P, B, NULL }, none = { 0, 1, P, B, NULL };
+    assert_int_equal(apsm_sampling_loss(&one, &opt, &wanted, work), APSM_ERR_ARG); /* h is 0 */
     assert_true(loss == 5.0);
     opt.tau = opt.h = 1.0;
     opt.precision = APSM_PRECISION_DOUBLE;
-    assert_int_equal(apsm_sampling_loss(0, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
-                     APSM_ERR_ARG);
-    assert_int_equal(apsm_sampling_loss(1, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
-                     APSM_OK);
+    assert_int_equal(apsm_sampling_loss(&none, &opt, &wanted, work), APSM_ERR_ARG);
+    assert_int_equal(apsm_sampling_loss(&one, &opt, &wanted, work), APSM_OK);
     assert_true(loss == 1.0);
     B[2] = NAN;
-    assert_int_equal(apsm_sampling_loss(1, P, 1, B, NULL, &opt, &loss, NULL, NULL, NULL, work),
-                     APSM_ERR_NONFINITE);
+    assert_int_equal(apsm_sampling_loss(&one, &opt, &wanted, work), APSM_ERR_NONFINITE);
 }
 
 static void weights_have_mean_one_when_relative(void **state)

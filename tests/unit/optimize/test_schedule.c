@@ -58,7 +58,8 @@ static void make_cohort(apsm_context *ctx, apsm_cohort *cohort, double *P)
         memcpy(P + i * J * 3, mesh[i].V, J * 3 * sizeof *P);
         for (size_t x = 0; x < J * 3; x++) P[i * J * 3 + x] += (double)((i * i * 7 + x) % 5);
     }
-    assert_int_equal(apsm_cohort_build(ctx, I, names, mesh, M, 0, 3, 8, cohort), APSM_OK);
+    const apsm_cohort_input in = { I, names, mesh, M, 0 };
+    assert_int_equal(apsm_cohort_build(ctx, &in, 3, 8, cohort), APSM_OK);
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
 }
 

@@ -42,14 +42,14 @@ static void do_sampling(epoch *e)
         apsm_rbf_shape shape;
         apsm_polyharmonic factor;
         apsm_rbf_bind(&shape, J, store);
-        assert_int_equal(apsm_rbf_fit(APSM_PHI_R, e->P + N3 * i, e->N + N3 * i, s, false,
-                                      factor_store, &factor, &shape, work),
+        const apsm_dipoles d = { e->P + N3 * i, e->N + N3 * i, s };
+        assert_int_equal(apsm_rbf_fit(APSM_PHI_R, &d, false, factor_store, &factor, &shape, work),
                          APSM_OK);
         apsm_rbf_eval(&shape, R, e->B + 3 * R * i, f, NULL);
         apsm_sampling_weights(R, f, e->D + R * i, c, false, f, g);
-        assert_int_equal(apsm_sampling_loss(J, e->P + N3 * i, R, e->B + 3 * R * i, g, &opt, &loss,
-                                            e->grad_s + N3 * i, NULL, NULL, work_s),
-                         APSM_OK);
+        const apsm_sampling_points points = { J, R, e->P + N3 * i, e->B + 3 * R * i, g };
+        const apsm_sampling_result result = { .loss = &loss, .grad = e->grad_s + N3 * i };
+        assert_int_equal(apsm_sampling_loss(&points, &opt, &result, work_s), APSM_OK);
         e->sampling += loss;
     }
     free(work);

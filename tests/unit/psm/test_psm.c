@@ -97,9 +97,8 @@ static void scene_open(scene *s, size_t I, int level, double scale)
         for (size_t a = 0; a < 16; a++) s->transforms[i][a] = a % 5 == 0;
         s->names[i] = "ellipsoid";
     }
-    assert_int_equal(
-        apsm_cohort_build(s->ctx, I, s->names, s->mesh, s->transforms[0], 0, 0, 0, &s->cohort),
-        APSM_OK);
+    const apsm_cohort_input in = { I, s->names, s->mesh, s->transforms[0], 0 };
+    assert_int_equal(apsm_cohort_build(s->ctx, &in, 0, 0, &s->cohort), APSM_OK);
     s->o.method = APSM_METHOD_PSM;
     s->o.psm.psm_unit = scale;
 }
