@@ -303,6 +303,7 @@ static json_t *json_manifest(const json_t *manifest)
     json_t *input, *copy = json_deep_copy(manifest);
     json_object_del(copy, "outputs"); /* not for readers, and the page is one of them itself */
     json_object_del(copy, "sha256");
+    json_object_del(copy, "begun"); /* whoever writes the page, it is the same */
     json_array_foreach(json_object_get(copy, "inputs"), i, input)
     {
         const char *path = json_string_value(json_object_get(input, "path"));

@@ -228,15 +228,15 @@ function showScores(model, columns, tools, tested) {
       index: i, name: tools.shorts[i], x: across.at(i), y: up.at(i), colour: colour(c.values[i]), group: c.category ? c.values[i] : null,
       title: `${s.name}: ${c.name} ${c.values[i] === null ? "unknown" : c.category ? c.levels[c.values[i]] : show(c.values[i])}`, chosen: false, always: false,
     }]));
-    plot.replaceChildren(el("h4", {}, `Scores, coloured by ${c.name}`),
+    plot.replaceChildren(el("h4", {}, `Scores, coloured by ${c.name}`), el("div", { class: "split even" }, el("div", {},
       colourScatter({ title: `${across.name} and ${up.name} by ${c.name}`, ring: 2, onpick: tools.choose, points, ellipses: state.ellipses && c.category,
-        lines: state.line ? (c.category ? "groups" : "all") : null, xLabel: across.name, yLabel: up.name }),
+        lines: state.line ? (c.category ? "groups" : "all") : null, xLabel: across.name, yLabel: up.name })), el("div", {},
       c.category
         ? el("p", { class: "keys" }, c.levels.map((word, k) => [el("span", { class: "key", style: `background:${GROUPS[k % GROUPS.length]}` }), ` ${word} (${c.values.filter((v) => v === k).length})  `]))
         : el("div", { class: "legend" }, Object.assign(el("div", { class: "strip" }), { style: `background:${cssGradient(palettes.heat)}` }), el("div", { class: "ends" }, el("span", {}, show(lo)), el("span", {}, c.name), el("span", {}, show(hi)))),
       ...(state.line ? [el("p", {}, "Lines of least squares: ", regressions(points, c.category).map((r) => `${r.group === null ? "all shapes" : c.levels[r.group]} ${show(r.slope)} sd up for 1 across, r = ${show(r.r, 2)} (${r.n})`).join("; "), ".")] : []),
       el("p", {}, `${c.category ? "Ellipses: where 95 % of a group's shapes are expected (normal distribution, three shapes at least). " : ""}${c.values.some((v) => v === null) ? "Empty circles: unknown. " : ""}Dashed: two standard deviations of all.`),
-      el("p", { class: "saves screen" }, saveButton("SVG", "this plot", () => saveSvg(`scores_${p + 1}_${q + 1}`, plot.querySelector("svg")))));
+      el("p", { class: "saves screen" }, saveButton("SVG", "this plot", () => saveSvg(`scores_${p + 1}_${q + 1}`, plot.querySelector("svg")))))));
   };
   // Modes, and columns of numbers, all in standard deviations.
   const numeric = columns.filter((c) => !c.category);

@@ -15,6 +15,8 @@ export const el = (tag, attributes, ...children) =>
   fill(document.createElement(tag), attributes, children);
 export const svg = (tag, attributes, ...children) =>
   fill(document.createElementNS(SVG, tag), attributes, children);
+/** What append does, without words like false for what is not there. */
+export const put = (node, ...children) => fill(node, null, children);
 export const byId = (id) => document.getElementById(id);
 
 /** A number for people: three significant digits, no exponent where that can be helped. */

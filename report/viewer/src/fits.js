@@ -3,9 +3,11 @@
 import { byId, checkbox, choice, el, percent, plural, show, svg, table } from "./dom.js";
 import { Packed, vertexNormals } from "./data.js";
 import * as gl from "./gl.js";
-import { length, setUnit, unitKnown, unitNote } from "./units.js";
+import { length, setUnit, unitSentence } from "./units.js";
+import { fileName, saveButton, saveCsv, saveSvg, saveTools } from "./save.js";
 import { legend, weightsAt } from "./surface.js";
 
+const SCALED = 40;
 const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
 export const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
 
@@ -16,6 +18,10 @@ export class Fits extends Packed {
     this.F = this.array(root.mean.faces, "integers");
     this.N0 = vertexNormals(this.V0, this.F);
     this.of = new Map(root.shown.map((s, k) => [s.shape, k]));
+  }
+  /** All that views are to hold: the first shapes, which set the scale of colours, too. */
+  clouds() {
+    return this.shown.slice(0, SCALED).map((s) => this.array(s.vertices, "warped"));
   }
 }
 
@@ -58,11 +64,20 @@ function facts(f) {
     f.partial ? ["seen", `${percent(f.observed_share)} of the particles; the rest is what the model expects`] : null,
     d ? ["distance of surface and fit", `${length(d.mean)} on average, ${length(d.max)} at most`] : null,
     f.mahalanobis === undefined ? null
-      : ["distance from the mean", `Mahalanobis ${show(f.mahalanobis)} in ${plural(f.mahalanobis_modes, "mode")}; one further out is met with probability ${pText(f.tail_probability)}`],
-    f.residual === undefined ? null : ["missed by the modes", `${length(f.residual)} a coordinate (shapes left out: ${length(f.residual_usual)})`],
+      : ["distance from the mean", `Mahalanobis ${show(f.mahalanobis)} in ${plural(f.mahalanobis_modes, "mode")}; a shape of the model\u2019s kind lies farther out with probability ${pText(f.tail_probability)}`],
+    f.residual === undefined ? null : ["not told by the modes", `${length(f.residual)} in each coordinate (of the model\u2019s own shapes, left out: ${length(f.residual_usual)})`],
     f.certificate ? ["certificate", f.certificate.verdict] : null,
   ].filter(Boolean);
 }
+
+/** A chart that can be saved. */
+export const chartWithSave = (chart, name) => el("figure", { class: "chart" }, chart, el("p", { class: "saves screen" },
+  saveButton("SVG", `${name} as a picture`, () => saveSvg(fileName(name), chart))));
+/** A button that saves a table: rows() has the head first. */
+export const tableSave = (name, rows) => el("p", { class: "saves screen" }, saveButton("CSV", `${name} as a table`, () => saveCsv(fileName(name), rows())));
+/** Two views side by side. */
+export const twoViews = (...views) => el("div", { class: "pair" }, views.map(([canvas, text, tools]) =>
+  el("figure", {}, el("div", { class: "view" }, canvas), el("figcaption", { class: "small soft" }, text), tools && el("div", { class: "tools screen" }, tools))));
 
 /** Takes the model's sections away; returns what adds one. */
 export function clearPage(links) {
@@ -91,7 +106,7 @@ export function fillFits(model, { radius }) {
   byId("title").textContent = `Fits \u201c${model.title}\u201d`;
   document.title = `${model.title} \u2013 fits`;
   byId("summary").textContent = `${plural(rows.length, "new shape")} by the model ${model.model.path} ` +
-    `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). Lengths are in ${unitKnown() ? unitNote() : "the unit of the input"}.`;
+    `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). ${unitSentence()}`;
   const fine = count("good") === rows.length;
   byId("verdict").append(el("div", { class: `verdict ${fine ? "good" : "bad"}` },
     el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
@@ -126,7 +141,7 @@ export function fillFits(model, { radius }) {
     return made.get(k);
   };
   const reachOf = (k) => parts(k).values.difference.reduce((m, x) => Math.max(m, Math.abs(x)), 0) || 1;
-  const everywhere = () => model.shown.slice(0, 40).reduce((m, _, k) => Math.max(m, reachOf(k)), 0) || 1;
+  const everywhere = () => model.shown.slice(0, SCALED).reduce((m, _, k) => Math.max(m, reachOf(k)), 0) || 1;
   let common = 0;
 
   const bare = gl.surfaceGeometry(model.V0, model.F, model.N0, new Float32Array(model.V0.length / 3));
@@ -151,7 +166,11 @@ export function fillFits(model, { radius }) {
     meanView.set({ surface: bare, particles: null });
     key.replaceChildren(legend(how[0], how[2]));
     const { scores, variances } = model.shown[k];
-    chart.replaceChildren(zChart(scores.map((b, m) => b / Math.sqrt(variances[m])), f.name, "mode; score in standard deviations of the model"));
+    chart.replaceChildren(chartWithSave(zChart(scores.map((b, m) => b / Math.sqrt(variances[m])), f.name, "mode; score in standard deviations of the model"), `scores ${f.name}`));
+  };
+  const shownMesh = () => {
+    const k = model.of.get(state.chosen), values = k === undefined ? null : parts(k).values, field = values?.[state.colour] ? state.colour : "difference";
+    return values && { V: model.array(model.shown[k].vertices, "warped"), F: model.F, value: values[field], field };
   };
   const choose = (i) => { state.chosen = i; picker.value = String(i); dress(); };
   const select = choice("Shape ", rows.map((r, i) => [String(i), `${r.name}${r.verdict === "good" ? "" : ` (${r.verdict})`}`]), String(state.chosen), (v) => choose(Number(v)));
@@ -161,15 +180,15 @@ export function fillFits(model, { radius }) {
       choice("Colour ", [["difference", "difference from the mean"], ["deviation", "uncertainty"], ["observed", "seen or expected"]], "difference", (v) => { state.colour = v; dress(); }),
       checkbox("One scale for all shapes", true, (on) => { state.same = on; dress(); }),
       checkbox("Particles", false, (on) => { state.particles = on; dress(); })),
-    el("div", { class: "split even" },
-      el("figure", {}, el("div", { class: "view" }, canvas), el("figcaption", { class: "small soft" }, "the new shape, in the model\u2019s frame")),
-      el("figure", {}, el("div", { class: "view" }, meanCanvas), el("figcaption", { class: "small soft" }, "the mean"))),
+    twoViews([canvas, "the new shape, in the model\u2019s frame", saveTools(view, () => rows[state.chosen]?.name ?? "shape", () => shownMesh())], [meanCanvas, "the mean"]),
     key, heading, el("div", { class: "split even" }, details, chart));
 
   const list = section("table", "All shapes");
   if (model.shown.length < count("good") + count("needs review"))
     list.append(el("p", { class: "soft" }, `Surfaces of ${model.shown.length} shapes are on this page, those that need review first; all are in meshes/.`));
-  list.append(table(["shape", "verdict", "reason", "distance", "Mahalanobis", "probability", "seen", "hand"],
+  const head = ["name", "verdict", "reason", "surface_distance_mean", "mahalanobis", "tail_probability", "observed_share", "mirrored"];
+  list.append(tableSave(`fits ${model.title}`, () => [head, ...rows.map((r) => [r.name, r.verdict, r.reason, r.surface_distance?.mean, r.mahalanobis, r.tail_probability, r.observed_share, r.mirrored])]),
+    table(["shape", "verdict", "reason", "distance", "Mahalanobis", "probability", "seen", "hand"],
     rows.map((r, i) => [
       el("button", { type: "button", class: "link", onclick: () => { choose(i); byId("shape").scrollIntoView(); } }, r.name),
       el("span", { class: `badge ${SIGN[r.verdict] === "good" ? "plain" : "bad"}` }, r.verdict), r.reason,

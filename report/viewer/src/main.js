@@ -1,12 +1,12 @@
 // Fills the page: one function a part of the report.
-import { byId, checkbox, choice, el, percent, plural, show, table } from "./dom.js";
+import { byId, checkbox, choice, el, percent, plural, put, show, table } from "./dom.js";
 import { Model, median, normalsAt, outliers, readPage, vertexNormals } from "./data.js";
 import { particleColours } from "./colors.js";
 import * as gl from "./gl.js";
 import { curve, histogram, scatter } from "./charts.js";
 import { fillAnswers } from "./answers.js";
 import { fillCompare } from "./compare.js";
-import { length, setUnit, unitKnown, unitNote } from "./units.js";
+import { length, setUnit, unitKnown, unitNote, unitSentence } from "./units.js";
 import { copyText, fileName, saveCsv, saveSvg, saveButton, saveTools } from "./save.js";
 import { modeBasis } from "./modes.js";
 import { readLink, writeLink } from "./link.js";
@@ -205,7 +205,7 @@ function fillHeader() {
   byId("summary").textContent =
     `${plural(model.I, "shape")}, ${model.J} particles each, template ${e.template}. ` +
     (surface ? `Surfaces are reproduced to ${length(surface.mean)} on average, ${length(surface.max)} at worst. ` : "") +
-    (unitKnown() ? `Lengths are in ${unitNote()}.` : "Lengths are in the unit of the input, which mesh files do not tell; --unit mm would.");
+    unitSentence();
   const fine = c.certified === c.shapes;
   const review = facts.flatMap((f, i) => (f.fine ? [] : [i]));
   byId("verdict").append(
@@ -362,7 +362,7 @@ function fillModes() {
     const t = of === "all" && model.evaluation.modes?.[m];
     if (!t) return "";
     const why = `cosine ${t.cosine.toFixed(2)} with the same mode when shapes are drawn again; by chance a mode of this rank has ${percent(t.chance)} of the variance`;
-    return el("span", { class: "soft", title: why }, `: ${t.text}`);
+    return el("span", { class: "trust soft", title: why }, t.text);
   };
   const makeRow = (m) => {
     const range = el("input", {
@@ -374,8 +374,8 @@ function fillModes() {
     rows[m] = { range, play: button, value: text };
     tell(m);
     return el("div", { class: "mode" }, button,
-      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(variances[m] / totalOf())), trust(m)),
-      text, el("div", { class: "range" }, range));
+      el("span", {}, el("span", { class: "name" }, `Mode ${m + 1} `), el("span", { class: "soft" }, percent(variances[m] / totalOf()))),
+      text, el("div", { class: "range" }, range), trust(m));
   };
   const reset = () => {
     stop();
@@ -406,9 +406,9 @@ function fillModes() {
   const pick = sets.pose && choice("Modes of", Object.keys(sets).map((k) => [k, words[k]]), of, use);
   fillList();
   const state = () => [...weight].flatMap((b, m) => (b === 0 ? [] : [`${of === "all" ? "" : `${of}_`}mode${m + 1}${b < 0 ? "" : "+"}${b.toFixed(1)}`])).join(" ") || "mean";
-  body.append(
+  put(body,
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
-      : `The mean of all shapes, and how they vary: ${plural(K, "mode")}, each with its share of the variance. Colour tells how far the surface has moved from the mean along its normal; its scale is that of the modes moved, at ${SLIDER} standard deviations.`),
+      : `The mean of all shapes and its ${plural(K, "mode")}, each with its share of the variance. Colour: how far the surface has moved outward or inward; the scale ends at ${SLIDER} standard deviations.`),
     ...(sets.pose ? [el("p", { class: "soft" }, tellApart(model))] : []),
     el("div", { class: "split" },
       el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: fields.find((f) => f.key === options.colour)?.name ?? "displacement" })),
@@ -493,7 +493,7 @@ function fillCohort(strange) {
   const tell = () => (readout.textContent = readoutText() || hint);
   refresh.particle.push(tell);
   tell();
-  body.append(
+  put(body,
     el("p", { class: "soft" }, "A particle has the same colour on every shape; neighbours differ. All views turn together."),
     list.length > 0
       ? el("div", {}, el("p", {}, el("strong", {}, "Outliers"), " (beyond the median by 3.5 robust standard deviations):"),
@@ -551,8 +551,8 @@ function fillFidelity() {
     const cell = (x) => (x === undefined ? "" : show(tidy(x, d)));
     const row = (name, s) => [name, cell(s.mean), cell(s.median), cell(s.p95), cell(s.p99), cell(s.max)];
     figures.replaceChildren(
-      d ? table([`distance, ${unitNote()}`, "mean", "median", "95 %", "99 %", "max"],
-        [row("two-way", d), row("reconstruction to original", d.pull), row("original to reconstruction", d.push)], [1, 2, 3, 4, 5])
+      d ? table([unitKnown() ? `distance, ${unitNote()}` : "distance", "mean", "median", "95 %", "99 %", "max"],
+        [row("two-way", d), row("from reconstruction", d.pull), row("from original", d.push)], [1, 2, 3, 4, 5])
         : el("p", {}, "The surface distance was not measured (option surface_distance); the maps show distances of the vertices on the page."),
       el("p", { class: "small soft" },
         i === model.template ? "This is the template: its reconstruction is itself. " : "",
@@ -565,7 +565,7 @@ function fillFidelity() {
     }));
   };
   refresh.shape.push(render);
-  body.append(
+  put(body,
     el("p", { class: "soft" }, "What the particles reproduce of a shape: the template\u2019s surface is warped to the shape\u2019s particles (the reconstruction) and compared with the original surface, both ways."),
     el("div", { class: "tools" }, select,
       el("button", { type: "button", "aria-label": "previous shape", onclick: () => step(-1) }, "\u2190"),
@@ -635,11 +635,12 @@ function fillQuality() {
   one("generalization", "Generalization", `distance, ${unitNote()}`, "Leave one out: mean distance of a shape\u2019s particles to their best fit by a model of the others; lower is better. Band: one standard error.", e.generalization_standard_error);
   one("specificity", "Specificity", `distance, ${unitNote()}`, `Mean distance of ${e.specificity_samples.toLocaleString("en")} random shapes of the model to the nearest real one; lower is better. Band: one standard error.`, e.specificity_standard_error);
 
-  const plot = el("figure", { class: "chart" }), K = model.mean.modes.length;
+  const plot = el("figure", { class: "chart" }), plotTools = el("div", { class: "tools" }), K = model.mean.modes.length;
   const draw = () => {
     const [p, q] = state.axes;
     plot.replaceChildren(
       el("h3", {}, "Shapes by their modes"),
+      plotTools,
       scatter({
         title: `scores of mode ${p + 1} and mode ${q + 1}`, ring: 2, onpick: (i) => chooseShape(i),
         xLabel: `mode ${p + 1} (${percent(model.variances[p] / total)}), sd`, yLabel: `mode ${q + 1} (${percent(model.variances[q] / total)}), sd`,
@@ -655,15 +656,15 @@ function fillQuality() {
     charts.append(plot);
     refresh.shape.push(draw);
     const list = model.mean.modes.map((_, m) => [String(m), `mode ${m + 1}`]);
-    body.append(el("div", { class: "tools" },
-      choice("Scatter: across", list, "0", (v) => { state.axes[0] = Number(v); draw(); }),
-      choice("up", list, "1", (v) => { state.axes[1] = Number(v); draw(); })));
+    plotTools.append(
+      choice("Across", list, "0", (v) => { state.axes[0] = Number(v); draw(); }),
+      choice("up", list, "1", (v) => { state.axes[1] = Number(v); draw(); }));
   }
-  body.prepend(el("p", { class: "soft" }, `Definition \u201c${e.definition}\u201d: ${e.definition_text}. Distances are means over particles.`));
-  body.append(charts);
+  body.prepend(el("p", { class: "soft" }, `Distances are means over particles. By the definition \u201c${e.definition}\u201d, ${e.definition_text}.`));
+  put(body, charts);
   const n = e.compactness.length, heads = ["compactness", "generalization", "generalization_standard_error", "specificity", "specificity_standard_error"];
   const figures = () => [["modes", ...heads], ...Array.from({ length: n }, (_, m) => [m + 1, ...heads.map((h) => e[h]?.[m])])];
-  body.append(scoreTable(), el("details", {}, el("summary", {}, "The figures as a table"), savesOf("quality", null, figures),
+  put(body, scoreTable(), el("details", {}, el("summary", {}, "The figures as a table"), savesOf("quality", null, figures),
     table(["modes", "compactness", "generalization", "standard error", "specificity", "standard error"],
       Array.from({ length: n }, (_, m) => [String(m + 1), show(e.compactness[m], 4), show(e.generalization[m]), show(e.generalization_standard_error[m], 2), show(e.specificity[m]), show(e.specificity_standard_error[m], 2)]),
       [0, 1, 2, 3, 4, 5])));
@@ -717,12 +718,13 @@ function fillCertificate() {
       el("div", {}, k.reasons?.length > 0 && el("div", {}, k.reasons.join("; ") + likely(k)), places(i, k)),
     ];
   };
-  body.append(
+  put(body,
     el("p", {}, `Certified: ${c.certified} of ${c.shapes}. In all: ${countsText()}. A shape is certified if its particles keep their neighbours (at most ${100 * (limits.mismatched_share ?? 0.02)}\u00a0% have lost one), none have changed places, no triangle of neighbours is turned over, and all lie on the surface and apart from each other; and if, compared with the other shapes, it lies as they do, is no mirror image, belongs to them in form and size, and no region has slipped or end was missed.`),
     ...kindsOfNotes().map(({ kind, notes }) => notes.length > 5
       ? el("details", { class: "soft" }, el("summary", {}, `${notes.length} shapes: ${kind}`), notes.map((n) => el("p", {}, `${n.shape}: ${n.text}`)))
       : notes.map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`))),
-    el("p", { class: "soft" }, `Compared with the template ${c.template}. A particle has lost neighbours if one that is beside it on the template is far from it on the shape, along the surface: farther than twice the closest, and than ${show(limits.stretch ?? 1.75)} times their distance on the template. It is stretched if a neighbour within 1.5 times the spacing is farther than 2 times the spacing: a strong stretch looks like that, too, and does not cost the certificate. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}. Click a particle to see it on the shape.`),
+    el("details", { class: "soft" }, el("summary", {}, "What the columns mean"), el("p", {}, `Compared with the template ${c.template}. A particle has lost neighbours if one that is beside it on the template is far from it on the shape, along the surface: farther than twice the closest, and than ${show(limits.stretch ?? 1.75)} times their distance on the template. It is stretched if a neighbour within 1.5 times the spacing is farther than 2 times the spacing: a strong stretch looks like that, too, and does not cost the certificate. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}.`)),
+    el("p", { class: "small screen" }, "Click a particle to see it on the shape."),
     savesOf("certificate", null, certificateRows),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
@@ -754,16 +756,16 @@ function followLink(to) {
 
 function fillProvenance() {
   const body = byId("provenance").querySelector(".body"), m = model.manifest, stages = Object.entries(m.stages ?? {});
-  const seconds = (s) => (s >= 100 ? `${Math.round(s)} s` : `${show(s)} s`);
+  const seconds = (s) => (s >= 100 ? `${Math.round(s)}\u00a0s` : `${show(s)}\u00a0s`);
   const sum = (key) => stages.reduce((a, [, s]) => a + (s[key] ?? 0), 0);
-  body.append(
+  put(body,
     el("p", {}, `Made by apsm ${m.apsm}, seed ${m.options?.seed ?? "0"}, ${plural(m.inputs.length, "input")}.`),
     ...(m.cropped?.ends ?? []).map((e) => el("p", {}, `${e.cut} of ${m.inputs.length} shapes were cut off at one end, by the edge of an image perhaps. All are cropped there to what ${e.shortest}, the shortest, holds; shapes lose ${show(100 * m.cropped.mean_loss)}\u00a0% of their surface on average, ${m.cropped.loser} ${show(100 * m.cropped.most_loss)}\u00a0%.`)),
-    table(["step", "wall clock", "processor", "memory so far", "threads"],
-      stages.map(([name, s]) => [name, seconds(s.wall_seconds), seconds(s.cpu_seconds), `${Math.round(s.peak_memory_mb)} MB`, String(s.threads)])
+    stages.length > 0 && table(["step", "wall clock", "processor", "memory so far", "threads"],
+      stages.map(([name, s]) => [name, seconds(s.wall_seconds), seconds(s.cpu_seconds), `${Math.round(s.peak_memory_mb)}\u00a0MB`, String(s.threads)])
         .concat([["together", seconds(sum("wall_seconds")), seconds(sum("cpu_seconds")), "", ""]]), [1, 2, 3, 4]),
     el("details", {}, el("summary", {}, `Options (${Object.keys(m.options ?? {}).length})`),
-      table(["option", "value"], Object.entries(m.options ?? {}).map(([k, v]) => [el("code", {}, k), el("code", {}, v)]))),
+      table(["option", "value"], Object.entries(m.options ?? {}).map(([k, v]) => [el("code", {}, k), el("code", {}, /^-?\d+\.\d{9,}$/.test(v) ? String(Number(v)) : v)]))),
     el("details", {}, el("summary", {}, `Inputs (${m.inputs.length}) with SHA-256`),
       table(["name", "file", "bytes", "SHA-256"], m.inputs.map((f) => [f.name, f.path, f.bytes.toLocaleString("en"), el("code", {}, f.sha256 || "\u2013")]), [2])),
   );
@@ -834,8 +836,8 @@ function setStage() {
 /** A page of new shapes: data of the class Fits or Norms. */
 function startShapes(data, V0, fillPage) {
   byId("link").hidden = true;
-  const stage = stageOf(V0, [V0]);
-  gl.setStage(stage.centre, stage.radius, stage.yaw);
+  const clouds = [V0, ...data.clouds()], stage = stageOf(V0, clouds);
+  gl.setStage(stage.centre, stage.radius, stage.yaw, hullOf(clouds, stage.centre));
   tryGraphics();
   const page = fillPage(data, { radius: 0.02 * stage.radius });
   window.apsmReport = { model: data, ...page, pose: gl.pose, idle: gl.idle };

@@ -3,9 +3,10 @@
 import { byId, checkbox, choice, el, plural, show, table } from "./dom.js";
 import { Packed, vertexNormals } from "./data.js";
 import * as gl from "./gl.js";
-import { clearPage, differences, pText, stepByKeys, zChart } from "./fits.js";
+import { chartWithSave, clearPage, differences, pText, stepByKeys, tableSave, twoViews, zChart } from "./fits.js";
+import { saveTools } from "./save.js";
 import { legend, weightsAt } from "./surface.js";
-import { length, setUnit, unitKnown, unitNote } from "./units.js";
+import { length, setUnit, unitSentence } from "./units.js";
 
 const ALPHA = 0.05, REACH = 4; // standard deviations that the colours span
 const whole = (x) => (Number.isFinite(x) ? show(x, Math.abs(x) >= 10 && Math.abs(x) < 99 ? 2 : 3) : "\u2013");
@@ -15,6 +16,9 @@ export class Norms extends Packed {
   constructor(root, bytes) {
     super(root, bytes);
     this.F = this.array(root.faces, "integers");
+  }
+  clouds() {
+    return this.shapes.filter((s) => s.vertices).map((s) => this.array(s.vertices, "positions"));
   }
   surfaces(k) {
     const s = this.shapes[k];
@@ -39,7 +43,7 @@ function facts(s, model) {
 function summary(model) {
   const given = model.formula ? `, allowing for ${model.formula.replace(/^\s*~\s*/, "")}` : "";
   return `${plural(model.shapes.length, "new shape")} among the ${plural(model.cohort, "shape")} of \u201c${model.title}\u201d${given}. ` +
-    `Lengths are in ${unitKnown() ? unitNote() : "the unit of the input"}. For research; this is no diagnosis.`;
+    `${unitSentence()} For research; this is no diagnosis.`;
 }
 
 /** What to think of it at a glance. */
@@ -78,6 +82,7 @@ export function fillNorms(model, { radius }) {
     if (hasZ) values.z = spread(s.particle_z.map((z) => z ?? 0));
     const draw = (value) => gl.surfaceGeometry(patient, model.F, N, value);
     const parts = {
+      values,
       reach: values.difference.reduce((m, x) => Math.max(m, Math.abs(x)), 0) || 1,
       geometry: Object.fromEntries(Object.entries(values).map(([name, value]) => [name, draw(value)])),
       expected: gl.surfaceGeometry(expected, model.F, N0, new Float32Array(expected.length / 3)),
@@ -97,9 +102,10 @@ export function fillNorms(model, { radius }) {
     valuesAt.replaceChildren(s.values.length
       ? table(["measurement", "value", "expected", "z", "percentile", "shapes"], s.values.map((v) => [v.name, show(v.value, 4), show(v.expected, 4), show(v.z), whole(v.percentile), String(v.shapes)]), [1, 2, 3, 4, 5])
       : el("p", {}, "None."));
-    modesAt.replaceChildren(el("div", { class: "split even" },
-      zChart(s.modes.map((m) => m.z), s.name, "mode; distance from what is expected, in standard deviations"),
-      table(["mode", "z", "percentile"], s.modes.map((m, k) => [String(k + 1), show(m.z), whole(m.percentile)]), [1, 2])));
+    modesAt.replaceChildren(
+      chartWithSave(zChart(s.modes.map((m) => m.z), s.name, "mode; distance from what is expected, sd"), `modes ${s.name}`),
+      el("details", {}, el("summary", {}, `All ${plural(s.modes.length, "mode")} as a table`),
+        table(["mode", "z", "percentile"], s.modes.map((m, k) => [String(k + 1), show(m.z), whole(m.percentile)]), [1, 2])));
   };
   const dress = () => {
     const s = model.shapes[state.chosen], shown = Boolean(s.vertices);
@@ -120,6 +126,10 @@ export function fillNorms(model, { radius }) {
     expectedView.set({ surface: parts.expected, particles: null });
     key.replaceChildren(legend(how[0], how[2]));
   };
+  const shownMesh = () => {
+    if (!model.shapes[state.chosen].vertices) return null;
+    return { V: model.surfaces(state.chosen).patient, F: model.F, value: partsOf(state.chosen).values[state.colour], field: state.colour };
+  };
   const choose = (k) => { state.chosen = k; picker.value = String(k); dress(); };
   const select = choice("Shape ", model.shapes.map((s, k) => [String(k), s.name]), "0", (v) => choose(Number(v)));
   const picker = select.querySelector("select");
@@ -128,11 +138,12 @@ export function fillNorms(model, { radius }) {
     el("div", { class: "tools" }, select,
       choice("Colour ", colours.filter(([name]) => hasZ || name !== "z"), state.colour, (v) => { state.colour = v; dress(); }),
       checkbox("Particles", false, (on) => { state.particles = on; dress(); })),
-    el("div", { class: "split even" },
-      el("figure", {}, el("div", { class: "view" }, canvas), el("figcaption", { class: "small soft" }, "the new shape")),
-      el("figure", {}, el("div", { class: "view" }, other), el("figcaption", { class: "small soft" }, model.formula ? "the shape that is expected for such a person" : "the mean of the norm"))),
+    twoViews([canvas, "the new shape", saveTools(view, () => model.shapes[state.chosen].name, () => shownMesh())],
+      [other, model.formula ? "the shape that is expected for such a person" : "the mean of the norm"]),
     key, heading, details);
-  list.append(table(["shape", "percentile", "95\u00a0% interval", "halves", "z", "p", "most unusual place", "unusual particles"],
+  const head = ["name", "percentile", "percentile_low", "percentile_high", "z", "p", "p_particles", "unusual_particles"];
+  list.append(tableSave(`norm ${model.title}`, () => [head, ...model.shapes.map((s) => [s.name, s.percentile, ...s.percentile_interval, s.z, s.p, s.p_particles, unusual(s)])]),
+    table(["shape", "percentile", "95\u00a0% interval", "halves", "z", "p", "most unusual place", "unusual particles"],
     model.shapes.map((s, k) => [
       el("button", { type: "button", class: "link", onclick: () => { choose(k); byId("shape").scrollIntoView(); } }, s.name),
       whole(s.percentile), range(s.percentile_interval), range(s.percentile_of_halves), show(s.z), pText(s.p), pText(s.p_particles), String(unusual(s))]), [1, 2, 3, 4, 5, 6, 7]));

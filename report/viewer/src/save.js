@@ -83,7 +83,7 @@ export const saveMesh = (name, format, V, F, value, field) =>
 export function saveTools(view, name, mesh) {
   const save = (format) => () => {
     const m = mesh();
-    saveMesh(fileName(name()), format, m.V, m.F, m.value, m.field);
+    if (m) saveMesh(fileName(name()), format, m.V, m.F, m.value, m.field); // some shapes have no surface here
   };
   return el("span", { class: "saves" },
     saveButton("PNG", "picture", () => view.picture((blob) => download(`${fileName(name())}.png`, blob))),
