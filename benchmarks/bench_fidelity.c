@@ -15,7 +15,8 @@
 #include "judge/certify.h"
 #include "optimize/fidelity.h"
 #include "optimize/reseat.h"
-#include "run/session.h"
+#include "run/shapes.h"
+#include "session/session.h"
 
 static apsm_status lend(apsm_context *ctx, size_t i, const apsm_mesh **mesh, const apsm_bvh **bvh,
                         void *user)

@@ -9,8 +9,8 @@
 #include "files/files.h"
 #include "folder/manifest_json.h"
 #include "folder/names.h"
-#include "run/manifest.h"
 #include "run/source.h"
+#include "session/manifest.h"
 
 /* ---- the folder ---- */
 

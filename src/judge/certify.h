@@ -18,7 +18,7 @@ typedef struct cohort_certificate {
     bool judged;              /* by the other shapes: they are enough */
     apsm_judgement judgement; /* if so */
     unsigned *doubts;         /* I: bits 1 << APSM_DOUBT_* */
-    struct json_t *notes;     /* of grooming, see run/notes.h; NULL: none */
+    struct json_t *notes;     /* of grooming, see session/notes.h; NULL: none */
 } cohort_certificate;
 
 /* Judges particles P (I x J x 3, world frame) of the cohort.  notes (NULL: none) are what grooming

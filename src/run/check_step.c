@@ -10,11 +10,13 @@
 #include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
-#include "run/guard.h"
 #include "run/landmarks.h"
-#include "run/manifest.h"
-#include "run/session.h"
+#include "run/shapes.h"
 #include "run/source.h"
+#include "run/state.h"
+#include "session/guard.h"
+#include "session/manifest.h"
+#include "session/session.h"
 
 /* ---- check ---- */
 

@@ -6,7 +6,7 @@
 #include "align/common_ends.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
-#include "run/manifest.h"
+#include "session/manifest.h"
 
 /* More than this share of its surface no shape gives away. */
 static const double most_loss = 0.7;

@@ -14,10 +14,12 @@
 #include "geometry/affine.h"
 #include "judge/certify.h"
 #include "run/features.h"
-#include "run/guard.h"
 #include "run/landmarks.h"
-#include "run/manifest.h"
-#include "run/session.h"
+#include "run/results.h"
+#include "run/shapes.h"
+#include "session/guard.h"
+#include "session/manifest.h"
+#include "session/session.h"
 
 /* Modes whose meshes are written: those that make up this share of the variance, at most. */
 static const double shown_share = 0.95;

@@ -13,10 +13,10 @@
 #include "groom/handles.h"
 #include "run/fixed.h"
 #include "run/input_check.h"
-#include "run/kept.h"
 #include "run/memory.h"
 #include "run/regions.h"
 #include "run/source.h"
+#include "session/kept.h"
 
 /* ---- which inputs ---- */
 

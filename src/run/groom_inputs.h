@@ -6,7 +6,7 @@
 #include "geometry/region.h"
 #include "groom/groom.h"
 #include "input/input.h"
-#include "run/session.h"
+#include "session/session.h"
 
 /* Owns its arrays, each list.n long; zero-initialise with {0}. */
 typedef struct groom_inputs {

@@ -17,14 +17,16 @@
 #include "run/fixed.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
-#include "run/guard.h"
-#include "run/kept.h"
 #include "run/landmarks.h"
-#include "run/manifest.h"
-#include "run/notes.h"
 #include "run/regions.h"
-#include "run/session.h"
+#include "run/results.h"
+#include "run/shapes.h"
 #include "run/source.h"
+#include "session/guard.h"
+#include "session/kept.h"
+#include "session/manifest.h"
+#include "session/notes.h"
+#include "session/session.h"
 
 /* Parts are aligned by themselves if their mean residual is less than this share of that in the
  * poses of the whole surfaces. */

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "run/session.h"
+#include "session/session.h"
 
 enum { SIDES = 6 };
 

@@ -25,7 +25,7 @@ apsm_status groomed_align(apsm_run *run, const groom_inputs *in, groomed_cohort 
 
 /* A new reference; NULL if out of memory. */
 struct json_t *groomed_json(const groom_inputs *in);
-/* Adds to notes (run/notes.h); not 0 if out of memory. */
+/* Adds to notes (session/notes.h); not 0 if out of memory. */
 int groomed_add_notes(const groom_inputs *in, struct json_t *notes);
 
 #endif

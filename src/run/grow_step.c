@@ -12,9 +12,11 @@
 #include "run/features.h"
 #include "run/groom_inputs.h"
 #include "run/groomed.h"
-#include "run/guard.h"
-#include "run/manifest.h"
-#include "run/outputs.h"
+#include "run/particles.h"
+#include "run/shapes.h"
+#include "session/guard.h"
+#include "session/manifest.h"
+#include "session/outputs.h"
 
 enum { LEAST_SHAPES = 3 };
 

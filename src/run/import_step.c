@@ -6,8 +6,10 @@
 
 #include "apsm/formats.h"
 #include "geometry/topology.h"
-#include "run/guard.h"
-#include "run/manifest.h"
+#include "run/particles.h"
+#include "run/shapes.h"
+#include "session/guard.h"
+#include "session/manifest.h"
 
 enum { LEAST_SHAPES = 3 };
 

@@ -5,10 +5,13 @@
 
 #include "psm/psm.h"
 #include "run/fixed.h"
-#include "run/guard.h"
-#include "run/kept.h"
-#include "run/manifest.h"
-#include "run/session.h"
+#include "run/particles.h"
+#include "run/shapes.h"
+#include "run/state.h"
+#include "session/guard.h"
+#include "session/kept.h"
+#include "session/manifest.h"
+#include "session/session.h"
 
 /* Method psm begins with one particle a shape: it alone is shown, not its copies. */
 static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
@@ -25,9 +28,11 @@ static apsm_status write_first(apsm_run *run, const apsm_optimizer_state *state)
 /* Each shape's are kept as soon as they are there. */
 static apsm_status carry_particles(apsm_run *run, size_t J, double *P)
 {
+    char identity[65];
     APSM_TRY(fixed_load(run, J, P));
     APSM_TRY(kept_begin(run));
-    APSM_TRY(kept_pieces_of_shapes(run));
+    APSM_TRY(run_identity(run, identity));
+    kept_pieces_of_shapes(run, identity);
     kept_deal(run);
     return kept_end_share(
         run, apsm_first_particles(run->ctx, &run->cohort, &run->options.optimize, J, P));

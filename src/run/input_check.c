@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "run/groom_inputs.h"
-#include "run/manifest.h"
+#include "session/manifest.h"
 
 typedef struct checking {
     const apsm_run *run;

@@ -4,7 +4,7 @@
 #define APSM_RUN_INPUT_CHECK_H
 
 #include "input/input.h"
-#include "run/session.h"
+#include "session/session.h"
 
 /* An input of the manifest, and what is there now.  Texts are borrowed from the manifest; those
  * that a damaged one lacks are "?". */

@@ -8,13 +8,15 @@
 #include "core/sized.h"
 #include "run/features.h"
 #include "run/groom_inputs.h"
-#include "run/guard.h"
-#include "run/kept.h"
-#include "run/manifest.h"
 #include "run/memory.h"
-#include "run/outputs.h"
-#include "run/session.h"
-#include "run/settings.h"
+#include "run/results.h"
+#include "run/shapes.h"
+#include "session/guard.h"
+#include "session/kept.h"
+#include "session/manifest.h"
+#include "session/outputs.h"
+#include "session/session.h"
+#include "session/settings.h"
 
 /* ---- opening and closing ---- */
 

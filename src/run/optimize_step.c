@@ -7,9 +7,12 @@
 #include "folder/history_csv.h"
 #include "optimize/particle_search.h"
 #include "psm/psm.h"
-#include "run/guard.h"
-#include "run/manifest.h"
-#include "run/session.h"
+#include "run/particles.h"
+#include "run/shapes.h"
+#include "run/state.h"
+#include "session/guard.h"
+#include "session/manifest.h"
+#include "session/session.h"
 
 /* Of the time, at most so much goes into checkpoints, unless one is wanted after every epoch. */
 static const double checkpoint_share = 0.01;

@@ -1,4 +1,6 @@
 /* Files of particles, in every frame that is wanted. */
+#include "run/particles.h"
+
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -6,7 +8,8 @@
 #include "files/particles_file.h"
 #include "geometry/affine.h"
 #include "run/fixed.h"
-#include "run/session.h"
+#include "run/results.h"
+#include "session/session.h"
 
 typedef struct particle_files {
     apsm_run *run;

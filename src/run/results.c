@@ -1,9 +1,12 @@
 /* What the steps came to, as arrays. */
+#include "run/results.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "geometry/affine.h"
-#include "run/session.h"
+#include "run/shapes.h"
+#include "session/session.h"
 
 void run_forget_results(apsm_run *run)
 {

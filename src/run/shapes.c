@@ -1,4 +1,6 @@
 /* The groomed shapes of a model folder in memory. */
+#include "run/shapes.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,17 +11,9 @@
 #include "geometry/stored.h"
 #include "run/features.h"
 #include "run/fixed.h"
-#include "run/kept.h"
 #include "run/landmarks.h"
-#include "run/session.h"
-
-void run_free_mesh(apsm_mesh *mesh, bool stored)
-{
-    array_list arrays = { 0 };
-    mesh_arrays(mesh, &arrays);
-    if (stored) arrays_forget(&arrays);
-    apsm_mesh_free(mesh);
-}
+#include "session/kept.h"
+#include "session/session.h"
 
 void run_unload(apsm_run *run)
 {

@@ -1,12 +1,15 @@
 /* Checkpoints of the optimiser, and whether they belong to this run. */
+#include "run/state.h"
+
 #include <stdlib.h>
 #include <string.h>
 
 #include "folder/state_file.h"
 #include "run/fixed.h"
 #include "run/landmarks.h"
-#include "run/session.h"
-#include "run/settings.h"
+#include "run/shapes.h"
+#include "session/session.h"
+#include "session/settings.h"
 
 apsm_status run_identity(apsm_run *run, char hex[65])
 {

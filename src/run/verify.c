@@ -7,9 +7,10 @@
 #include <string.h>
 
 #include "run/input_check.h"
-#include "run/manifest.h"
-#include "run/outputs.h"
-#include "run/session.h"
+#include "run/state.h"
+#include "session/manifest.h"
+#include "session/outputs.h"
+#include "session/session.h"
 
 typedef void (*line_fn)(void *user, const char *line);
 

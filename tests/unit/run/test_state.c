@@ -9,7 +9,8 @@
 #include "files/checkpoint_file.h"
 #include "files/files.h"
 #include "folder.h"
-#include "run/session.h"
+#include "run/state.h"
+#include "session/session.h"
 
 enum { J = 8 };
 

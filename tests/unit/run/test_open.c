@@ -7,7 +7,7 @@
 #include "files/files.h"
 #include "folder.h"
 #include "locale_comma.h"
-#include "run/session.h"
+#include "session/session.h"
 
 static apsm_status open_with(void **state, const char *key, const char *value, apsm_run **run,
                              apsm_context *ctx)

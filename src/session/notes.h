@@ -1,8 +1,8 @@
 /* notes.h -- what groom has to say of its shapes that touches whether the model can be trusted:
  * kept in manifest.json, and repeated in the certificate. "notes": [ { "shape": NAME, "aspect": of
  * judge/verdict.h or "input", "text": ... }, ... ] */
-#ifndef APSM_RUN_NOTES_H
-#define APSM_RUN_NOTES_H
+#ifndef APSM_NOTES_H
+#define APSM_NOTES_H
 
 #include "align/align.h"
 

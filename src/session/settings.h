@@ -1,8 +1,8 @@
 /* settings.h -- which options a run has: those stored in the project, then those asked for. */
-#ifndef APSM_RUN_SETTINGS_H
-#define APSM_RUN_SETTINGS_H
+#ifndef APSM_SETTINGS_H
+#define APSM_SETTINGS_H
 
-#include "run/session.h"
+#include "session/session.h"
 
 /* Takes the options that are set, to see whether they can be taken: before a folder is made. */
 apsm_status settings_try(apsm_run *run, const apsm_run_settings *settings);

@@ -1,13 +1,13 @@
 /* manifest.h -- the record that a run keeps of itself (folder/manifest_json.h): what was run on
  * what, when, and what it took. */
-#ifndef APSM_RUN_MANIFEST_H
-#define APSM_RUN_MANIFEST_H
+#ifndef APSM_MANIFEST_H
+#define APSM_MANIFEST_H
 
 #include <jansson.h>
 
 #include "folder/manifest_json.h"
 #include "folder/stages.h"
-#include "run/session.h"
+#include "session/session.h"
 
 /* Reads the folder's manifest, or begins one. */
 apsm_status manifest_open(apsm_run *run);
@@ -25,7 +25,7 @@ apsm_status manifest_set_inputs(apsm_run *run, size_t n, const char *const *name
 apsm_status manifest_set_cropped(apsm_run *run, json_t *cropped);
 /* What grooming did to every shape (takes the reference over; run/groomed.h). */
 apsm_status manifest_set_groomed(apsm_run *run, json_t *groomed);
-/* What groom has to say of its shapes (takes the reference over; run/notes.h). */
+/* What groom has to say of its shapes (takes the reference over; session/notes.h). */
 apsm_status manifest_set_notes(apsm_run *run, json_t *notes);
 /* What a project asked for and was not done, or NULL: nothing. */
 apsm_status manifest_set_ignored(apsm_run *run, const char *text);

@@ -1,11 +1,11 @@
 /* guard.h -- nothing that a run did not write is ever replaced.  A file in the model folder whose
  * name is one of a run's is a run's only if the manifest says so: it lists the file, or it says
  * that a stage which writes files of that name has begun ("begun": [STAGE, ...]). */
-#ifndef APSM_RUN_GUARD_H
-#define APSM_RUN_GUARD_H
+#ifndef APSM_GUARD_H
+#define APSM_GUARD_H
 
 #include "input/input.h"
-#include "run/session.h"
+#include "session/session.h"
 
 /* The inputs of groom (list may be NULL), which no file to be written may be: compared by device
  * and inode, so that links deceive nobody.  And the files that the stages from `first` to run->last

@@ -1,12 +1,12 @@
 #define _DEFAULT_SOURCE /* getrusage's maxrss */
-#include "run/manifest.h"
+#include "session/manifest.h"
 
 #include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 
-#include "run/outputs.h"
+#include "session/outputs.h"
 
 static apsm_status no_memory(apsm_run *run)
 {

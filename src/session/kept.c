@@ -1,5 +1,5 @@
 #define _POSIX_C_SOURCE 200809L
-#include "run/kept.h"
+#include "session/kept.h"
 
 #include <dirent.h>
 #include <stdio.h>
@@ -7,8 +7,8 @@
 #include <string.h>
 
 #include "files/journal.h"
-#include "run/manifest.h"
-#include "run/settings.h"
+#include "session/manifest.h"
+#include "session/settings.h"
 
 struct kept_work {
     journal *journal;
@@ -515,14 +515,11 @@ void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshe
     set_keeper(run, &sha);
 }
 
-apsm_status kept_pieces_of_shapes(apsm_run *run)
+void kept_pieces_of_shapes(apsm_run *run, const char *identity)
 {
-    char identity[65];
     apsm_sha256 sha;
-    APSM_TRY(run_identity(run, identity));
     apsm_sha256_begin(&sha);
     add_text(&sha, "first particles");
     add_text(&sha, identity);
     set_keeper(run, &sha);
-    return APSM_OK;
 }

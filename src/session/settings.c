@@ -1,4 +1,4 @@
-#include "run/settings.h"
+#include "session/settings.h"
 
 #include <ctype.h>
 #include <errno.h>
@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "run/manifest.h"
+#include "session/manifest.h"
 
 /* ---- texts beside the option table ---- */
 

@@ -1,5 +1,5 @@
-/* What all steps of a run use; open.c opens and closes it. */
-#include "run/session.h"
+/* What all steps of a run use. */
+#include "session/session.h"
 
 #include <errno.h>
 #include <stdarg.h>
@@ -7,6 +7,8 @@
 #include <stdlib.h>
 
 #include "files/io.h"
+#include "files/stored.h"
+#include "geometry/stored.h"
 
 char *run_path(const apsm_run *run, const char *name)
 {
@@ -50,6 +52,14 @@ apsm_status run_open_store(apsm_run *run, apsm_store **store)
     free(folder);
     *store = run->store;
     return status;
+}
+
+void run_free_mesh(apsm_mesh *mesh, bool stored)
+{
+    array_list arrays = { 0 };
+    mesh_arrays(mesh, &arrays);
+    if (stored) arrays_forget(&arrays);
+    apsm_mesh_free(mesh);
 }
 
 /* ---- files ---- */

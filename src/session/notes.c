@@ -1,4 +1,4 @@
-#include "run/notes.h"
+#include "session/notes.h"
 
 #include <jansson.h>
 

@@ -1,7 +1,7 @@
 /* session.h -- what the steps of a run share: the folder, its project and options, and whatever
  * has been loaded from it so far. */
-#ifndef APSM_RUN_SESSION_H
-#define APSM_RUN_SESSION_H
+#ifndef APSM_SESSION_H
+#define APSM_SESSION_H
 
 #include <time.h>
 
@@ -99,8 +99,6 @@ static inline bool run_is_in_memory(const apsm_run *run)
 #define RUN_CHECKPOINT FOLDER_CHECKPOINT
 #define RUN_JOURNAL    FOLDER_JOURNAL
 
-/* ---- session.c ---- */
-
 /* Path of a file in the model folder: malloc'ed, NULL if out of memory or if there is no folder. */
 char *run_path(const apsm_run *run, const char *name);
 /* Path made as by printf below the folder. */
@@ -114,51 +112,8 @@ apsm_status run_write_project(apsm_run *run);
 
 /* The store for shapes, or NULL if the run has no limit of memory. */
 apsm_status run_open_store(apsm_run *run, apsm_store **store);
-
-/* ---- shapes.c ---- */
-
 /* Frees a mesh whose arrays are perhaps in the store. */
 void run_free_mesh(apsm_mesh *mesh, bool stored);
-
-/* Loads groomed meshes and transforms unless they are there; refuses a project that has not been
- * groomed. */
-apsm_status run_load_meshes(apsm_run *run);
-/* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
-typedef enum run_fields {
-    RUN_NO_FIELDS,
-    RUN_TEMPLATE_FIELD,
-    RUN_OWN_FIELDS /* of all shapes, or of the process's own where a company shares them */
-} run_fields;
-apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
-/* Forgets what was loaded: the groomed shapes have changed. */
-void run_unload(apsm_run *run);
-
-size_t run_template_index(const apsm_run *run);
-
-/* ---- state.c ---- */
-
-/* SHA-256 (hex) over everything that decides the particles: options of the method, seed, and the
- * groomed shapes in their frame.  A checkpoint is good for one identity only. */
-apsm_status run_identity(apsm_run *run, char hex[65]);
-
-/* Reads or writes a checkpoint of the optimiser.  history may be NULL; records (out) is
- * malloc'ed. */
-apsm_status run_save_state(apsm_run *run, const char *name, const apsm_optimizer_state *state,
-                           const apsm_epoch_record *records, size_t n_records);
-apsm_status run_load_state(apsm_run *run, const char *name, apsm_optimizer_state *state,
-                           apsm_epoch_record **records, size_t *n_records);
-
-/* ---- results.c ---- */
-
-void run_forget_results(apsm_run *run);
-
-/* ---- particles.c ---- */
-
-/* Particles of all shapes (I x J x 3, world) to particles/, with the paths in the project, and to
- * the results. */
-apsm_status run_write_particles(apsm_run *run, size_t J, const double *P);
-/* Those of one shape, world (J x 3), without the others: a shape that is added. */
-apsm_status run_write_particles_of(apsm_run *run, size_t i, size_t J, const double *world);
 
 /* Whether a company goes through optimize and evaluate together, each process with its own shapes.
  * Not with method psm, and not where the template feels the others' gradients. */

@@ -2,12 +2,12 @@
  * an interruption costs no more than the shapes that were being worked on.  It is there while one
  * of the two is under way, and begins with what groom was asked for: the folder need not have a
  * project yet, or has that of a model which is being replaced. */
-#ifndef APSM_RUN_KEPT_H
-#define APSM_RUN_KEPT_H
+#ifndef APSM_KEPT_H
+#define APSM_KEPT_H
 
 #include "groom/groom.h"
 #include "input/input.h"
-#include "run/session.h"
+#include "session/session.h"
 
 /* With --resume, before options are settled: if grooming was under way, its options are the
  * project's, its inputs are those of the run unless others are given, and groom is not done. */
@@ -49,9 +49,9 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
                           const kept_groomed *groomed);
 
 /* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, for
- * initialize those of run_identity; of parts, after constraints cut the surfaces of groom. */
+ * initialize those of this run_identity; of parts, after constraints cut the surfaces of groom. */
 void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65]);
 void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshes);
-apsm_status kept_pieces_of_shapes(apsm_run *run);
+void kept_pieces_of_shapes(apsm_run *run, const char *identity);
 
 #endif

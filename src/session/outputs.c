@@ -1,4 +1,4 @@
-#include "run/outputs.h"
+#include "session/outputs.h"
 
 #include <jansson.h>
 #include <stdio.h>
@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "folder/stages.h"
-#include "run/manifest.h"
+#include "session/manifest.h"
 
 /* ---- records ---- */
 

@@ -1,9 +1,9 @@
 /* outputs.h -- which files a run writes, and their SHA-256 in the manifest:
  *     "outputs": { PATH: [STAGE, BYTES, SHA-256], ... }, sorted by PATH. */
-#ifndef APSM_RUN_OUTPUTS_H
-#define APSM_RUN_OUTPUTS_H
+#ifndef APSM_OUTPUTS_H
+#define APSM_OUTPUTS_H
 
-#include "run/session.h"
+#include "session/session.h"
 
 /* A stage begins: what it and later ones have written is no longer known to be theirs.  groom,
  * which comes first, forgets everything. */

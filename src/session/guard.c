@@ -1,4 +1,4 @@
-#include "run/guard.h"
+#include "session/guard.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,8 +6,8 @@
 #include <sys/stat.h>
 
 #include "files/journal.h"
-#include "run/manifest.h"
-#include "run/outputs.h"
+#include "session/manifest.h"
+#include "session/outputs.h"
 
 /* A file that is there and has the name of one of a run's. */
 typedef struct target {

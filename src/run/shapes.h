@@ -1,0 +1,22 @@
+/* shapes.h -- the groomed shapes of a model folder in memory. */
+#ifndef APSM_RUN_SHAPES_H
+#define APSM_RUN_SHAPES_H
+
+#include "session/session.h"
+
+/* Loads groomed meshes and transforms unless they are there; refuses a project that has not been
+ * groomed. */
+apsm_status run_load_meshes(apsm_run *run);
+/* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
+typedef enum run_fields {
+    RUN_NO_FIELDS,
+    RUN_TEMPLATE_FIELD,
+    RUN_OWN_FIELDS /* of all shapes, or of the process's own where a company shares them */
+} run_fields;
+apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
+/* Forgets what was loaded: the groomed shapes have changed. */
+void run_unload(apsm_run *run);
+
+size_t run_template_index(const apsm_run *run);
+
+#endif
