@@ -46,13 +46,16 @@ typedef struct apsm_run_settings {
 } apsm_run_settings;
 
 /* What lies around the shapes, such as the other bones of a joint: rebuilt surfaces that go into it
- * are penalised (option "contact"). */
+ * are penalised (option "contact"), and it may tell how they are turned. */
 typedef struct apsm_surroundings {
     void *user;
     /* Surfaces around the shape that was read from path, in the frame of its groomed mesh: n meshes
      * in a malloc'ed array, all given away.  Called by several threads. */
     apsm_status (*of)(void *user, apsm_context *ctx, const char *path, size_t *n,
                       apsm_mesh **meshes);
+    /* For groom: whether it is known how that shape is turned, and R (9, out), a rotation of its
+     * groomed mesh that gives all such shapes one orientation.  NULL: nothing is known. */
+    bool (*turn)(void *user, const char *path, double R[9]);
 } apsm_surroundings;
 
 /* Processes that do a job together, each with its own run of the same folder and settings but

@@ -297,10 +297,10 @@ static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
     }
     find_common_orientation(a);
     for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, i, a->P + 16 * i);
-    if (best == 0) return APSM_OK;
+    if (best == 0 && !a->opt->oriented) return APSM_OK;
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
-    a->oriented = 5 * fit >= 4 * (a->n - 1);
+    a->oriented = a->opt->oriented || 5 * fit >= 4 * (a->n - 1);
     for (size_t i = 0; a->oriented && i < a->n; i++) settle_given(a, i);
     return APSM_OK;
 }

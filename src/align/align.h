@@ -99,8 +99,10 @@ typedef struct apsm_align_options {
     size_t template_index;       /* or APSM_TEMPLATE_AUTO */
     double trim;                 /* see apsm_icp_options */
     const apsm_borders *borders; /* one a shape, borrowed; NULL: nothing is known of any */
+    bool oriented; /* it is known that they come in one orientation: poses near that are taken
+                      where they fit, also if no pose that was found is near it */
 } apsm_align_options;
-apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0, NULL */
+apsm_align_options apsm_align_defaults(void); /* rigid, warn, auto, 400, 0, NULL, false */
 
 /* Where a shape was cut off. */
 typedef struct apsm_cut {

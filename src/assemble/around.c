@@ -41,11 +41,12 @@ void joint_around_free(joint_around *a)
     free(a->project);
     free(a->row);
     free(a->subject);
+    free(a->turn);
+    free(a->told);
     *a = (joint_around){ 0 };
 }
 
-/* Subject i as part d's project has it; NULL: it has no such part. */
-static const apsm_subject *part_of(const joint_around *a, size_t i, size_t d)
+const apsm_subject *joint_around_part(const joint_around *a, size_t i, size_t d)
 {
     const size_t k = a->job->subject[i].input[d];
     const size_t row =
@@ -76,12 +77,12 @@ apsm_status joint_around_of(void *user, apsm_context *ctx, const char *path, siz
 {
     const joint_around *a = user;
     const size_t i = joint_paths_find(&a->subject[a->of], path);
-    const apsm_subject *own = i == SIZE_MAX ? NULL : part_of(a, i, a->of);
+    const apsm_subject *own = i == SIZE_MAX ? NULL : joint_around_part(a, i, a->of);
     *n = 0;
     *meshes = calloc(a->job->n, sizeof **meshes);
     if (!*meshes) return APSM_ERR_MEMORY;
     for (size_t d = 0; own && d < a->job->n; d++) {
-        const apsm_subject *other = d == a->of ? NULL : part_of(a, i, d);
+        const apsm_subject *other = d == a->of ? NULL : joint_around_part(a, i, d);
         /* of another side: told when the parts are put together */
         if (!other || !other->groomed || other->mirrored != own->mirrored) continue;
         APSM_TRY(bring(ctx, &a->project[d], own, other, &(*meshes)[*n]));

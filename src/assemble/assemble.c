@@ -124,18 +124,57 @@ static apsm_status groom(const joint_job *job, apsm_run *run)
     return job->settings->run.resume && stage_is_done(run, "groom") ? APSM_OK : apsm_run_groom(run);
 }
 
-/* All steps of part d; the first alone, as long as nothing is known of the others. */
-static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
+static apsm_run_settings settings_of_part(const joint_job *job, size_t d, const describing *w)
 {
-    apsm_run *run = NULL;
     apsm_run_settings settings = job->settings->run;
-    const apsm_surroundings surroundings = { w->around, joint_around_of };
-    const bool dry = settings.dry;
     settings.folder = job->part[d].folder;
     settings.n_set = options_of_part(job, d, w->set);
     settings.set = (const char *const(*)[2])w->set;
     settings.n_inputs = inputs_of_part(job, d, w->inputs);
     settings.inputs = w->inputs;
+    return settings;
+}
+
+/* Grooming of part d once more, with what the others tell of poses. */
+static apsm_status groom_again(const joint_job *job, size_t d, const describing *w)
+{
+    apsm_run *run = NULL;
+    apsm_run_settings settings = settings_of_part(job, d, w);
+    const apsm_surroundings surroundings = { w->around, joint_around_of, joint_around_turn };
+    settings.resume = false;
+    settings.overwrite = true;
+    settings.surroundings = &surroundings;
+    w->around->of = d;
+    apsm_log(job->ctx, APSM_LOG_INFO, "part %s is aligned as the whole subjects are",
+             job->part[d].name);
+    apsm_status status = apsm_run_open(job->ctx, &settings, &run);
+    if (status == APSM_OK) status = apsm_run_groom(run);
+    apsm_run_close(run);
+    return status;
+}
+
+static apsm_status orient_parts(const joint_job *job, describing *w)
+{
+    joint_around around = { 0 };
+    bool *again = malloc(job->n * sizeof *again);
+    apsm_status status = again ? joint_around_read(job, &around) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = joint_orient(&around, again);
+    w->around = &around;
+    for (size_t d = 0; d < job->n && status == APSM_OK; d++)
+        if (again[d]) status = groom_again(job, d, w);
+    w->around = NULL;
+    joint_around_free(&around);
+    free(again);
+    return status;
+}
+
+/* All steps of part d; the first alone, as long as nothing is known of the others. */
+static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
+{
+    apsm_run *run = NULL;
+    apsm_run_settings settings = settings_of_part(job, d, w);
+    const apsm_surroundings surroundings = { w->around, joint_around_of, NULL };
+    const bool dry = settings.dry;
     settings.resume = w->around || (settings.resume && apsm_is_folder(settings.folder));
     if (w->around) {
         w->around->of = d;
@@ -157,6 +196,7 @@ static apsm_status run_parts(const joint_job *job)
                      malloc((job->subjects + 1) * sizeof *w.inputs), NULL };
     apsm_status status = w.set && w.inputs ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, &w);
+    if (status == APSM_OK && !job->settings->run.dry) status = orient_parts(job, &w);
     if (status == APSM_OK && !job->settings->run.dry) {
         w.around = &around;
         status = joint_around_read(job, &around);

@@ -80,12 +80,23 @@ typedef struct joint_around {
     size_t of;                  /* the part that is asked about */
     apsm_project *project;      /* n: of the parts, groomed */
     joint_paths *row, *subject; /* n: rows of project, subjects of job */
+    double *turn;               /* subjects x 9: see joint_orient; NULL: it had nothing to do */
+    bool *told;                 /* subjects: whether turn is known */
 } joint_around;
 apsm_status joint_around_read(const joint_job *job, joint_around *around);
 void joint_around_free(joint_around *around);
+/* Subject i as part d's project has it; NULL: it has no such part. */
+const apsm_subject *joint_around_part(const joint_around *around, size_t i, size_t d);
 /* apsm_surroundings of part around->of; user is the joint_around. */
 apsm_status joint_around_of(void *user, apsm_context *ctx, const char *path, size_t *n,
                             apsm_mesh **meshes);
+
+/* ---- orient.c ---- */
+
+/* again (n, out): parts whose poses grooming doubts, which are to be groomed once more with what
+ * all parts together tell of how subjects are turned (joint_around_turn, for apsm_surroundings). */
+apsm_status joint_orient(joint_around *around, bool *again);
+bool joint_around_turn(void *user, const char *path, double R[9]);
 
 /* ---- load.c ---- */
 

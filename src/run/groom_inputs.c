@@ -453,6 +453,7 @@ void groom_inputs_free(groom_inputs *in)
     for (size_t i = 0; in->whole && i < in->list.n; i++)
         run_free_mesh(&in->whole[i], in->store != NULL);
     free(in->limits);
+    free(in->turn);
     free(in->region);
     free(in->whole);
     free(in->kept);

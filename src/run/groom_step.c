@@ -22,6 +22,7 @@
 #include "run/results.h"
 #include "run/shapes.h"
 #include "run/source.h"
+#include "run/turned.h"
 #include "session/guard.h"
 #include "session/kept.h"
 #include "session/manifest.h"
@@ -67,7 +68,8 @@ static apsm_status read_inputs(groom_work *w)
     APSM_TRY(groom_inputs_refuse_bad(w->run, &w->in));
     APSM_TRY(compare_inputs(&w->in, warn, w->run->ctx));
     tell_recalled(w);
-    kept_pieces_of_inputs(w->run, &w->in.list, w->in.sha256);
+    APSM_TRY(turned_find(w->run, &w->in));
+    kept_pieces_of_inputs(w->run, &w->in.list, w->in.sha256, w->in.turn);
     return APSM_OK;
 }
 

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "run/turned.h"
 #include "session/session.h"
 
 enum { SIDES = 6 };
@@ -48,6 +49,7 @@ apsm_status groomed_align(apsm_run *run, const groom_inputs *in, groomed_cohort 
     find_borders(in, c->borders);
     /* Asked to crop, all that looks cut off is, wherever the image ended. */
     if (run->options.cuts.cuts != APSM_CUTS_CROP) c->options.borders = c->borders;
+    if (in->turn) return turned_align(run, in, c, alignment);
     return apsm_align_cohort(run->ctx, n, c->meshes, c->names, &c->options, alignment);
 }
 

@@ -483,7 +483,8 @@ static void set_keeper(apsm_run *run, apsm_sha256 *scope)
     apsm_context_set_keeper(run->ctx, &kept->keeper);
 }
 
-void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65])
+void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65],
+                           const double *turn)
 {
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
@@ -497,6 +498,7 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
         add_text(&sha, last_part(c->path));
         add_text(&sha, sha256[i]);
         add_text(&sha, c->reflect ? "mirrored" : "as it is");
+        if (turn) apsm_sha256_add(&sha, turn + 9 * i, 9 * sizeof *turn);
     }
     set_keeper(run, &sha);
 }

@@ -48,9 +48,11 @@ apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_inp
                           const char sha256[65], const apsm_mesh *mesh,
                           const kept_groomed *groomed);
 
-/* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, for
- * initialize those of this run_identity; of parts, after constraints cut the surfaces of groom. */
-void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65]);
+/* From now on the context's pieces (apsm_keep) are kept: for groom those of the listed inputs, as
+ * they are turned (n x 9, or NULL), for initialize those of this run_identity; of parts, after
+ * constraints cut the surfaces of groom. */
+void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sha256)[65],
+                           const double *turn);
 void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshes);
 void kept_pieces_of_shapes(apsm_run *run, const char *identity);
 
