@@ -293,8 +293,22 @@ static bool try_steps(const round_task *t, size_t i, const fidelity_weights *q, 
     return false;
 }
 
+/* The same in single precision, which is enough where H itself is not known better. */
+static apsm_status solve_f32(size_t n, fidelity_work *w)
+{
+    for (size_t x = 0; x < n; x++) {
+        for (size_t y = 0; y <= x; y++) w->H32[x * n + y] = (float)w->H[x * n + y];
+        w->rows[x] = (float)-w->g[x];
+    }
+    APSM_TRY(apsm_cholesky_f32(n, w->H32));
+    apsm_cholesky_solve_f32(n, w->H32, 1, w->rows);
+    for (size_t x = 0; x < n; x++) w->g[x] = (double)w->rows[x];
+    return APSM_OK;
+}
+
 static apsm_status solve(size_t n, fidelity_work *w)
 {
+    if (w->sparse) return solve_f32(n, w);
     APSM_TRY(apsm_cholesky(n, w->H));
     for (size_t x = 0; x < n; x++) w->g[x] = -w->g[x];
     apsm_cholesky_solve(n, w->H, 1, w->g);

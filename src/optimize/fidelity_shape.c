@@ -68,10 +68,13 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     *w = (fidelity_work){ 0 };
     const bool states = state_alloc(J, matches, &w->a) && state_alloc(J, matches, &w->b);
     w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
+    w->at = calloc(3 * J, sizeof *w->at);
     w->YN = malloc(3 * f->warp.nv * sizeof *w->YN);
     w->tangent = malloc(6 * J * sizeof *w->tangent);
     w->part = malloc(J * sizeof *w->part);
+    w->sparse = 2 * J > (size_t)f->o.dense;
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
+    w->near = malloc(2 * J * sizeof *w->near);
     w->H32 = malloc(4 * J * J * sizeof *w->H32);
     w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
@@ -84,8 +87,8 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->feature = malloc((4 * f->cohort->features.F + 1) * sizeof *w->feature);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->YN &&
-        w->tangent && w->part && w->rows && w->H32 && w->H && w->g && w->e && w->Se &&
+    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at && w->YN &&
+        w->tangent && w->part && w->rows && w->near && w->H32 && w->H && w->g && w->e && w->Se &&
         w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
@@ -107,11 +110,13 @@ void fidelity_work_free(fidelity_work *w)
     free(w->named);
     free(w->feature);
     free(w->Y);
+    free(w->at);
     free(w->YN);
     apsm_bvh_free(w->bvh);
     free(w->tangent);
     free(w->part);
     free(w->rows);
+    free(w->near);
     free(w->H32);
     free(w->H);
     free(w->g);
@@ -168,12 +173,21 @@ static void push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
     direct(c.x, x, shape->VN + 3 * (size_t)u, f->h, m);
 }
 
+/* The template as particles P have it; nothing to do where a round begins where one ended. */
+static void warp_to(const apsm_fidelity *f, const double *P, fidelity_work *w)
+{
+    const size_t bytes = 3 * f->J * sizeof *P;
+    if (memcmp(w->at, P, bytes) == 0) return;
+    memcpy(w->at, P, bytes);
+    apsm_warp_apply(&f->warp, P, w->Y);
+    apsm_bvh_refit(w->bvh);
+}
+
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
                       fidelity_work *w)
 {
     const apsm_shape *shape = &f->cohort->shape[i];
-    apsm_warp_apply(&f->warp, s->P, w->Y);
-    apsm_bvh_refit(w->bvh);
+    warp_to(f, s->P, w);
     const double thin = shape->half_thickness < 0.5 * f->h ? shape->half_thickness : INFINITY;
     if (isfinite(thin)) apsm_mesh_vertex_normals(&w->warped, w->YN);
     const size_t step_v = stride_of(f, w->warped.nv), step_u = stride_of(f, shape->mesh.nv);
@@ -456,32 +470,80 @@ APSM_KERNEL static void make_row(size_t J, const double *part, const double dire
     }
 }
 
-/* The matrix is summed in single precision: it shapes the step, whose worth the value decides. */
+/* A row's part of H.  A point of the template hangs on the particles around it: a thirtieth of
+ * them, if they are many, have more than a thousandth of the largest weight, and all others
+ * together a hundred-thousandth of the sum of squares.  They are left out of H, not of the
+ * gradient. */
+static void add_row(size_t J, const double *part, const float *row, fidelity_work *w)
+{
+    static const double least = 3e-3;
+    const size_t n = 2 * J;
+    uint32_t *near = w->near;
+    double most = 0;
+    size_t count = 0;
+    for (size_t j = 0; j < J; j++) most = fabs(part[j]) > most ? fabs(part[j]) : most;
+    for (size_t j = 0; j < J; j++)
+        if (fabs(part[j]) > least * most) near[count++] = (uint32_t)j;
+    for (size_t a = 0; a < count; a++) {
+        const float *x = row + 2 * near[a];
+        double *H = w->H + 2 * n * near[a];
+        for (size_t b = 0; b <= a; b++) {
+            const size_t k = 2 * near[b];
+            H[k] += (double)(x[0] * row[k]);
+            H[k + 1] += (double)(x[0] * row[k + 1]);
+            H[n + k] += (double)(x[1] * row[k]);
+            H[n + k + 1] += (double)(x[1] * row[k + 1]);
+        }
+    }
+}
+
+/* Row k of w->rows, and its part of the gradient. */
+static const double *take_row(const apsm_fidelity *f, const fidelity_state *s, size_t first,
+                              size_t k, fidelity_work *w)
+{
+    const fidelity_match *m = &s->match[first + k];
+    const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
+    const double *part = particles_in(f, m, first + k < s->pulls, w->part);
+    make_row(f->J, part, m->direction, 1 / sqrt(scale), m->distance, w->tangent, w->g,
+             w->rows + k * 2 * f->J);
+    return part;
+}
+
+/* The surface terms' part of H, one of two ways: in single precision, since it shapes the step,
+ * whose worth the value decides. */
+static void add_rows(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
+{
+    const size_t n = 2 * f->J;
+    memset(w->H32, 0, n * n * sizeof *w->H32);
+    for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
+        const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
+        for (size_t k = 0; k < rows; k++) take_row(f, s, first, k, w);
+        apsm_syrk_f32(n, rows, w->rows, 1, w->H32);
+    }
+    for (size_t x = 0; x < n; x++)
+        for (size_t y = 0; y <= x; y++) w->H[x * n + y] = (double)w->H32[x * n + y];
+}
+
+static void add_near(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
+{
+    const size_t n = 2 * f->J;
+    for (size_t x = 0; x < n; x++) memset(w->H + x * n, 0, (x + 1) * sizeof *w->H);
+    for (size_t k = 0; k < s->n; k++) add_row(f->J, take_row(f, s, k, 0, w), w->rows, w);
+}
+
 double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,
                           fidelity_work *w)
 {
     const size_t n = 2 * f->J;
+    double trace = 0;
     make_tangents(f->J, s->N, w->tangent);
     make_rim_tangents(f, i, s->P, w->tangent);
-    memset(w->H32, 0, n * n * sizeof *w->H32);
     memset(w->g, 0, n * sizeof *w->g);
-    for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
-        const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
-        for (size_t k = 0; k < rows; k++) {
-            const fidelity_match *m = &s->match[first + k];
-            const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
-            const double root = 1 / sqrt(scale);
-            const double *part = particles_in(f, m, first + k < s->pulls, w->part);
-            make_row(f->J, part, m->direction, root, m->distance, w->tangent, w->g,
-                     w->rows + k * n);
-        }
-        apsm_syrk_f32(n, rows, w->rows, 1, w->H32);
-    }
-    double trace = 0;
-    for (size_t x = 0; x < n; x++) {
-        for (size_t y = 0; y <= x; y++) w->H[x * n + y] = (double)w->H32[x * n + y];
-        trace += w->H[x * n + x];
-    }
+    if (w->sparse)
+        add_near(f, s, w);
+    else
+        add_rows(f, s, w);
+    for (size_t x = 0; x < n; x++) trace += w->H[x * n + x];
     hold_still(f, trace / (double)n, w->tangent, w->H);
     return trace / (double)n;
 }
@@ -508,9 +570,12 @@ static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelit
         double *u = w->tangent_mode + m * n;
         for (size_t x = 0; x < n; x++)
             u[x] = vec3_dot(w->z + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
-        for (size_t x = 0; x < n; x++)
-            for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
     }
+    for (size_t x = 0; x < n; x++)
+        for (size_t m = 0; m < q->modes; m++) {
+            const double *u = w->tangent_mode + m * n;
+            for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
+        }
 }
 
 static void add_roughness(const apsm_fidelity *f, const fidelity_weights *q, const double *P,

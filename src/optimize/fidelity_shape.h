@@ -65,13 +65,15 @@ typedef struct fidelity_work {
     double *feature;      /* F, F x 3 */
     double *entry;        /* J x 3: particles at the round's start */
     bool *named;          /* J: by the certificate */
-    double *Y;            /* nv x 3: warped template */
+    double *Y, *at;       /* nv x 3: warped template; J x 3: particles that it is warped to */
     double *YN;           /* nv x 3: its normals, for thin shapes */
     apsm_mesh warped;     /* its triangles on Y */
     apsm_bvh *bvh;        /* of warped */
     double *tangent;      /* J x 2 x 3 */
     double *part;         /* J: of the particles in a point of the warped template */
     float *rows;          /* FIDELITY_ROWS x 2J */
+    bool sparse;          /* only what is near in them goes to H, whose step is found in float */
+    uint32_t *near;       /* J: particles that are */
     float *H32;           /* 2J x 2J lower: the surface terms' part of H */
     double *H, *g;        /* 2J x 2J lower, 2J */
     double *e, *Se;       /* J x 3 */

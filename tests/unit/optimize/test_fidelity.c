@@ -4,6 +4,7 @@
 
 #include "cmocka_all.h"
 #include "core/random.h"
+#include "geometry/vec3.h"
 #include "initialize/farthest_point.h"
 #include "optimize/correspondence_loss.h"
 #include "optimize/fidelity_shape.h"
@@ -665,6 +666,54 @@ static void test_truth_error(void **state)
     }
 }
 
+/* What is left out of H for many unknowns changes neither the gradient nor, by much, the matrix,
+ * and the stage ends where it does with all of it. */
+static void test_sparse(void **state)
+{
+    (void)state;
+    scene s;
+    double g[2][2 * J], norm[2], apart = 0, P[2][I * J * 3];
+    apsm_fidelity *f[2];
+    fidelity_work w[2];
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    make_scene(&s, SYNTHETIC_PLATE, 2, 1);
+    for (int k = 0; k < 2; k++) {
+        if (k) o.dense = 0;
+        run_all(&s, &o, P[k]);
+        f[k] = new_stage(&s, &o);
+        assert_int_equal(fidelity_work_alloc(f[k], 2, &w[k]), APSM_OK);
+        assert_int_equal(w[k].sparse, k);
+        memcpy(w[k].a.P, s.P + 3 * J * 3, 3 * J * sizeof *s.P);
+        apsm_shape_look_up(&s.cohort.shape[3], J, w[k].a.P, w[k].a.S, NULL, w[k].a.N);
+        fidelity_measure(f[k], 3, 0, &w[k].a, &w[k]);
+        assert_true(fidelity_linearise(f[k], 3, &w[k].a, &w[k]) > 0);
+        memcpy(g[k], w[k].g, sizeof g[k]);
+        norm[k] = 0;
+    }
+    assert_memory_equal(g[0], g[1], sizeof g[0]);
+    for (size_t x = 0; x < 2 * J; x++)
+        for (size_t y = 0; y <= x; y++) {
+            const double a = w[0].H[x * 2 * J + y], b = w[1].H[x * 2 * J + y];
+            norm[0] += a * a;
+            norm[1] += (a - b) * (a - b);
+        }
+    for (size_t j = 0; j < I * J; j++) {
+        const double d = sqrt(vec3_distance2(P[0] + 3 * j, P[1] + 3 * j)) / f[0]->h;
+        apart += d / (I * J);
+    }
+    const double dense = truth_error(&s, P[0]), sparse = truth_error(&s, P[1]);
+    print_message("of H %.3g is left out; particles end %.3g h apart; truth error %.4g and %.4g\n",
+                  sqrt(norm[1] / norm[0]), apart, dense, sparse);
+    assert_true(norm[1] > 0 && norm[1] < 1e-5 * norm[0]);
+    assert_true(apart > 0 && apart < 0.05);
+    assert_true(fabs(sparse - dense) < 0.02 * dense);
+    for (int k = 0; k < 2; k++) {
+        fidelity_work_free(&w[k]);
+        apsm_fidelity_free(f[k]);
+    }
+    free_scene(&s);
+}
+
 /* Mismatched particles of all shapes but the template. */
 static size_t mismatched(const scene *s, const double *P)
 {
@@ -845,6 +894,7 @@ int main(void)
         cmocka_unit_test(test_distance_never_grows),
         cmocka_unit_test(test_strong_prior_yields),
         cmocka_unit_test(test_truth_error),
+        cmocka_unit_test(test_sparse),
         cmocka_unit_test(test_neighbours_stay),
         cmocka_unit_test(test_faults_return),
         cmocka_unit_test(test_threads_and_size),
