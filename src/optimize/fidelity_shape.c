@@ -87,9 +87,9 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->feature = malloc((4 * f->cohort->features.F + 1) * sizeof *w->feature);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at && w->YN &&
-        w->tangent && w->part && w->rows && w->near && w->H32 && w->H && w->g && w->e && w->Se &&
-        w->tangent_mode) {
+    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at &&
+        w->YN && w->tangent && w->part && w->rows && w->near && w->H32 && w->H && w->g && w->e &&
+        w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
