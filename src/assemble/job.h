@@ -165,7 +165,7 @@ apsm_status joint_write_fields(const joint_job *job, const joint_cohort *cohort,
 
 /* ---- write.c ---- */
 
-/* All files of the joint; joint.json, which lists them, last. */
+/* All files of the joint; manifest.json, which lists them, last. */
 apsm_status joint_write(const joint_job *job, const joint_cohort *cohort,
                         const joint_figures *figures);
 
