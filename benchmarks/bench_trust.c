@@ -7,11 +7,12 @@
  * then the share of a shape's particles that are more than two spacings from where at least half of
  * the other shapes say.  Each fault is planted in every EVERY-th shape (5), once for each of SEEDS
  * draws (1): smooth, patch (a region moved along the surface by SIZE spacings, fading or all at
- * once), turn (the shape was turned by 180 degrees about principal axis SIZE), mirror (its mesh is
- * the mirror image across that axis, and the particles where the others' are), swap (SIZE pairs of
- * neighbours changed places), other (a particle on the other side of a sheet), stranger (another
- * surface; SIZE 0: an ellipsoid of the same axes, 1: a ball, 2: half of it, 3: twice its size),
- * none.  Without faults a list of them is run. */
+ * once), flow (all particles slip along the longest axis, most in the middle), turn (the shape was
+ * turned by 180 degrees about principal axis SIZE), mirror (its mesh is the mirror image across
+ * that axis, and the particles where the others' are), swap (SIZE pairs of neighbours changed
+ * places), other (a particle on the other side of a sheet), stranger (another surface; SIZE 0: an
+ * ellipsoid of the same axes, 1: a ball, 2: half of it, 3: twice its size), none.  Without faults a
+ * list of them is run. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -219,6 +220,31 @@ static void plant_slip(const bench *b, size_t i, apsm_random *rng, bool patch, d
     free(S);
 }
 
+/* All particles slip along the longest axis, by SIZE spacings in the middle and not at the ends. */
+static void plant_flow(const bench *b, size_t i, double size)
+{
+    const size_t J = b->J;
+    const apsm_shape *shape = &b->cohort.shape[i];
+    double *P = b->P + 3 * J * i, c[3], V[9], *x = room(J, sizeof *x), *N = room(3 * J, sizeof *N);
+    double longest = 0;
+    apsm_surface_point *S = room(J, sizeof *S);
+    apsm_principal_axes(J, P, c, V);
+    apsm_shape_look_up(shape, J, P, S, NULL, N);
+    for (size_t j = 0; j < J; j++) {
+        for (size_t k = 0; k < 3; k++) x[j] += V[3 * k] * (P[3 * j + k] - c[k]);
+        longest = fmax(longest, fabs(x[j]));
+    }
+    for (size_t j = 0; j < J; j++) {
+        const double amount = size * b->h * (1 - x[j] * x[j] / (longest * longest));
+        double v[3] = { amount * V[0], amount * V[3], amount * V[6] };
+        vec3_add_scaled(v, -vec3_dot(v, N + 3 * j), N + 3 * j);
+        walk(shape, v, P + 3 * j);
+    }
+    free(x);
+    free(N);
+    free(S);
+}
+
 /* ---- other surfaces ---- */
 
 /* The shape's surface is that of `mesh`, which is taken over. */
@@ -408,6 +434,7 @@ static void plant(bench *b, const fault *f, size_t every, uint64_t seed)
         b->planted[i] = strcmp(f->name, "none") != 0;
         if (strcmp(f->name, "smooth") == 0) plant_slip(b, i, &rng, false, f->size);
         if (strcmp(f->name, "patch") == 0) plant_slip(b, i, &rng, true, f->size);
+        if (strcmp(f->name, "flow") == 0) plant_flow(b, i, f->size);
         if (strcmp(f->name, "turn") == 0) plant_turn(b, i, (size_t)f->size, false);
         if (strcmp(f->name, "mirror") == 0) plant_turn(b, i, (size_t)f->size, true);
         if (strcmp(f->name, "swap") == 0) plant_swaps(b, i, &rng, (size_t)f->size);
@@ -431,7 +458,7 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                "\"size\": %.3f, \"size_excess\": %.1f, \"long\": %.1f, \"flat\": %.1f, \"off\": "
                "%.3f, \"off_excess\": %.2f, \"opposed\": %zu, \"neighbours_lost\": %.4f, "
                "\"mismatched\": %.4f, \"swaps\": %zu, \"folds\": %zu, \"t_evidence\": %.3f, "
-               "\"m_evidence\": %.3f, \"level\": %.3f, "
+               "\"m_evidence\": %.3f, "
                "\"reasons\": %u, \"doubts\": "
                "%u}\n",
                planted->name, planted->size, b->name[i], b->planted[i], i == b->t,
@@ -442,7 +469,7 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                f->flat_excess, f->off, f->off_excess, f->opposed,
                (double)own->lost / (double)own->J, (double)own->mismatched / (double)own->J,
                own->swaps, own->folds, fmin(f->turn[0].evidence, 99), fmin(f->turn[1].evidence, 99),
-               f->level, own->reasons, c->doubts[i]);
+               own->reasons, c->doubts[i]);
     }
 }
 

@@ -82,7 +82,7 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
         "agreement", json_agreement(f->agreement), "agreement_turned",
         json_agreement(f->turn[0].agreement), "agreement_mirrored",
         json_agreement(f->turn[1].agreement), "evidence_pose", json_known(f->turn[0].evidence),
-        "evidence_hand", json_known(f->turn[1].evidence), "slip_excess", f->slip, "slip",
+        "evidence_hand", json_known(f->turn[1].evidence), "slip_times", f->slip, "slip",
         f->slip_size, "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
         "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
@@ -111,9 +111,9 @@ static json_t *json_thresholds(void)
     const apsm_certificate_options o = apsm_certificate_defaults();
     const apsm_verdict_options v = apsm_verdict_defaults();
     return json_pack(
-        "{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
+        "{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
         "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface", o.off_surface,
-        "coincident", o.coincident, "slip_excess", v.slip_excess, "slip", v.slip, "slip_size",
+        "coincident", o.coincident, "slip_times", v.slip, "slip",
         v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size, "farthest", v.farthest,
         "off", v.off, "off_excess", v.off_excess, "size", v.size, "size_excess", v.size_excess,
         "evidence_against", v.against, "evidence_told", v.told, "least_shapes",

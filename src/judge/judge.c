@@ -11,6 +11,7 @@
 #include "geometry/vec3.h"
 #include "judge/coverage.h"
 #include "judge/left_out.h"
+#include "judge/slip.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 
@@ -30,18 +31,18 @@ typedef struct judging {
     double *height, *usual; /* x APSM_FORM_SCALES */
     double *spread;         /* x APSM_FORM_SCALES: median distance of the others from usual ones */
     double *distance;       /* x APSM_FORM_SCALES: scratch */
-    double *along;          /* J3 along the surface, then over the ring, then over what is usual */
+    apsm_patches patch[APSM_SLIP_LOOKS];
+    double *slipped; /* x APSM_SLIP_LOOKS: (J3b), then (J3c) */
+    double *usually; /* x APSM_SLIP_LOOKS */
     double *reach, *usual_reach;
     double *agreed; /* length of the median of the others' normals */
     double *figure; /* FIGURES x I */
     apsm_judgement *out;
 } judging;
 
-enum { AREA, SIZE, LONG, FLAT, OFF, SLIP, REACH, FIGURES };
+enum { AREA, SIZE, LONG, FLAT, OFF, REACH, SLIP, FIGURES = SLIP + APSM_SLIP_LOOKS };
 /* Of logarithms: nobody is called unusual for less than a few of these. */
-static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.2, 0.1 };
-/* A slip is told from the shape's own level of distances, but not from less than this. */
-static const double least_level = 0.7, least_slip = 0.02;
+static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.2 };
 
 /* ---- every shape for itself ---- */
 
@@ -92,52 +93,55 @@ static apsm_status look_at_shape(apsm_context *ctx, size_t i, int worker, void *
 
 /* ---- against the others ---- */
 
+static size_t at_look(const judging *g, size_t i, size_t k)
+{
+    return (APSM_SLIP_LOOKS * i + k) * g->J;
+}
+
 static apsm_status predict_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)ctx, (void)worker;
     judging *g = user;
     const size_t J = g->J;
-    double *work = malloc((3 * J + apsm_left_out_work_size(J)) * sizeof *work), sum = 0.0;
+    double *work = malloc((3 * J + apsm_slip_work_size(J)) * sizeof *work), sum = 0.0;
     if (!work) return APSM_ERR_MEMORY;
-    double *r = work + apsm_left_out_work_size(J), *along = g->along + J * i;
+    double *r = work + apsm_slip_work_size(J);
     const apsm_status status = apsm_left_out_residual(g->I, J, g->Q, i, r, work);
-    for (size_t j = 0; j < J && status == APSM_OK; j++) {
-        const double *n = g->N + 3 * (J * i + j);
-        sum += vec3_dot(r + 3 * j, r + 3 * j);
-        vec3_add_scaled(r + 3 * j, -vec3_dot(r + 3 * j, n), n);
-        along[j] = vec3_norm(r + 3 * j) / g->h;
-    }
+    for (size_t k = 0; k < 3 * J && status == APSM_OK; k++) sum += r[k] * r[k];
     g->figure[OFF * g->I + i] = 0.5 * log(sum / (double)J / (g->h * g->h) + 1e-12);
+    apsm_slip_look(g->I, J, g->Q, i, g->N + 3 * J * i, g->h, g->patch,
+                   g->slipped + at_look(g, i, 0), work);
     free(work);
     return status;
 }
 
-/* x (J) <- its mean over each particle and its ring of six.  scratch: J. */
-static void over_rings(size_t J, const uint32_t *N6, double *x, double *scratch)
+/* How often the usual shape i has slipped in the worst place, by every look.  scratch: 2 J. */
+static void find_slips(const judging *g, size_t i, double *scratch)
 {
-    memcpy(scratch, x, J * sizeof *x);
-    for (size_t j = 0; j < J; j++) {
-        for (size_t k = 0; k < APSM_NEIGHBOURS; k++) x[j] += scratch[N6[APSM_NEIGHBOURS * j + k]];
-        x[j] /= APSM_NEIGHBOURS + 1;
+    for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) {
+        const size_t at = at_look(g, i, k);
+        double *times = scratch + g->J, most = 1e-3;
+        apsm_slip_times(&g->patch[k], g->slipped + at, g->usually + at, times, scratch);
+        for (size_t j = 0; j < g->J; j++) most = fmax(most, times[j]);
+        g->figure[(SLIP + k) * g->I + i] = log(most);
     }
 }
 
-/* Where the distance along the surface is the most times the usual one; by how much it is more, and
- * that over the shape's own level: a shape that is unlike the others is off everywhere, a slipped
- * one in one place.  scratch: J. */
-static void find_slip(judging *g, size_t i, const double *usual, double *scratch)
+/* Where and how far, by the look in which it stands out the most from the others.  more: by how
+ * much, a row a look.  scratch: J. */
+static void take_slip(const judging *g, size_t i, const double *more, double *scratch)
 {
-    const size_t J = g->J, first = J * i;
     apsm_findings *f = &g->out->shape[i];
-    double *times = g->out->slip + first;
-    for (size_t j = 0; j < J; j++) {
-        times[j] = g->along[first + j] / fmax(usual[first + j], 0.05);
+    double *times = g->out->slip + g->J * i;
+    size_t look = 0;
+    for (size_t k = 1; k < APSM_SLIP_LOOKS; k++)
+        if (more[k * g->I + i] > more[look * g->I + i]) look = k;
+    const size_t at = at_look(g, i, look);
+    apsm_slip_times(&g->patch[look], g->slipped + at, g->usually + at, times, scratch);
+    for (size_t j = 0; j < g->J; j++)
         if (times[j] > times[f->slip_at]) f->slip_at = (uint32_t)j;
-    }
-    memcpy(scratch, times, J * sizeof *scratch);
-    f->level = robust_median(J, scratch);
-    f->slip_size = g->along[first + f->slip_at] - usual[first + f->slip_at];
-    g->figure[SLIP * g->I + i] = log(fmax(f->slip_size, least_slip) / fmax(f->level, least_level));
+    f->slip = exp(more[look * g->I + i]);
+    f->slip_size = g->slipped[at + f->slip_at] - g->usually[at + f->slip_at];
 }
 
 static void find_reach(judging *g, size_t i)
@@ -246,9 +250,11 @@ static apsm_status weigh_figures(judging *g)
         f->long_excess = excess[LONG * I + i];
         f->flat_excess = excess[FLAT * I + i];
         f->off_excess = excess[OFF * I + i];
-        f->slip = excess[SLIP * I + i];
         f->reach_excess = excess[REACH * I + i];
     }
+    for (size_t k = 0; k < APSM_SLIP_LOOKS * I; k++)
+        middle[SLIP * I + k] = g->figure[SLIP * I + k] - middle[SLIP * I + k];
+    for (size_t i = 0; i < I; i++) take_slip(g, i, middle + SLIP * I, g->distance);
     free(excess);
     return APSM_OK;
 }
@@ -273,7 +279,7 @@ static apsm_status look_at_all(apsm_context *ctx, judging *g)
 static apsm_status predict_all(apsm_context *ctx, judging *g)
 {
     APSM_TRY(apsm_own_for(ctx, g->I, NULL, predict_shape, g, NULL));
-    APSM_TRY(apsm_gather(ctx, g->I, NULL, g->J * sizeof *g->along, g->along));
+    APSM_TRY(apsm_gather(ctx, g->I, NULL, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped, g->slipped));
     return gather_figure(ctx, g, OFF);
 }
 
@@ -287,7 +293,15 @@ static void find_spread(judging *g, double *column)
     for (size_t k = 0; k < g->I * n; k++) g->spread[k] *= 1.4826;
 }
 
-static apsm_status compare(apsm_context *ctx, judging *g, double *column, double *usual)
+static apsm_status make_patches(judging *g)
+{
+    const size_t first = 3 * g->J * g->cohort->template_index;
+    for (size_t k = 0; k < APSM_SLIP_LOOKS; k++)
+        APSM_TRY(apsm_patches_make(k, g->J, g->Q + first, g->N + first, g->h, &g->patch[k]));
+    return APSM_OK;
+}
+
+static apsm_status compare(apsm_context *ctx, judging *g, double *column)
 {
     const size_t I = g->I, J = g->J;
     APSM_TRY(look_at_all(ctx, g));
@@ -297,11 +311,11 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column, double
     robust_left_out_medians(I, APSM_FORM_SCALES * J, g->height, g->usual, column);
     find_spread(g, column);
     robust_left_out_medians(I, J, g->reach, g->usual_reach, column);
+    APSM_TRY(make_patches(g));
     APSM_TRY(predict_all(ctx, g));
-    for (size_t i = 0; i < I; i++) over_rings(J, g->N6, g->along + J * i, usual);
-    robust_left_out_medians(I, J, g->along, usual, column);
+    robust_left_out_medians(I, APSM_SLIP_LOOKS * J, g->slipped, g->usually, column);
     for (size_t i = 0; i < I; i++) {
-        find_slip(g, i, usual, g->distance);
+        find_slips(g, i, g->distance);
         find_reach(g, i);
     }
     APSM_TRY(apsm_own_for(ctx, I, NULL, find_opposed, g, NULL));
@@ -327,7 +341,8 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
                        apsm_judgement *out)
 {
     const size_t I = cohort->I, n = I * J;
-    const size_t doubles = n * (3 * 4 + 4 * APSM_FORM_SCALES + 5) + I * (16 + FIGURES + 1);
+    const size_t doubles =
+        n * (3 * 4 + 4 * APSM_FORM_SCALES + 3 + 2 * APSM_SLIP_LOOKS) + I * (16 + FIGURES + 1);
     *out = (apsm_judgement){ .I = I, .J = J };
     out->shape = calloc(I, sizeof *out->shape);
     out->slip = malloc(n * sizeof *out->slip);
@@ -346,16 +361,18 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
         g.usual = g.height + APSM_FORM_SCALES * n;
         g.spread = g.usual + APSM_FORM_SCALES * n;
         g.distance = g.spread + APSM_FORM_SCALES * n;
-        g.along = g.distance + APSM_FORM_SCALES * n;
-        g.reach = g.along + n;
+        g.slipped = g.distance + APSM_FORM_SCALES * n;
+        g.usually = g.slipped + APSM_SLIP_LOOKS * n;
+        g.reach = g.usually + APSM_SLIP_LOOKS * n;
         g.usual_reach = g.reach + n;
         g.agreed = g.usual_reach + n;
-        g.M = g.agreed + 2 * n;
+        g.M = g.agreed + n;
         g.figure = g.M + 16 * I;
         status = pose(ctx, &g);
-        if (status == APSM_OK) status = compare(ctx, &g, g.figure + FIGURES * I, g.agreed + n);
+        if (status == APSM_OK) status = compare(ctx, &g, g.figure + FIGURES * I);
         out->h = g.h;
     }
+    for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) apsm_patches_free(&g.patch[k]);
     free(all);
     free(g.N6);
     if (status != APSM_OK) apsm_judgement_free(out);

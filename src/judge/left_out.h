@@ -6,7 +6,7 @@
 
 #include "apsm/status.h"
 
-enum { APSM_LEFT_OUT_MODES = 6, APSM_LEFT_OUT_SHAPES = 64 };
+enum { APSM_LEFT_OUT_MODES = 6, APSM_LEFT_OUT_SHAPES = 64, APSM_LEFT_OUT_DEGREES = 3 };
 
 /* Scratch in doubles for particles J x 3. */
 size_t apsm_left_out_work_size(size_t J);
@@ -16,5 +16,11 @@ size_t apsm_left_out_work_size(size_t J);
  * pose; I >= 3.  work: scratch. */
 apsm_status apsm_left_out_residual(size_t I, size_t J, const double *P, size_t i, double *r,
                                    double *work) APSM_NODISCARD;
+
+/* rests (APSM_LEFT_OUT_DEGREES x J x 3, out): what neither the others (at most 64, and half as many
+ * as there are particles) nor deformations by polynomials of the first, second, third degree
+ * explain; 0 where they could explain half of everything.  P, work: as above.  O(J (I + 60)^2). */
+void apsm_left_out_rests(size_t I, size_t J, const double *P, size_t i, double *rests,
+                         double *work);
 
 #endif

@@ -36,9 +36,8 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 
 apsm_verdict_options apsm_verdict_defaults(void)
 {
-    return (apsm_verdict_options){ .slip_excess = 1.5,
-                                   .slip = 0.5,
-                                   .slip_size = 0.3,
+    return (apsm_verdict_options){ .slip = 2.0,
+                                   .slip_size = 0.1,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
@@ -60,8 +59,7 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     if (doubts) return doubts;
     doubts |= (unsigned)(f->turn[0].evidence < -o->against) << APSM_DOUBT_TURNED;
     doubts |= (unsigned)(f->turn[1].evidence < -o->against) << APSM_DOUBT_MIRRORED;
-    if (f->slip > o->slip_excess && f->slip_size > o->slip_size && f->slip * f->slip_size > o->slip)
-        doubts |= 1u << APSM_DOUBT_SLIP;
+    if (f->slip > o->slip && f->slip_size > o->slip_size) doubts |= 1u << APSM_DOUBT_SLIP;
     if ((f->reach_excess > o->reach_excess && f->reach > o->reach_size) ||
         f->farthest > o->farthest)
         doubts |= 1u << APSM_DOUBT_ENDS;
