@@ -17,14 +17,14 @@
 #include "geometry/vec3.h"
 #include "judge/left_out.h"
 
-/* Radii in h. */
-static const double radius[APSM_SLIP_LOOKS] = { 4.0, 4.0, 2.3 };
+/* Radii of the patches of looks 0 and 1, and of 2, in h. */
+static const double wide = 4.0, narrow = 2.3;
 static const double least_usual = 0.05; /* h */
 
 apsm_status apsm_patches_make(size_t k, size_t J, const double *P, const double *N, double h,
                               apsm_patches *patches)
 {
-    const double reach2 = radius[k] * radius[k] * h * h;
+    const double radius = (k < 2 ? wide : narrow) * h, reach2 = radius * radius;
     size_t n = 0;
     *patches = (apsm_patches){ .J = J, .start = malloc((J + 1) * sizeof *patches->start) };
     if (!patches->start) return APSM_ERR_MEMORY;

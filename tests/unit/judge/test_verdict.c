@@ -9,6 +9,7 @@
 #include "geometry/affine.h"
 #include "geometry/form.h"
 #include "judge/left_out.h"
+#include "judge/slip.h"
 #include "judge/verdict.h"
 #include "shapes.h"
 
@@ -154,23 +155,78 @@ static void ends_missed_by_all_are_found(void **state)
     close_scene(&s);
 }
 
-/* A region of shape 3 moves along the surface by about a spacing, fading out. */
-static void slip_is_found(void **state)
+/* A region of shape 3 moves along the surface by `far`, fading out. */
+static void plant_slip(scene *s, double far)
 {
-    (void)state;
-    static scene s;
     const double at[3] = { 0, 1, 0 };
-    open_scene(&s);
+    open_scene(s);
     for (size_t j = 0; j < J; j++) {
         double u[3], norm = 0;
         spiral(j, u);
         const double near = u[0] * at[0] + u[1] * at[1] + u[2] * at[2];
-        u[0] += 0.4 * fmax(near, 0) * fmax(near, 0);
+        u[0] += far * fmax(near, 0) * fmax(near, 0);
         for (int c = 0; c < 3; c++) norm += u[c] * u[c];
         for (int c = 0; c < 3; c++) u[c] /= sqrt(norm);
-        body(3, u, s.P + 3 * (J * 3 + j));
+        body(3, u, s->P + 3 * (J * 3 + j));
     }
-    only_shape_3(&s, 1u << APSM_DOUBT_SLIP);
+    only_shape_3(s, 1u << APSM_DOUBT_SLIP);
+}
+
+/* By about a spacing, and by half of it. */
+static void slip_is_found(void **state)
+{
+    (void)state;
+    static scene s;
+    plant_slip(&s, 0.4);
+    plant_slip(&s, 0.2);
+}
+
+/* A slip is the mean over the patch of vectors along the surface: what goes along the normal, or
+ * this way and that, is none. */
+static void slips_are_coherent(void **state)
+{
+    (void)state;
+    enum { n = 5 };
+    const double P[3 * n] = { 0, 0, 0, 1, 0, 0, 0, 1, 0, 9, 0, 0, 0, 0, 1 };
+    const double N[3 * n] = { 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, 1, 0, 0, -1 };
+    const double x[n] = { 1, 2, 6, 4, 100 }, usual[n] = { 0.5, 0.5, 0.5, 0.01, 1 };
+    double mean[n], times[n];
+    apsm_patches patches = { 0 };
+    assert_int_equal(apsm_patches_make(2, n, P, N, 0.5, &patches), APSM_OK);
+    apsm_patches_mean(&patches, x, mean);
+    assert_near(mean[0], 3, 1e-12); /* not what is far, nor what looks the other way */
+    assert_near(mean[3], 4, 1e-12);
+    apsm_slip_times(&patches, x, usual, times, mean);
+    assert_near(times[2], 12, 1e-12);
+    assert_near(times[3], 4 / 0.05, 1e-9);
+    apsm_patches_free(&patches);
+}
+
+/* What the others span and polynomials up to the degree is explained, and nothing else. */
+static void smooth_deformations_leave_no_rest(void **state)
+{
+    (void)state;
+    enum { shapes = 5, D = 3 * J };
+    static double P[shapes * D], rests[APSM_LEFT_OUT_DEGREES * D];
+    double *work = malloc(apsm_left_out_work_size(J) * sizeof *work);
+    assert_non_null(work);
+    for (int degree = 1; degree <= 4; degree++) {
+        for (size_t i = 0; i < shapes; i++)
+            for (size_t j = 0; j < J; j++) {
+                double *p = P + i * D + 3 * j;
+                spiral(j, p);
+                const double x = p[0], z = p[2];
+                p[1] += (double)(i % 3) * sin(9 * (double)j);
+                if (i == 2) p[0] += 0.1 * z * pow(x, degree - 1);
+            }
+        apsm_left_out_rests(shapes, J, P, 2, rests, work);
+        for (int d = 1; d <= APSM_LEFT_OUT_DEGREES; d++) {
+            double most = 0;
+            for (size_t k = 0; k < D; k++) most = fmax(most, fabs(rests[(d - 1) * D + (int)k]));
+            if ((most < 1e-9) != (degree <= d)) fail_msg("%d %d: %g", degree, d, most);
+        }
+    }
+    free(work);
 }
 
 /* The particles keep away from one end of shape 3. */
@@ -341,6 +397,8 @@ int main(void)
         cmocka_unit_test(half_turn_is_found),
         cmocka_unit_test(mirror_image_is_found),
         cmocka_unit_test(slip_is_found),
+        cmocka_unit_test(slips_are_coherent),
+        cmocka_unit_test(smooth_deformations_leave_no_rest),
         cmocka_unit_test(ends_missed_by_all_are_found),
         cmocka_unit_test(missed_end_is_found),
         cmocka_unit_test(size_of_a_stranger_is_found),
