@@ -113,11 +113,10 @@ static json_t *json_thresholds(void)
     return json_pack(
         "{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
         "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface", o.off_surface,
-        "coincident", o.coincident, "slip_times", v.slip, "slip",
-        v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size, "farthest", v.farthest,
-        "off", v.off, "off_excess", v.off_excess, "size", v.size, "size_excess", v.size_excess,
-        "evidence_against", v.against, "evidence_told", v.told, "least_shapes",
-        (int)APSM_LEAST_JUDGED);
+        "coincident", o.coincident, "slip_times", v.slip, "slip_size", v.slip_size, "reach_excess",
+        v.reach_excess, "reach", v.reach_size, "farthest", v.farthest, "off", v.off, "off_excess",
+        v.off_excess, "size", v.size, "size_excess", v.size_excess, "evidence_against", v.against,
+        "evidence_told", v.told, "least_shapes", (int)APSM_LEAST_JUDGED);
 }
 
 static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certificate *c)
