@@ -144,8 +144,73 @@ size_t cohort_movers(const apsm_cohort *c)
     return n;
 }
 
+/* ---- several parts ---- */
+
+/* Whether the same subjects are in all parts, the same of them fixed, and the same the template. */
+static bool fit_together(size_t n, const apsm_cohort *parts, const size_t *J)
+{
+    bool fit = n > 0;
+    for (size_t d = 0; d < n; d++) {
+        fit = fit && J[d] > 0 && !parts[d].part && parts[d].I == parts[0].I &&
+              parts[d].template_index == parts[0].template_index;
+        for (size_t i = 0; fit && i < parts[0].I; i++)
+            fit = cohort_moves(&parts[d], i) == cohort_moves(&parts[0], i);
+    }
+    return fit;
+}
+
+static apsm_status take_parts(apsm_context *ctx, size_t n, apsm_cohort *parts, const size_t *J,
+                              apsm_cohort *c)
+{
+    if (!fit_together(n, parts, J))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "parts of a cohort need the same subjects, template and fixed subjects, "
+                         "and particles each");
+    c->I = parts[0].I;
+    c->template_index = parts[0].template_index;
+    c->first = calloc(n + 1, sizeof *c->first);
+    c->part = calloc(n, sizeof *c->part);
+    c->fixed = parts[0].fixed ? malloc((c->I + 1) * sizeof *c->fixed) : NULL;
+    if (!c->first || !c->part || (parts[0].fixed && !c->fixed)) return APSM_ERR_MEMORY;
+    if (c->fixed) memcpy(c->fixed, parts[0].fixed, c->I * sizeof *c->fixed);
+    for (size_t d = 0; d < n; d++) {
+        c->first[d + 1] = c->first[d] + J[d];
+        c->part[d] = parts[d];
+        parts[d] = (apsm_cohort){ 0 };
+    }
+    c->parts = n;
+    return APSM_OK;
+}
+
+apsm_status apsm_cohort_join(apsm_context *ctx, size_t n, apsm_cohort *parts, const size_t *J,
+                             apsm_cohort *cohort)
+{
+    *cohort = (apsm_cohort){ 0 };
+    const apsm_status status = take_parts(ctx, n, parts, J, cohort);
+    if (status != APSM_OK) apsm_cohort_free(cohort);
+    for (size_t d = 0; d < n; d++) apsm_cohort_free(&parts[d]);
+    return status;
+}
+
+void cohort_take_part(const apsm_cohort *c, size_t d, size_t J, const double *P, double *Q)
+{
+    const size_t from = cohort_first(c, d, J), n = cohort_first(c, d + 1, J) - from;
+    for (size_t i = 0; i < c->I; i++)
+        memcpy(Q + i * n * 3, P + (i * J + from) * 3, n * 3 * sizeof *P);
+}
+
+void cohort_put_part(const apsm_cohort *c, size_t d, size_t J, const double *Q, double *P)
+{
+    const size_t to = cohort_first(c, d, J), n = cohort_first(c, d + 1, J) - to;
+    for (size_t i = 0; i < c->I; i++)
+        memcpy(P + (i * J + to) * 3, Q + i * n * 3, n * 3 * sizeof *P);
+}
+
 void apsm_cohort_free(apsm_cohort *cohort)
 {
+    for (size_t d = 0; cohort->part && d < cohort->parts; d++) apsm_cohort_free(&cohort->part[d]);
+    free(cohort->part);
+    free(cohort->first);
     if (cohort->shape)
         for (size_t i = 0; i < cohort->I; i++) free_shape(&cohort->shape[i]);
     free(cohort->shape);

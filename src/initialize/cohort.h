@@ -46,15 +46,45 @@ typedef struct apsm_features {
     double **value; /* I: F x nv of the shape's mesh, without unit and times their weights */
 } apsm_features;
 
+/* I subjects.  Of one part each this is all; of several, surfaces and what guides the particles on
+ * them are the parts' (apsm_cohort_join), and a row of particles has all parts' one after the
+ * other. */
 typedef struct apsm_cohort {
     size_t I;
-    apsm_shape *shape;     /* I */
+    apsm_shape *shape;     /* I; NULL of several parts */
     size_t template_index; /* t */
     bool *fixed;           /* I: particles that take part and stay where they are; NULL: none */
     apsm_anchors anchors;
     apsm_features features;
     apsm_obstacles obstacles; /* in the world */
+    size_t parts;             /* 0: one */
+    struct apsm_cohort *part; /* parts: each a cohort of one part; owned */
+    size_t *first; /* parts + 1: particles first[d], ..., first[d + 1] - 1 are part d's */
 } apsm_cohort;
+
+/* Subjects of several parts: takes the parts over (n cohorts of one part each, also on failure) of
+ * which part d has J[d] particles.  All have the same subjects, template and fixed subjects, else
+ * APSM_ERR_ARG. */
+apsm_status apsm_cohort_join(apsm_context *ctx, size_t n, apsm_cohort *parts, const size_t *J,
+                             apsm_cohort *cohort) APSM_NODISCARD;
+
+static inline size_t cohort_parts(const apsm_cohort *c)
+{
+    return c->part ? c->parts : 1;
+}
+/* Part d, a cohort of one part; of one part itself. */
+static inline const apsm_cohort *cohort_part(const apsm_cohort *c, size_t d)
+{
+    return c->part ? &c->part[d] : c;
+}
+/* Where the particles of part d begin, of J in a row; d = cohort_parts: J. */
+static inline size_t cohort_first(const apsm_cohort *c, size_t d, size_t J)
+{
+    return c->part ? c->first[d] : d == 0 ? 0 : J;
+}
+/* P (I x J x 3) of all parts from or to those of part d, Q (I x its particles x 3). */
+void cohort_take_part(const apsm_cohort *c, size_t d, size_t J, const double *P, double *Q);
+void cohort_put_part(const apsm_cohort *c, size_t d, size_t J, const double *Q, double *P);
 
 /* Whether the particles of shape i may move. */
 static inline bool cohort_moves(const apsm_cohort *c, size_t i)

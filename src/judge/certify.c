@@ -286,6 +286,23 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
     return status;
 }
 
+apsm_status certify_parts(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
+                          cohort_certificate *certificate)
+{
+    double *part = malloc((cohort->I * J * 3 + 1) * sizeof *part);
+    apsm_status status = part ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < cohort_parts(cohort); d++) certificate[d] = (cohort_certificate){ 0 };
+    for (size_t d = 0; d < cohort_parts(cohort) && status == APSM_OK; d++) {
+        const size_t own = cohort_first(cohort, d + 1, J) - cohort_first(cohort, d, J);
+        cohort_take_part(cohort, d, J, P, part);
+        status = certify_cohort(ctx, cohort_part(cohort, d), own, part, NULL, &certificate[d]);
+    }
+    for (size_t d = 0; d < cohort_parts(cohort) && status != APSM_OK; d++)
+        certify_free(&certificate[d]);
+    free(part);
+    return status;
+}
+
 void certify_free(cohort_certificate *certificate)
 {
     for (size_t i = 0; certificate->shape && i < certificate->I; i++)

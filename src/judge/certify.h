@@ -21,10 +21,13 @@ typedef struct cohort_certificate {
     struct json_t *notes;     /* of grooming, see session/notes.h; NULL: none */
 } cohort_certificate;
 
-/* Judges particles P (I x J x 3, world frame) of the cohort.  notes (NULL: none) are what grooming
- * has said of its shapes; some of it is a doubt, too. */
+/* Judges particles P (I x J x 3, world frame) of the cohort, of one part.  notes (NULL: none) are
+ * what grooming has said of its shapes; some of it is a doubt, too. */
 apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
                            struct json_t *notes, cohort_certificate *certificate);
+/* Of subjects of several parts each part on its own: certificate (cohort_parts, out). */
+apsm_status certify_parts(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
+                          cohort_certificate *certificate);
 void certify_free(cohort_certificate *certificate);
 
 /* "certified", "needs review" or "not judged": of one shape, of all. */

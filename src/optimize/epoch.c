@@ -31,32 +31,58 @@ void look_up_normals(const optimizer *op, size_t i, const double *P, uint32_t *g
 
 const double *optimizer_normals(const optimizer *op, size_t i)
 {
-    double *N = op->N + i * op->J * 3;
-    if (!op->fresh[i]) look_up_normals(op, i, particles(op, i), op->guess + i * op->J, N);
+    double *N = row_of(op, op->N, i);
+    if (!op->fresh[i]) look_up_normals(op, i, particles(op, i), guess_of(op, i), N);
     op->fresh[i] = true;
     return N;
 }
 
-/* The unclipped step (11) of shape batch[k], of the terms that are on. */
+/* Gradients of the terms over all parts of shape batch[k], and their losses. */
+static apsm_status gradients_over_parts(const optimizer *op, size_t k, worker *w, double *loss)
+{
+    for (size_t t = 0; t < op->n_terms; t++) {
+        loss[t] = NAN;
+        if (op->terms[t]->over_parts && op->terms[t]->is_on(op))
+            APSM_TRY(op->terms[t]->gradient(op, k, w, &loss[t], w->grad + t * op->all * 3));
+    }
+    return APSM_OK;
+}
+
+/* The step of one part of it, of the terms that are on; loss: of those over all parts, `whole`. */
+static apsm_status step_of_part(const optimizer *op, const optimizer *whole, size_t k, worker *w,
+                                const double *loss)
+{
+    shape_record *record = &op->record[op->batch[k]];
+    const double *grad[APSM_TERMS_MOST];
+    double weight[APSM_TERMS_MOST];
+    *record = (shape_record){ .error2 = NAN };
+    for (size_t t = 0; t < op->n_terms; t++) {
+        const term *of = op->terms[t];
+        const optimizer *at = of->over_parts ? whole : op;
+        double *g = w->grad + (t * op->all + op->first) * 3;
+        const bool on = of->is_on(at);
+        record->loss[t] = loss[t];
+        grad[t] = on ? g : NULL;
+        weight[t] = on ? of->weight(at) : 0;
+        if (on && !of->over_parts) APSM_TRY(of->gradient(op, k, w, &record->loss[t], g));
+    }
+    apsm_step(op->J, op->n_terms, weight, grad, INFINITY, row_of(op, op->step, k));
+    return APSM_OK;
+}
+
+/* The unclipped step (11) of shape batch[k]. */
 apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker_index, void *user)
 {
     optimizer op = *(optimizer *)user; /* a copy with the task's own error line */
     op.ctx = ctx;
     worker *w = &op.worker[worker_index];
-    shape_record *record = &op.record[op.batch[k]];
-    const double *grad[APSM_TERMS_MOST];
-    double weight[APSM_TERMS_MOST];
-    *record = (shape_record){ .error2 = NAN };
+    double loss[APSM_TERMS_MOST];
     if (!cohort_moves(op.cohort, op.batch[k])) return APSM_OK;
-    for (size_t t = 0; t < op.n_terms; t++) {
-        double *g = w->grad + t * op.J * 3;
-        const bool on = op.terms[t]->is_on(&op);
-        record->loss[t] = NAN;
-        grad[t] = on ? g : NULL;
-        weight[t] = on ? op.terms[t]->weight(&op) : 0;
-        if (on) APSM_TRY(op.terms[t]->gradient(&op, k, w, &record->loss[t], g));
+    APSM_TRY(gradients_over_parts(&op, k, w, loss));
+    for (size_t d = 0; d < cohort_parts(op.cohort); d++) {
+        part_view view;
+        APSM_TRY(step_of_part(part_of(&op, d, &view), &op, k, w, loss));
     }
-    apsm_step(op.J, op.n_terms, weight, grad, INFINITY, op.step + k * op.J * 3);
     return APSM_OK;
 }
 
@@ -64,7 +90,7 @@ static void snap_to_surface(const optimizer *op, size_t i, double *P, worker *w)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
     if (op->o->step.snap == APSM_SNAP_CLOSEST)
-        apsm_snap_closest(shape->bvh, op->J, P, NULL, op->guess + i * op->J);
+        apsm_snap_closest(shape->bvh, op->J, P, NULL, guess_of(op, i));
     if (op->o->step.snap != APSM_SNAP_FIELD) return;
     for (long n = 0; n < op->o->step.snaps; n++) { /* ge holds D, gc the normals */
         apsm_field_sample(shape->field, op->J, P, w->ge, w->gc);
@@ -110,14 +136,12 @@ static bool is_thin(const optimizer *op, size_t i)
     return op->o->step.snap == APSM_SNAP_CLOSEST && thickness < op->state->h;
 }
 
-apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user)
+static apsm_status move_part(apsm_context *ctx, const optimizer *op, size_t k, worker *w)
 {
-    const optimizer *op = user;
     const size_t i = op->batch[k];
-    double *P = particles(op, i), *step = op->step + k * op->J * 3;
+    double *P = particles(op, i), *step = row_of(op, op->step, k);
     const double minus_one = -1, *const grad = step;
     const double clip = op->o->step.step_clip > 0 ? op->o->step.step_clip * op->state->h : INFINITY;
-    if (!cohort_moves(op->cohort, i)) return APSM_OK;
     op->record[i].step = apsm_step(op->J, 1, &minus_one, &grad, clip, step) / op->state->h;
     for (size_t x = 0; x < op->J * 3; x++) {
         P[x] += step[x];
@@ -127,12 +151,23 @@ apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user
                              op->cohort->shape[i].name, x / 3);
     }
     if (is_thin(op, i))
-        snap_to_side(&op->cohort->shape[i], op->J, op->N + i * op->J * 3, op->state->h, P);
+        snap_to_side(&op->cohort->shape[i], op->J, row_of(op, op->N, i), op->state->h, P);
     else
-        snap_to_surface(op, i, P, &op->worker[worker_index]);
+        snap_to_surface(op, i, P, w);
     keep_rim(op, i, P);
     apsm_anchors_hold(op->cohort, i, P);
     op->fresh[i] = false;
     optimizer_normals(op, i);
+    return APSM_OK;
+}
+
+apsm_status move_shape(apsm_context *ctx, size_t k, int worker_index, void *user)
+{
+    optimizer *op = user;
+    if (!cohort_moves(op->cohort, op->batch[k])) return APSM_OK;
+    for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
+        part_view view;
+        APSM_TRY(move_part(ctx, part_of(op, d, &view), k, &op->worker[worker_index]));
+    }
     return APSM_OK;
 }

@@ -64,7 +64,7 @@ static apsm_status sample_shape(apsm_context *ctx, const apsm_shape *shape, size
 typedef struct carry {
     const apsm_cohort *cohort;
     const apsm_optimize_options *options;
-    size_t J;
+    size_t d, J; /* which part, of how many particles */
     double h;
     const double *T, *TN;            /* J x 3 */
     bool *on_rim;                    /* J: particles on the template's rim */
@@ -151,19 +151,19 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
 {
     (void)worker;
     const carry *c = user;
-    const size_t bytes = c->J * 3 * sizeof *c->P;
+    const size_t bytes = c->J * 3 * sizeof *c->P, piece = c->d * c->cohort->I + i;
     double *P = c->P + i * c->J * 3;
     if (!cohort_moves(c->cohort, i)) return APSM_OK;
     if (i == c->cohort->template_index) {
         memcpy(P, c->T, bytes);
         return APSM_OK;
     }
-    if (apsm_recall(ctx, "first", i, bytes, P)) return APSM_OK;
+    if (apsm_recall(ctx, "first", piece, bytes, P)) return APSM_OK;
     APSM_TRY(carry_to(ctx, c, &c->cohort->shape[i], P));
     if (c->cohort->features.F > 0) APSM_TRY(apsm_features_pull(c->cohort, i, c->J, c->T, c->h, P));
     if (c->cohort->anchors.L > 0) APSM_TRY(pull_to_anchors(c, i, P));
     apsm_shape_keep_on_rim(&c->cohort->shape[i], c->J, c->on_rim, P, NULL);
-    return apsm_keep(ctx, "first", i, bytes, P);
+    return apsm_keep(ctx, "first", piece, bytes, P);
 }
 
 /* Particles T (J x 3) spread over the template; S (J) is scratch. */
@@ -216,12 +216,13 @@ static apsm_status prepare_registration(carry *c)
     return status;
 }
 
-apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
+/* Those of part d, whose cohort this is; P is I x J x 3. */
+static apsm_status first_of_part(apsm_context *ctx, const apsm_cohort *cohort, size_t d,
                                  const apsm_optimize_options *options, size_t J, double *P)
 {
     double *T = malloc(6 * J * sizeof *T);
     if (!T) return APSM_ERR_MEMORY;
-    carry c = { .cohort = cohort, .options = options, .J = J, .T = T, .TN = T + 3 * J, .P = P };
+    carry c = { cohort, options, d, J, .T = T, .TN = T + 3 * J, .P = P };
     apsm_status status = begin_with_template(ctx, &c, T, T + 3 * J);
     c.on_rim = malloc(J * sizeof *c.on_rim);
     if (status == APSM_OK && !c.on_rim) status = APSM_ERR_MEMORY;
@@ -234,5 +235,21 @@ apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
     apsm_registration_free(c.registration);
     free(c.on_rim);
     free(T);
+    return status;
+}
+
+apsm_status apsm_first_particles(apsm_context *ctx, const apsm_cohort *cohort,
+                                 const apsm_optimize_options *options, size_t J, double *P)
+{
+    if (!cohort->part) return first_of_part(ctx, cohort, 0, options, J, P);
+    double *part = malloc(cohort->I * J * 3 * sizeof *part);
+    apsm_status status = part ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < cohort->parts && status == APSM_OK; d++) {
+        const size_t own = cohort->first[d + 1] - cohort->first[d];
+        cohort_take_part(cohort, d, J, P, part);
+        status = first_of_part(ctx, &cohort->part[d], d, options, own, part);
+        cohort_put_part(cohort, d, J, part, P);
+    }
+    free(part);
     return status;
 }

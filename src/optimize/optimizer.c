@@ -28,15 +28,31 @@
 
 /* ---- the pieces of an epoch, for the cohort ---- */
 
-static apsm_status freeze_template(optimizer *op)
+/* Of one part; h (out): its spacing. */
+static apsm_status freeze_part(const optimizer *op, double *h)
 {
     const size_t t = op->cohort->template_index;
     memcpy(op->tP, particles(op, t), op->J * 3 * sizeof *op->tP);
     apsm_shape_find_on_rim(&op->cohort->shape[t], op->J, op->tP, op->on_rim);
     memcpy(op->tN, optimizer_normals(op, t), op->J * 3 * sizeof *op->tN);
     APSM_TRY(apsm_neighbours6(op->J, op->tP, op->N6));
-    const double h = apsm_spacing(op->J, op->tP, op->N6, op->h_j);
-    if (!(op->state->h > 0)) op->state->h = h; /* fixed once a stage */
+    *h = apsm_spacing(op->J, op->tP, op->N6, op->h_j);
+    return APSM_OK;
+}
+
+static apsm_status freeze_template(optimizer *op)
+{
+    apsm_optimizer_state *s = op->state;
+    const bool begins = !(s->h > 0); /* h is fixed once a stage */
+    double all = 0;
+    for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
+        part_view view;
+        double h;
+        APSM_TRY(freeze_part(part_of(op, d, &view), &h));
+        if (begins && s->part) s->part[d].h = h;
+        add_part(op, d, h, &all);
+    }
+    if (begins) s->h = all;
     return APSM_OK;
 }
 
@@ -57,11 +73,41 @@ static void shuffle(optimizer *op)
 /* What other processes have made of the batch's shapes, whose normals are then old ones. */
 static apsm_status gather_shapes(optimizer *op)
 {
-    for (size_t k = 0; k < op->batch_size; k++)
-        if (!apsm_is_own(op->ctx, op->batch[k])) op->fresh[op->batch[k]] = false;
     APSM_TRY(apsm_gather(op->ctx, op->batch_size, op->batch, op->J * 3 * sizeof *op->state->P,
                          op->state->P));
-    return apsm_gather(op->ctx, op->batch_size, op->batch, sizeof *op->record, op->record);
+    for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
+        for (size_t k = 0; k < op->batch_size; k++)
+            if (!apsm_is_own(op->ctx, op->batch[k])) op->fresh[d * op->I + op->batch[k]] = false;
+        APSM_TRY(apsm_gather(op->ctx, op->batch_size, op->batch, sizeof *op->record,
+                             op->record + d * op->I));
+    }
+    return APSM_OK;
+}
+
+/* What the batch has in common, of the terms over all parts and of those of each. */
+static apsm_status prepare_terms(optimizer *op)
+{
+    for (size_t t = 0; t < op->n_terms; t++) {
+        const term *of = op->terms[t];
+        if (!of->prepare) continue;
+        for (size_t d = 0; d < (of->over_parts ? 1 : cohort_parts(op->cohort)); d++) {
+            part_view view;
+            APSM_TRY(of->prepare(of->over_parts ? op : part_of(op, d, &view)));
+        }
+    }
+    return APSM_OK;
+}
+
+static void finish_terms(optimizer *op)
+{
+    for (size_t t = 0; t < op->n_terms; t++) {
+        const term *of = op->terms[t];
+        for (size_t d = 0; of->finish && d < (of->over_parts ? 1 : cohort_parts(op->cohort)); d++) {
+            part_view view;
+            of->finish(of->over_parts ? op : part_of(op, d, &view));
+        }
+        if (of->figure) op->figure[t] += of->figure(op);
+    }
 }
 
 static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
@@ -69,13 +115,9 @@ static apsm_status run_batch(optimizer *op, const size_t *batch, size_t size)
     op->batch = batch;
     op->batch_size = size;
     const weights w = op->w;
-    for (size_t t = 0; t < op->n_terms; t++)
-        if (op->terms[t]->prepare) APSM_TRY(op->terms[t]->prepare(op));
+    APSM_TRY(prepare_terms(op));
     APSM_TRY(apsm_own_for(op->ctx, size, batch, gradients_of_shape, op, NULL));
-    for (size_t t = 0; t < op->n_terms; t++) {
-        if (op->terms[t]->finish) op->terms[t]->finish(op);
-        if (op->terms[t]->figure) op->figure[t] += op->terms[t]->figure(op);
-    }
+    finish_terms(op);
     APSM_TRY(apsm_own_for(op->ctx, size, batch, move_shape, op, NULL));
     op->w = w;
     return gather_shapes(op);
@@ -128,16 +170,34 @@ static void judge_settling(optimizer *op, const apsm_epoch_record *r)
     s->epoch = 0;
 }
 
+/* Of one part, whose particles P (I x J x 3) are. */
+static apsm_status pass_of_part(const optimizer *op, double *P, geodesic_pass_result *pass)
+{
+    APSM_TRY(geodesic_pass(op->ctx, op->cohort, op->o, op->J, op->state->h, P, pass));
+    for (size_t i = 0; i < op->I; i++)
+        if (cohort_moves(op->cohort, i)) apsm_anchors_hold(op->cohort, i, P + i * op->J * 3);
+    return APSM_OK;
+}
+
 static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
 {
-    geodesic_pass_result pass;
-    memset(op->fresh, 0, op->I * sizeof *op->fresh);
-    APSM_TRY(geodesic_pass(op->ctx, op->cohort, op->o, op->J, op->state->h, op->state->P, &pass));
-    for (size_t i = 0; i < op->I; i++)
-        if (cohort_moves(op->cohort, i)) apsm_anchors_hold(op->cohort, i, particles(op, i));
-    r->mismatched = pass.mean;
-    r->worst_mismatched = pass.worst;
-    r->walked = pass.walked;
+    double *own = op->state->P, *const part = part_rows(op);
+    if (op->cohort->part && !part) return APSM_ERR_MEMORY;
+    memset(op->fresh, 0, op->I * cohort_parts(op->cohort) * sizeof *op->fresh);
+    apsm_status status = APSM_OK;
+    r->worst_mismatched = 0;
+    for (size_t d = 0; d < cohort_parts(op->cohort) && status == APSM_OK; d++) {
+        part_view view;
+        geodesic_pass_result pass = { 0 };
+        if (part) cohort_take_part(op->cohort, d, op->all, own, part);
+        status = pass_of_part(part_of(op, d, &view), part ? part : own, &pass);
+        if (part) cohort_put_part(op->cohort, d, op->all, part, own);
+        add_part(op, d, pass.mean, &r->mismatched);
+        r->worst_mismatched = fmax(r->worst_mismatched, pass.worst);
+        r->walked += pass.walked;
+    }
+    free(part);
+    APSM_TRY(status);
     if (op->state->epoch < 0)
         judge_settling(op, r);
     else
@@ -155,7 +215,11 @@ static double mean_over_shapes(const optimizer *op, size_t field)
     size_t n = 0;
     for (size_t i = 0; i < op->I; i++) {
         if (!cohort_moves(op->cohort, i)) continue;
-        sum += *(const double *)((const char *)&op->record[i] + field);
+        double own = 0;
+        for (size_t d = 0; d < cohort_parts(op->cohort); d++)
+            add_part(op, d, *(const double *)((const char *)&op->record[d * op->I + i] + field),
+                     &own);
+        sum += own;
         n++;
     }
     return sum / (double)n;
@@ -196,9 +260,9 @@ static apsm_status renew_factors(optimizer *op)
 {
     enum { RENEWAL = 25 };
     apsm_optimizer_state *s = op->state;
-    const size_t n = op->I * op->J * 3;
+    const size_t n = op->I * op->J * 3, surfaces = op->I * cohort_parts(op->cohort);
     if (!keeps_factors(op)) return APSM_OK;
-    if (!op->kept) op->kept = calloc(op->I, sizeof *op->kept);
+    if (!op->kept) op->kept = calloc(surfaces, sizeof *op->kept);
     if (!op->kept) return APSM_ERR_MEMORY;
     if (s->epoch > 0 && s->epoch % RENEWAL > 0 && s->own_size == n) return APSM_OK;
     if (s->own_size != n) {
@@ -208,7 +272,7 @@ static apsm_status renew_factors(optimizer *op)
     }
     if (!s->own) return APSM_ERR_MEMORY;
     memcpy(s->own, s->P, n * sizeof *s->own);
-    for (size_t i = 0; i < op->I; i++) op->kept[i].ready = false;
+    for (size_t i = 0; i < surfaces; i++) op->kept[i].ready = false;
     return APSM_OK;
 }
 
@@ -254,21 +318,58 @@ static apsm_status begin_fidelity(optimizer *op)
         s->own = own;
         s->own_size = n;
     }
-    const apsm_fidelity_options fo = op->o->fidelity;
-    APSM_TRY(apsm_fidelity_new(op->ctx, op->cohort, op->J,
-                               particles(op, op->cohort->template_index), &fo, &op->fidelity));
-    s->h = apsm_fidelity_spacing(op->fidelity);
-    apsm_fidelity_set_doubt(op->fidelity, s->doubt);
+    for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
+        part_view view;
+        const optimizer *p = part_of(op, d, &view);
+        APSM_TRY(apsm_fidelity_new(op->ctx, p->cohort, p->J,
+                                   particles(p, p->cohort->template_index), &op->o->fidelity,
+                                   &op->fidelity[d]));
+        const double h = apsm_fidelity_spacing(op->fidelity[d]);
+        apsm_fidelity_set_doubt(op->fidelity[d], p->state->doubt);
+        if (s->part) s->part[d].h = h;
+        add_part(op, d, h, &s->h);
+    }
     return APSM_OK;
+}
+
+/* A round of part d, from particles P0 to P (I x its particles x 3). */
+static apsm_status round_of_part(optimizer *op, size_t d, const double *P0, double *P,
+                                 apsm_fidelity_record *f)
+{
+    apsm_optimizer_state *s = op->state;
+    apsm_fidelity_record r;
+    APSM_TRY(apsm_fidelity_round(op->ctx, op->fidelity[d], s->epoch, P0, P, &r));
+    const double doubt = apsm_fidelity_doubt(op->fidelity[d]);
+    if (s->part) s->part[d].doubt = doubt;
+    add_part(op, d, doubt, &s->doubt);
+    add_part(op, d, r.after, &f->after);
+    add_part(op, d, r.step, &f->step);
+    return APSM_OK;
+}
+
+/* Surfaces, and what the other shapes suggest, are taken part by part. */
+static apsm_status round_of_parts(optimizer *op, apsm_fidelity_record *f)
+{
+    apsm_optimizer_state *s = op->state;
+    double *P0 = part_rows(op), *P = part_rows(op);
+    apsm_status status = P0 && P ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < cohort_parts(op->cohort) && status == APSM_OK; d++) {
+        cohort_take_part(op->cohort, d, op->all, s->own, P0);
+        cohort_take_part(op->cohort, d, op->all, s->P, P);
+        status = round_of_part(op, d, P0, P, f);
+        cohort_put_part(op->cohort, d, op->all, P, s->P);
+    }
+    free(P0);
+    free(P);
+    return status;
 }
 
 static apsm_status run_round(optimizer *op, apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
-    apsm_fidelity_record f;
-    if (!op->fidelity) APSM_TRY(begin_fidelity(op));
-    APSM_TRY(apsm_fidelity_round(op->ctx, op->fidelity, s->epoch, s->own, s->P, &f));
-    s->doubt = apsm_fidelity_doubt(op->fidelity);
+    apsm_fidelity_record f = { 0 };
+    if (!op->fidelity[0]) APSM_TRY(begin_fidelity(op));
+    APSM_TRY(op->cohort->part ? round_of_parts(op, &f) : round_of_part(op, 0, s->own, s->P, &f));
     *r = (apsm_epoch_record){ .stage = s->stage,
                               .epoch = s->epoch,
                               .alpha = NAN,
@@ -340,6 +441,9 @@ apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
                            apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
 {
     optimizer op;
+    if (cohort->part && cohort->first[cohort->parts] != state->J)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%zu particles in the state, %zu in the cohort's parts",
+                         state->J, cohort->first[cohort->parts]);
     if (state->I != cohort->I || state->J < 7)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "%zu shapes in the state, %zu in the cohort; at least 7 particles needed",

@@ -25,6 +25,8 @@ void apsm_optimizer_state_free(apsm_optimizer_state *state)
     free(state->P);
     free(state->mean);
     free(state->own);
+    free(state->part);
     state->P = state->mean = state->own = NULL;
     state->own_size = 0;
+    state->part = NULL;
 }

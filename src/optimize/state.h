@@ -20,7 +20,12 @@ typedef enum apsm_stop { APSM_STOP_LIST(APSM_STOP_ENUM) APSM_STOP_COUNT } apsm_s
 const char *apsm_stop_text(apsm_stop stop);
 
 /* Everything that decides what happens next: saving and restoring it changes no byte of the
- * result.  Owns P, mean and own. */
+ * result.  Owns P, mean, own and part. */
+/* Of one of several parts: what its own surfaces decide. */
+typedef struct apsm_part_state {
+    double h, doubt;
+} apsm_part_state;
+
 typedef struct apsm_optimizer_state {
     size_t I, J;
     int stage;              /* APSM_STAGE_*; DONE after the last epoch */
@@ -38,6 +43,8 @@ typedef struct apsm_optimizer_state {
     double *own; /* own_size: what method psm keeps beside P (apsm/psm.h); in stage 2 with c > 0 P
                     when the RBF factors were last made; P when the fidelity stage began; else
                     NULL */
+    apsm_part_state *part; /* of several parts, each with its h and doubt, once the optimisation has
+                              begun; h above is then their mean by particles.  NULL: one part */
 } apsm_optimizer_state;
 
 apsm_status apsm_optimizer_state_alloc(size_t I, size_t J,

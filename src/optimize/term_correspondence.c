@@ -39,7 +39,7 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
         return APSM_OK;
     }
     const apsm_correspondence_target target = { op->J, op->tP, op->tN, op->N6, op->h_j };
-    double *pull = op->template_pull ? op->template_pull + k * op->J * 3 : NULL;
+    double *pull = op->template_pull ? row_of(op, op->template_pull, k) : NULL;
     if (i == op->cohort->template_index) {
         *loss = 0;
         memset(g, 0, op->J * 3 * sizeof *g);
@@ -57,10 +57,10 @@ static void pull_template(optimizer *op)
     for (size_t k = 0; k < op->batch_size; k++) {
         if (op->batch[k] != op->cohort->template_index) continue;
         if (!cohort_moves(op->cohort, op->batch[k])) continue;
-        double *step = op->step + k * op->J * 3;
+        double *step = row_of(op, op->step, k);
         for (size_t l = 0; l < op->batch_size; l++)
             for (size_t x = 0; x < op->J * 3; x++)
-                step[x] -= factor * op->template_pull[l * op->J * 3 + x];
+                step[x] -= factor * row_of(op, op->template_pull, l)[x];
     }
 }
 

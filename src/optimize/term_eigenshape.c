@@ -61,6 +61,7 @@ static double figure(const optimizer *op)
 }
 
 const term term_eigenshape = { .name = "eigenshape",
+                               .over_parts = true,
                                .is_on = is_on,
                                .weight = weight,
                                .prepare = prepare,

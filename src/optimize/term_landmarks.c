@@ -26,9 +26,9 @@ static apsm_status prepare(optimizer *op)
 {
     const size_t t = op->cohort->template_index;
     if (!is_on(op)) return APSM_OK;
-    apsm_warp_free(&op->anchors);
+    apsm_warp_free(op->anchors);
     return apsm_warp_build(op->ctx, APSM_PHI_R, op->cohort->anchors.L, anchor_at(op->cohort, t, 0),
-                           op->J, op->tP, &op->anchors);
+                           op->J, op->tP, op->anchors);
 }
 
 static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *loss, double *g)
@@ -39,8 +39,8 @@ static apsm_status gradient(const optimizer *op, size_t k, worker *w, double *lo
     *loss = 0;
     memset(g, 0, 3 * J * sizeof *g);
     if (i == op->cohort->template_index) return APSM_OK;
-    for (size_t l = 0; l < op->anchors.nv; l++) {
-        const double *a = op->anchors.W + l * J;
+    for (size_t l = 0; l < op->anchors->nv; l++) {
+        const double *a = op->anchors->W + l * J;
         double r[3] = { 0 };
         if (!anchor_is_there(op->cohort, i, l)) continue;
         for (size_t j = 0; j < J; j++) vec3_add_scaled(r, a[j], P + 3 * j);

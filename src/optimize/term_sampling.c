@@ -33,7 +33,7 @@ double apsm_kept_factor_bytes(const apsm_optimize_options *options, size_t I, si
 
 bool keeps_factors(const optimizer *op)
 {
-    return op->w.c > 0 && apsm_kept_factor_bytes(op->o, op->I, op->J) > 0;
+    return op->w.c > 0 && apsm_kept_factor_bytes(op->o, op->I, op->all) > 0;
 }
 
 /* s: a share of h, but at most half the half-thickness of the shape where it is thin. */
@@ -46,7 +46,8 @@ static void draw_points(const optimizer *op, size_t i, worker *w)
 {
     const apsm_shape *shape = &op->cohort->shape[i];
     const uint64_t epoch = op->o->rbf.resample ? (uint64_t)op->epoch_seed : 0;
-    apsm_random rng = apsm_random_stream(apsm_context_seed(op->ctx), APSM_STREAM_BAND, i, epoch);
+    apsm_random rng =
+        apsm_random_stream(apsm_context_seed(op->ctx), APSM_STREAM_BAND, op->d * op->I + i, epoch);
     apsm_field_draw(shape->field, &rng, op->o->rbf.band * dipole_length(op, shape), op->R, w->B,
                     w->D);
 }
@@ -72,7 +73,7 @@ static apsm_status factor_at_own(const optimizer *op, size_t i, worker *w, apsm_
                                  apsm_polyharmonic *spare, const apsm_polyharmonic **factor)
 {
     kept_factor *k = &op->kept[i];
-    const double *P = op->state->own + i * op->J * 3;
+    const double *P = row_of(op, op->state->own, i);
     const bool keep = !op->cohort->shape[i].stored;
     *factor = keep ? &k->f : spare;
     if (k->ready) return APSM_OK;
@@ -80,7 +81,7 @@ static apsm_status factor_at_own(const optimizer *op, size_t i, worker *w, apsm_
         k->store = optimizer_doubles(apsm_polyharmonic_store_size(3 * op->J, true));
     double *store = keep ? k->store : w->factor_store;
     if (!store) return APSM_ERR_MEMORY;
-    look_up_normals(op, i, P, op->guess + i * op->J, w->gs);
+    look_up_normals(op, i, P, guess_of(op, i), w->gs);
     APSM_TRY(fit_anew(op, i, P, w->gs, w, store, rbf, keep ? &k->f : spare));
     k->ready = keep;
     return APSM_OK;

@@ -7,6 +7,9 @@
 
 struct term {
     const char *name; /* of its column in history.csv */
+    /* Over all parts of a subject at once; else of a part's surface, and called for each part as if
+     * it were all (part_of). */
+    bool over_parts;
     /* Whether it takes part in this epoch, by the weights of the schedule. */
     bool (*is_on)(const optimizer *op);
     /* Its factor in the step (11). */

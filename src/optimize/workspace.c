@@ -13,6 +13,11 @@ double *optimizer_doubles(size_t n)
     return malloc((n ? n : 1) * sizeof(double));
 }
 
+size_t points_of(const apsm_optimize_options *o, size_t J)
+{
+    return (size_t)ceil(o->rbf.points * (double)J);
+}
+
 static bool worker_alloc(worker *w, size_t J, size_t R, size_t K, size_t terms)
 {
     const size_t point_arrays = 9;
@@ -50,7 +55,8 @@ static void worker_free(worker *w)
 
 void optimizer_free_factors(optimizer *op)
 {
-    for (size_t i = 0; op->kept && i < op->I; i++) free(op->kept[i].store);
+    const size_t n = op->I * cohort_parts(op->cohort);
+    for (size_t i = 0; op->kept && i < n; i++) free(op->kept[i].store);
     free(op->kept);
     op->kept = NULL;
 }
@@ -67,13 +73,17 @@ void optimizer_free(optimizer *op)
     free(op->mean);
     free(op->Y);
     free(op->template_pull);
-    apsm_warp_free(&op->anchors);
+    for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
+        if (op->anchors) apsm_warp_free(&op->anchors[d]);
+        if (op->fidelity) apsm_fidelity_free(op->fidelity[d]);
+    }
+    free(op->anchors);
+    free(op->fidelity);
     optimizer_free_factors(op);
     free(op->record);
     free(op->guess);
     free(op->N);
     free(op->fresh);
-    apsm_fidelity_free(op->fidelity);
 }
 
 static size_t batch_limit(const apsm_optimize_options *o, size_t I)
@@ -87,7 +97,7 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
                             const apsm_optimize_options *o, size_t n_terms,
                             const term *const *terms, apsm_optimizer_state *state, optimizer *op)
 {
-    const size_t I = cohort->I, J = state->J, K = batch_limit(o, I);
+    const size_t I = cohort->I, J = state->J, K = batch_limit(o, I), parts = cohort_parts(cohort);
     *op = (optimizer){ .ctx = ctx,
                        .cohort = cohort,
                        .o = o,
@@ -96,7 +106,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
                        .terms = terms,
                        .I = I,
                        .J = J,
-                       .R = (size_t)ceil(o->rbf.points * (double)J),
+                       .all = J,
+                       .R = points_of(o, J),
                        .K = K };
     op->workers = apsm_context_threads(ctx);
     op->worker = calloc((size_t)op->workers, sizeof *op->worker);
@@ -107,12 +118,16 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
     op->mean = optimizer_doubles(3 * J);
     op->Y = optimizer_doubles(K * J * 6 + K * K);
     op->N = optimizer_doubles(I * J * 3);
-    op->fresh = calloc(I, sizeof *op->fresh);
-    op->record = calloc(I, sizeof *op->record);
+    op->fresh = calloc(I * parts, sizeof *op->fresh);
+    op->record = calloc(I * parts, sizeof *op->record);
+    op->anchors = calloc(parts, sizeof *op->anchors);
+    op->fidelity = calloc(parts, sizeof *op->fidelity);
+    if (cohort->part && !state->part) state->part = calloc(parts, sizeof *state->part);
     op->guess = calloc(I * J, sizeof *op->guess);
     if (o->correspondence.template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
     bool ok = op->worker && op->tP && op->N6 && op->on_rim && op->order && op->mean && op->Y &&
-              op->N && op->fresh && op->record && op->guess &&
+              op->N && op->fresh && op->record && op->guess && op->anchors && op->fidelity &&
+              (!cohort->part || state->part) &&
               (!o->correspondence.template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;

@@ -38,7 +38,9 @@ typedef struct optimizer {
     const apsm_cohort *cohort;
     const apsm_optimize_options *o;
     apsm_optimizer_state *state;
-    size_t I, J, R, K; /* K: most shapes in a batch */
+    size_t I, J, R, K; /* K: most shapes in a batch; J, R of this part, or of all */
+    size_t d, first;   /* which part this is (part_of), and where its particles begin in a row */
+    size_t all;        /* particles in a row: of all parts */
     bool quiet;        /* no progress: a step of something larger */
     schedule schedule;
     size_t n_terms;
@@ -58,14 +60,14 @@ typedef struct optimizer {
     double *Y, *L;         /* K x 3J, K x K */
     double *step;          /* K x 3J */
     double *N;             /* I x 3J: normals where fresh */
-    bool *fresh;           /* I: N belongs to P */
+    bool *fresh;           /* parts x I: N belongs to P */
     double *template_pull; /* K x 3J if template_gradient, else NULL */
-    apsm_warp anchors;     /* of the template's landmarks, at the epoch's start; nv 0: none */
-    uint32_t *guess;       /* I x J: where the surface was last; saves time, changes nothing else */
+    apsm_warp *anchors; /* parts: of the template's landmarks, at the epoch's start; nv 0: none */
+    uint32_t *guess;    /* I x J: where the surface was last; saves time, changes nothing else */
     double eigenshape;
-    shape_record *record;    /* I */
-    kept_factor *kept;       /* I if factors serve for several epochs, else NULL */
-    apsm_fidelity *fidelity; /* of the last stage; NULL before */
+    shape_record *record;     /* parts x I */
+    kept_factor *kept;        /* parts x I if factors serve for several epochs, else NULL */
+    apsm_fidelity **fidelity; /* parts: of the last stage; NULL before */
     int workers;
     worker *worker;
 } optimizer;
@@ -77,13 +79,43 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
 void optimizer_free(optimizer *op);
 void optimizer_free_factors(optimizer *op);
 
+/* R for J particles. */
+size_t points_of(const apsm_optimize_options *o, size_t J);
+
 /* malloc of n numbers, not of nothing. */
 double *optimizer_doubles(size_t n);
 
+/* Row i of what has three numbers for every particle. */
+static inline double *row_of(const optimizer *op, double *rows, size_t i)
+{
+    return rows + (i * op->all + op->first) * 3;
+}
 /* P_i */
 static inline double *particles(const optimizer *op, size_t i)
 {
-    return op->state->P + i * op->J * 3;
+    return row_of(op, op->state->P, i);
 }
+static inline uint32_t *guess_of(const optimizer *op, size_t i)
+{
+    return op->guess + i * op->all + op->first;
+}
+
+/* ---- parts.c ---- */
+
+/* One part as if it were all: the same rows, entered where its particles begin, with its own
+ * surfaces and length unit.  Terms of surfaces see nothing else. */
+typedef struct part_view {
+    optimizer op;
+    apsm_optimizer_state state;
+} part_view;
+/* op itself if there is only one part; else made in view.  Numbers that are set in it are lost. */
+optimizer *part_of(optimizer *op, size_t d, part_view *view);
+
+/* A figure of parts, by their particles: *sum becomes the mean of those up to part d. */
+void add_part(const optimizer *op, size_t d, double x, double *sum);
+
+/* Room for the particles of all shapes of any part alone (I x its particles x 3); NULL: of one
+ * part, or out of memory. */
+double *part_rows(const optimizer *op);
 
 #endif

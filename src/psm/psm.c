@@ -489,6 +489,8 @@ apsm_status apsm_psm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
                               const apsm_optimize_options *options, apsm_optimizer_state *state,
                               apsm_epoch_fn on_epoch, void *user)
 {
+    if (cohort->part)
+        return apsm_fail(ctx, APSM_ERR_ARG, "method psm takes subjects of one part each");
     if (state->I != cohort->I || state->J < 2)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "%zu shapes in the state, %zu in the cohort; at least 2 particles needed",

@@ -8,6 +8,7 @@
 #include "core/robust.h"
 #include "geometry/affine.h"
 #include "geometry/form.h"
+#include "judge/certify.h"
 #include "judge/left_out.h"
 #include "judge/slip.h"
 #include "judge/verdict.h"
@@ -390,6 +391,34 @@ static void usual_variation_leaves_no_rest(void **state)
     free(work);
 }
 
+/* Of two parts alike, one of which is misplaced in subject 3. */
+static void parts_are_judged_apart(void **state)
+{
+    (void)state;
+    static scene a, b;
+    static double P[I * 2 * J * 3];
+    const size_t own[2] = { J, J };
+    apsm_cohort both;
+    cohort_certificate c[2];
+    open_scene(&a);
+    open_scene(&b);
+    misplace(&b, (const double[9]){ -1, 0, 0, 0, -1, 0, 0, 0, 1 });
+    apsm_cohort parts[2] = { a.cohort, b.cohort };
+    assert_int_equal(apsm_cohort_join(a.ctx, 2, parts, own, &both), APSM_OK);
+    cohort_put_part(&both, 0, 2 * J, a.P, P);
+    cohort_put_part(&both, 1, 2 * J, b.P, P);
+    assert_int_equal(certify_parts(a.ctx, &both, 2 * J, P, c), APSM_OK);
+    for (size_t i = 0; i < I; i++) {
+        assert_int_equal(c[0].doubts[i], 0);
+        assert_true((c[1].doubts[i] != 0) == (i == 3));
+    }
+    certify_free(&c[0]);
+    certify_free(&c[1]);
+    apsm_cohort_free(&both);
+    apsm_context_free(a.ctx);
+    apsm_context_free(b.ctx);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -409,6 +438,7 @@ int main(void)
         cmocka_unit_test(medians_leave_one_out),
         cmocka_unit_test(excesses_are_those_over_the_others),
         cmocka_unit_test(usual_variation_leaves_no_rest),
+        cmocka_unit_test(parts_are_judged_apart),
     };
     return cmocka_run_group_tests_name("verdict", tests, NULL, NULL);
 }
