@@ -18,7 +18,7 @@ size_t points_of(const apsm_optimize_options *o, size_t J)
     return (size_t)ceil(o->rbf.points * (double)J);
 }
 
-static bool worker_alloc(worker *w, size_t J, size_t R, size_t K, size_t terms)
+static bool worker_alloc(worker *w, size_t J, size_t R, size_t eigen, size_t terms)
 {
     const size_t point_arrays = 9;
     w->B = optimizer_doubles(point_arrays * R);
@@ -37,7 +37,7 @@ static bool worker_alloc(worker *w, size_t J, size_t R, size_t K, size_t terms)
     const size_t fit_work = apsm_rbf_work_size(J), eval_work = apsm_rbf_eval_f32_work_size(J);
     w->rbf_work = optimizer_doubles(fit_work > eval_work ? fit_work : eval_work);
     w->sampling_work = optimizer_doubles(apsm_sampling_work_size(J, R));
-    w->eigen_work = optimizer_doubles(K);
+    w->eigen_work = optimizer_doubles(eigen);
     return w->B && w->gs && w->rbf_store && w->factor_store && w->rbf_work && w->sampling_work &&
            w->eigen_work;
 }
@@ -72,6 +72,7 @@ void optimizer_free(optimizer *op)
     free(op->order);
     free(op->mean);
     free(op->Y);
+    free(op->rows);
     free(op->template_pull);
     for (size_t d = 0; d < cohort_parts(op->cohort); d++) {
         if (op->anchors) apsm_warp_free(&op->anchors[d]);
@@ -98,6 +99,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
                             const term *const *terms, apsm_optimizer_state *state, optimizer *op)
 {
     const size_t I = cohort->I, J = state->J, K = batch_limit(o, I), parts = cohort_parts(cohort);
+    const size_t F = cohort->features.F, more = (F * J + 2) / 3;
+    const size_t eigen = K + (F > 0 ? 3 * (J + more) + 4 * F : 0);
     *op = (optimizer){ .ctx = ctx,
                        .cohort = cohort,
                        .o = o,
@@ -108,7 +111,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
                        .J = J,
                        .all = J,
                        .R = points_of(o, J),
-                       .K = K };
+                       .K = K,
+                       .row_particles = J + more };
     op->workers = apsm_context_threads(ctx);
     op->worker = calloc((size_t)op->workers, sizeof *op->worker);
     op->tP = optimizer_doubles(7 * J);
@@ -124,10 +128,11 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
     op->fidelity = calloc(parts, sizeof *op->fidelity);
     if (cohort->part && !state->part) state->part = calloc(parts, sizeof *state->part);
     op->guess = calloc(I * J, sizeof *op->guess);
+    if (F > 0) op->rows = optimizer_doubles(K * (J + more) * 3);
     if (o->correspondence.template_gradient) op->template_pull = optimizer_doubles(K * J * 3);
     bool ok = op->worker && op->tP && op->N6 && op->on_rim && op->order && op->mean && op->Y &&
               op->N && op->fresh && op->record && op->guess && op->anchors && op->fidelity &&
-              (!cohort->part || state->part) &&
+              (!cohort->part || state->part) && (F == 0 || op->rows) &&
               (!o->correspondence.template_gradient || op->template_pull);
     if (ok) {
         op->tN = op->tP + 3 * J;
@@ -135,7 +140,7 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
         op->step = op->Y + K * J * 3;
         op->L = op->step + K * J * 3;
         for (int k = 0; ok && k < op->workers; k++)
-            ok = worker_alloc(&op->worker[k], J, op->R, K, n_terms);
+            ok = worker_alloc(&op->worker[k], J, op->R, eigen, n_terms);
     }
     if (ok) return APSM_OK;
     optimizer_free(op);

@@ -16,7 +16,7 @@ typedef struct worker {
     double *gs, *gc, *ge;                     /* J x 3 each: scratch */
     double *grad;                             /* terms x J x 3 */
     double *rbf_store, *factor_store, *rbf_work, *sampling_work;
-    double *eigen_work; /* K */
+    double *eigen_work; /* K, and with features 3 row_particles + 4 F */
 } worker;
 
 /* What the losses of one shape came to in the current epoch. */
@@ -58,6 +58,8 @@ typedef struct optimizer {
     const size_t *batch;
     double *mean;          /* J x 3: of this batch, or the lagged one */
     double *Y, *L;         /* K x 3J, K x K */
+    double *rows;          /* K x 3 row_particles: Y and features, see term_eigenshape.c; NULL */
+    size_t row_particles;  /* J, and as many more as hold the features */
     double *step;          /* K x 3J */
     double *N;             /* I x 3J: normals where fresh */
     bool *fresh;           /* parts x I: N belongs to P */
