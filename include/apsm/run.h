@@ -46,11 +46,12 @@ typedef struct apsm_run_settings {
 } apsm_run_settings;
 
 /* What lies around the shapes, such as the other bones of a joint: rebuilt surfaces that go into it
- * are penalised (option "contact"), and it may tell how they are turned. */
+ * are penalised (option "contact"), and it may tell how they are turned.  A project's poses are
+ * then those of the whole, and fixed shapes are aligned as the others are. */
 typedef struct apsm_surroundings {
     void *user;
     /* Surfaces around the shape that was read from path, in the frame of its groomed mesh: n meshes
-     * in a malloc'ed array, all given away.  Called by several threads. */
+     * in a malloc'ed array, all given away.  Called by several threads.  NULL: not known yet. */
     apsm_status (*of)(void *user, apsm_context *ctx, const char *path, size_t *n,
                       apsm_mesh **meshes);
     /* For groom: whether it is known how that shape is turned, and R (9, out), a rotation of its

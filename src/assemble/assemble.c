@@ -173,14 +173,14 @@ static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
 {
     apsm_run *run = NULL;
     apsm_run_settings settings = settings_of_part(job, d, w);
-    const apsm_surroundings surroundings = { w->around, joint_around_of, NULL };
+    const apsm_surroundings surroundings = { w->around, w->around ? joint_around_of : NULL, NULL };
     const bool dry = settings.dry;
     settings.resume = w->around || (settings.resume && apsm_is_folder(settings.folder));
     if (w->around) {
         w->around->of = d;
         settings.overwrite = false;
-        settings.surroundings = &surroundings;
     }
+    settings.surroundings = &surroundings;
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu)", job->part[d].name, d + 1, job->n);
     apsm_status status = apsm_run_open(job->ctx, &settings, &run);
     if (status == APSM_OK)

@@ -242,25 +242,11 @@ static apsm_status add_input(joint_job *job, const apsm_project *p, size_t i, si
     return APSM_OK;
 }
 
-/* Several parts find their poses together. */
-static apsm_status refuse_fixed(const joint_job *job, const apsm_project *p)
-{
-    const char *ignore = joint_setting(job, "ignore");
-    bool fixed = joint_setting(job, "fixed") != NULL;
-    if (ignore && source_list_has(ignore, "fixed")) return APSM_OK;
-    for (size_t i = 0; i < p->n; i++)
-        fixed = fixed || apsm_says_yes(apsm_subject_column(&p->subjects[i], "fixed"));
-    if (!fixed) return APSM_OK;
-    return apsm_fail(job->ctx, APSM_ERR_UNSUPPORTED,
-                     "fixed shapes of several parts are not done: take a part alone (--domain "
-                     "NAME), or go on without by --ignore fixed");
-}
-
 static apsm_status group_by_domain(joint_job *job)
 {
     apsm_project p = { 0 };
     APSM_TRY(apsm_project_read(job->ctx, job->settings->run.inputs[0], &p));
-    apsm_status status = refuse_fixed(job, &p);
+    apsm_status status = APSM_OK;
     job->subject = calloc(p.n + 1, sizeof *job->subject);
     job->list.cases = calloc(p.n * job->n + 1, sizeof *job->list.cases);
     if (status == APSM_OK && (!job->subject || !job->list.cases)) status = APSM_ERR_MEMORY;

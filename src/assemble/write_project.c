@@ -9,14 +9,40 @@
 #include "files/project_columns.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
+#include "run/fixed.h"
+
+/* A part's file of the particles that a project has given, byte for byte. */
+static apsm_status copy_particles(const writing *w, size_t i, size_t d, const char *path)
+{
+    enum { MOST_BYTES = 1 << 28 };
+    const apsm_project *p = &w->c->folder[d].project;
+    char *from = apsm_project_path(p, p->subjects[w->c->row[i * w->c->n + d]].local_particles);
+    char *bytes = NULL;
+    size_t size;
+    apsm_writer *file = NULL;
+    apsm_status status =
+        from ? apsm_read_file(w->job->ctx, from, MOST_BYTES, &bytes, &size) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_writer_open(w->job->ctx, path, &file);
+    if (status == APSM_OK) {
+        apsm_writer_write(file, bytes, size);
+        status = apsm_writer_commit(file);
+    }
+    free(bytes);
+    free(from);
+    return status;
+}
 
 static apsm_status write_particles(writing *w, size_t i, size_t d, const char *frame,
                                    const double *x, char **stored)
 {
+    const apsm_subject *of = &w->c->folder[d].project.subjects[w->c->row[i * w->c->n + d]];
+    const bool given = strcmp(frame, "local") == 0 && fixed_is(of);
     char *path = writing_path(w, "particles/%s_%s_%s.particles", writing_subject(w, i),
                               writing_part(w, d), frame);
     if (!path) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_particles_write(w->job->ctx, path, writing_particles(w, d), x);
+    const apsm_status status =
+        given ? copy_particles(w, i, d, path)
+              : apsm_particles_write(w->job->ctx, path, writing_particles(w, d), x);
     *stored = status == APSM_OK ? apsm_path_relative(w->job->settings->run.folder, path) : NULL;
     free(path);
     return status == APSM_OK && !*stored ? APSM_ERR_MEMORY : status;

@@ -169,7 +169,8 @@ static apsm_status read_shape(apsm_run *run, const groom_inputs *in, const apsm_
     APSM_TRY(status);
     f->is = true;
     f->mirrored = s->mirrored;
-    f->posed = s->has_alignment || s->has_procrustes;
+    /* Where a subject's parts lie in the frame of all says nothing of the frame of one part. */
+    f->posed = !run->surroundings && (s->has_alignment || s->has_procrustes);
     apsm_affine_multiply(s->procrustes, s->alignment, f->pose);
     all->J = J;
     all->n++;

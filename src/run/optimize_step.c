@@ -218,7 +218,7 @@ static apsm_status load_around(apsm_context *ctx, size_t i, int worker, void *us
 static apsm_status load_surroundings(apsm_run *run)
 {
     const apsm_fidelity_options *o = &run->options.optimize.fidelity;
-    if (!run->surroundings || !(o->contact > 0) || !(o->fidelity > 0) ||
+    if (!run->surroundings || !run->surroundings->of || !(o->contact > 0) || !(o->fidelity > 0) ||
         run->options.optimize.method == APSM_METHOD_PSM || run->cohort.obstacles.I > 0)
         return APSM_OK;
     APSM_TRY(apsm_obstacles_begin(run->cohort.I, &run->cohort.obstacles));
