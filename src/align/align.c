@@ -26,7 +26,7 @@
 
 enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
 /* Relative step at which the last registration ends. */
-static const double at_rest = 1e-6;
+static const double at_rest = 3e-5;
 /* 1 + 2 cos of 10 degrees: poses that are turned by less are one. */
 static const double same_rotation = 2.97;
 
@@ -140,6 +140,7 @@ static void roughly(apsm_icp_options *icp)
 {
     icp->points = ROUGH_POINTS;
     icp->tolerance = 1e-3;
+    icp->enough = 2e-3;
 }
 
 static double ratio(double a, double b)
@@ -348,7 +349,8 @@ static void take(aligner *a, size_t i)
 
 static apsm_status choose_poses(apsm_context *ctx, aligner *a)
 {
-    APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
+    if (pose_is_contested(a->n, a->base, a->ballot))
+        APSM_TRY(apsm_parallel_for(ctx, a->n, heights_task, a, NULL));
     APSM_TRY(pose_choose(ctx, a->n, a->base, a->cloud, a->heights, a->ballot,
                          a->opt->mirror_check == APSM_MIRROR_FIX, a->choice));
     for (size_t i = 0; i < a->n; i++)
@@ -544,6 +546,7 @@ static apsm_status register_shape(const aligner *a, const apsm_surface *moving, 
     apsm_icp(moving, &fixed, &icp, M, residual, work);
     icp.points = 0;
     icp.tolerance = at_rest;
+    icp.enough = 0.0;
     if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
     apsm_icp_to_rest(&(apsm_surface){ moving->bvh, &dense },
                      &(apsm_surface){ fixed.bvh, &a->dense }, &icp, M, residual, work);

@@ -31,12 +31,13 @@ typedef struct apsm_surface {
 } apsm_surface;
 
 typedef struct apsm_icp_options {
-    bool scale;          /* similarity instead of rigid */
-    size_t points;       /* of each cloud, 0: all */
-    int max_iterations;  /* >= 0; 0 only measures the residual */
-    double tolerance;    /* stop when a step moves the points by less, relative to the radius */
-    double trim;         /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
-                            bones about the share of surface that only one of the two has */
+    bool scale;         /* similarity instead of rigid */
+    size_t points;      /* of each cloud, 0: all */
+    int max_iterations; /* >= 0; 0 only measures the residual */
+    double tolerance;   /* stop when a step moves the points by less, relative to the radius */
+    double enough;      /* or when one near Newton's lowers the sum of squares by a smaller share */
+    double trim;        /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
+                           bones about the share of surface that only one of the two has */
     const double *usual; /* rotation (9) that is to be expected: of turns about which the surfaces
                             say little, the small one is taken; NULL: none is.  Proper M only */
 } apsm_icp_options;

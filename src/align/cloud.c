@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "align/cloud.h"
+#include "core/kernel.h"
 #include "core/random.h"
 #include "geometry/affine.h"
 #include "geometry/face.h"
@@ -41,24 +42,44 @@ static void draw_points(const apsm_mesh *mesh, double area, size_t n, apsm_rando
     }
 }
 
+/* Points X that are nearer to p, number k, than d2 says are its; returns the one that is then
+ * farthest from all, of equal ones the first. */
+APSM_KERNEL static size_t come_nearer(size_t N, const double *restrict X, const double p[3],
+                                      size_t k, double *restrict d2, size_t *restrict owner)
+{
+    enum { CHUNK = 64 };
+    double farthest = -1.0;
+    size_t at = 0;
+    for (size_t first = 0; first < N; first += CHUNK) {
+        const size_t end = N - first < CHUNK ? N : first + CHUNK;
+        double most = 0.0;
+#pragma omp simd reduction(max : most)
+        for (size_t i = first; i < end; i++) {
+            const double x = X[3 * i] - p[0], y = X[3 * i + 1] - p[1], z = X[3 * i + 2] - p[2];
+            const double d = x * x + y * y + z * z;
+            owner[i] = d < d2[i] ? k : owner[i];
+            d2[i] = d < d2[i] ? d : d2[i];
+            most = d2[i] > most ? d2[i] : most;
+        }
+        if (!(most > farthest)) continue;
+        farthest = most;
+        at = first;
+    }
+    while (d2[at] != farthest) at++;
+    return at;
+}
+
 /* pick: the n of the points X (N x 3) that are farthest from those before, `first` first; owner
  * (N): which of them each point is closest to.  d2 (N) is scratch. */
 static void pick_farthest(size_t N, const double *X, size_t first, size_t n, size_t *pick,
                           double *d2, size_t *owner)
 {
     for (size_t i = 0; i < N; i++) d2[i] = INFINITY;
-    size_t farthest = first;
+    pick[0] = first;
     for (size_t k = 0; k < n; k++) {
-        pick[k] = farthest;
-        farthest = 0;
-        for (size_t i = 0; i < N; i++) {
-            const double d = vec3_distance2(X + 3 * i, X + 3 * pick[k]);
-            if (d < d2[i]) {
-                d2[i] = d;
-                owner[i] = k;
-            }
-            if (d2[i] > d2[farthest]) farthest = i;
-        }
+        const double p[3] = { X[3 * pick[k]], X[3 * pick[k] + 1], X[3 * pick[k] + 2] };
+        const size_t farthest = come_nearer(N, X, p, k, d2, owner);
+        if (k + 1 < n) pick[k + 1] = farthest;
     }
 }
 

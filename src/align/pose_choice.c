@@ -72,9 +72,8 @@ static size_t nearest(const apsm_cloud *cloud, const double y[3], const double n
 
 /* Whether that option can be chosen: it fits about as well as the best, or is the best of the shape
  * as it is. */
-static bool is_open(const election *e, size_t i, size_t hand, size_t option)
+static bool is_open(const pose_ballot *b, size_t hand, size_t option)
 {
-    const pose_ballot *b = &e->ballot[i];
     const double least = fmin(b->residual[0][0], b->residual[1][0]);
     const double residual = b->residual[hand][option];
     return isfinite(residual) && ((hand == 0 && option == 0) || residual <= open_ratio * least);
@@ -119,7 +118,7 @@ static apsm_status look_task(apsm_context *ctx, size_t i, int worker, void *user
     }
     for (size_t hand = 0; hand < 2; hand++)
         for (size_t k = 0; k < POSE_OPTIONS; k++)
-            if (is_open(e, i, hand, k))
+            if (is_open(&e->ballot[i], hand, k))
                 APSM_TRY(look(e, i, e->ballot[i].M[hand][k], seen_in(e, i, hand, k)));
     memcpy(e->taken + i * e->dim, seen_in(e, i, 0, 0), e->dim * sizeof *e->taken);
     return APSM_OK;
@@ -140,7 +139,7 @@ static void choose_of_hand(const election *e, size_t i, size_t hand)
     c->option[hand] = 0;
     c->evidence[hand] = c->second[hand] = -INFINITY;
     for (size_t k = 0; k < POSE_OPTIONS; k++) {
-        if (!is_open(e, i, hand, k)) continue;
+        if (!is_open(&e->ballot[i], hand, k)) continue;
         const double evidence = evidence_for(e, i, hand, k);
         if (evidence > c->evidence[hand]) {
             c->second[hand] = c->evidence[hand];
@@ -185,6 +184,17 @@ static bool vote(const election *e, double *column)
     return changed;
 }
 
+bool pose_is_contested(size_t n, size_t base, const pose_ballot *ballots)
+{
+    for (size_t i = 0; i < n; i++) {
+        size_t open = 0;
+        for (size_t k = 0; k < 2 * POSE_OPTIONS && i != base; k++)
+            open += is_open(&ballots[i], k / POSE_OPTIONS, k % POSE_OPTIONS);
+        if (open > 1) return true;
+    }
+    return false;
+}
+
 apsm_status pose_choose(apsm_context *ctx, size_t n, size_t base, const apsm_cloud *clouds,
                         double *const *heights, const pose_ballot *ballots, bool hands,
                         pose_choice *choice)
@@ -201,7 +211,7 @@ apsm_status pose_choose(apsm_context *ctx, size_t n, size_t base, const apsm_clo
     for (size_t i = 0; i < n; i++)
         choice[i] =
             (pose_choice){ .evidence = { 0.0, -INFINITY }, .second = { -INFINITY, -INFINITY } };
-    if (n < LEAST_SHAPES) {
+    if (n < LEAST_SHAPES || !pose_is_contested(n, base, ballots)) { /* form decides nothing */
         for (size_t i = 0; i < n; i++) choose(&e, i);
         return APSM_OK;
     }

@@ -36,9 +36,13 @@ void pose_heights(const apsm_mesh *mesh, const apsm_cloud *cloud, double *faces,
  * residuals alone differ by APSM_MIRROR_RATIO and form does not contradict. */
 int pose_hand(const pose_choice *choice, const pose_ballot *ballot);
 
+/* Whether any shape but the base has more than one pose that can be chosen. */
+bool pose_is_contested(size_t n, size_t base, const pose_ballot *ballots);
+
 /* choice (n, out) of n shapes whose clouds and heights are given; that of base is as it is.  hands:
  * mirror images may be taken, if they are clearly better.  Fewer than four shapes say nothing of
- * what is usual: then residuals alone decide. */
+ * what is usual: then residuals alone decide, as where no pose is contested (heights are not read
+ * then). */
 apsm_status pose_choose(apsm_context *ctx, size_t n, size_t base, const apsm_cloud *clouds,
                         double *const *heights, const pose_ballot *ballots, bool hands,
                         pose_choice *choice) APSM_NODISCARD;

@@ -180,7 +180,7 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
     run_round(moving, fixed, &quick, false, n, c, work);
     n = keep_distinct(moving, near, APSM_POSE_OPTIONS, n, c);
     pose->runner_up = n > 1 ? c[1].residual : INFINITY;
-    run_round(moving, fixed, opt, false, 1, c, work);
+    if (opt->tolerance < rough) run_round(moving, fixed, opt, false, 1, c, work);
     memcpy(pose->M, c[0].M, sizeof pose->M);
     pose->residual = c[0].residual;
     for (size_t k = 0; k < APSM_POSE_OPTIONS; k++) {

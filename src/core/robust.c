@@ -1,12 +1,35 @@
 #include "core/robust.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 
 static int ascending(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
+}
+
+/* Hoare's FIND (Commun. ACM 4, 1961). */
+double robust_select(size_t n, double *v, size_t k)
+{
+    ptrdiff_t lo = 0, hi = (ptrdiff_t)n - 1;
+    while (lo < hi) {
+        const double pivot = v[k];
+        ptrdiff_t i = lo, j = hi;
+        do {
+            while (v[i] < pivot) i++;
+            while (v[j] > pivot) j--;
+            if (i <= j) {
+                const double t = v[i];
+                v[i++] = v[j];
+                v[j--] = t;
+            }
+        } while (i <= j);
+        if (j < (ptrdiff_t)k) lo = i;
+        if ((ptrdiff_t)k < i) hi = j;
+    }
+    return v[k];
 }
 
 static double middle(size_t n, const double *sorted)

@@ -6,6 +6,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
+/* The k-th smallest (from 0) of v (n > k, no NaN), which is reordered.  O(n) as a rule. */
+double robust_select(size_t n, double *v, size_t k);
+
 /* Median of x (n >= 1), which is sorted. */
 double robust_median(size_t n, double *x);
 

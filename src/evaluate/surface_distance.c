@@ -15,32 +15,29 @@
 
 /* ---- summaries ---- */
 
-static int nearer(const double *distance, size_t a, size_t b)
+enum { DIGIT_BITS = 11, DIGITS = 6, DIGIT_VALUES = 1 << DIGIT_BITS };
+
+static size_t digit_of(double distance, int digit)
 {
-    return distance[a] < distance[b] || (distance[a] == distance[b] && a < b);
+    uint64_t bits; /* of numbers from +0 on, in the order of the numbers */
+    memcpy(&bits, &distance, sizeof bits);
+    return (size_t)(bits >> (DIGIT_BITS * digit)) & (DIGIT_VALUES - 1);
 }
 
-/* Heap sort of order by distance, ties by index: no comparison function with hidden state. */
-static void sift(const double *distance, size_t *order, size_t at, size_t n)
-{
-    const size_t x = order[at];
-    for (size_t child; (child = 2 * at + 1) < n; at = child) {
-        if (child + 1 < n && nearer(distance, order[child], order[child + 1])) child++;
-        if (!nearer(distance, x, order[child])) break;
-        order[at] = order[child];
-    }
-    order[at] = x;
-}
-
+/* The first n of order (2 n, the rest is scratch) <- the places by distance, ties by place: stably
+ * by each digit, the last first. */
 static void sort_by_distance(size_t n, const double *distance, size_t *order)
 {
+    size_t *from = order, *to = order + n;
     for (size_t k = 0; k < n; k++) order[k] = k;
-    for (size_t k = n / 2; k-- > 0;) sift(distance, order, k, n);
-    for (size_t k = n; k-- > 1;) {
-        const size_t x = order[0];
-        order[0] = order[k];
-        order[k] = x;
-        sift(distance, order, 0, k);
+    for (int digit = 0; digit < DIGITS; digit++) {
+        size_t start[DIGIT_VALUES + 1] = { 0 };
+        for (size_t k = 0; k < n; k++) start[digit_of(distance[k], digit) + 1]++;
+        for (size_t v = 0; v < DIGIT_VALUES; v++) start[v + 1] += start[v];
+        for (size_t k = 0; k < n; k++) to[start[digit_of(distance[from[k]], digit)]++] = from[k];
+        size_t *t = from;
+        from = to;
+        to = t;
     }
 }
 
@@ -112,7 +109,7 @@ typedef struct comparison {
     double *both;                /* nr + ns: pull, then push */
     double *disagreement, *area; /* ns */
     uint32_t *face;              /* nr: triangle of the shape where a pull lands */
-    size_t *order;               /* nr + ns */
+    size_t *order;               /* 2 (nr + ns) */
     size_t *part;                /* nr + ns: the order of some of them */
 } comparison;
 
@@ -132,7 +129,7 @@ static apsm_status comparison_alloc(comparison *c, size_t nr, size_t ns)
     c->disagreement = malloc(ns * sizeof *c->disagreement);
     c->area = malloc(ns * sizeof *c->area);
     c->face = malloc(nr * sizeof *c->face);
-    c->order = malloc((nr + ns) * sizeof *c->order);
+    c->order = malloc(2 * (nr + ns) * sizeof *c->order);
     c->part = malloc((nr + ns) * sizeof *c->part);
     return c->both && c->disagreement && c->area && c->face && c->order && c->part
                ? APSM_OK

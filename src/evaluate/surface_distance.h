@@ -14,7 +14,8 @@
 extern "C" {
 #endif
 
-/* Summary of n >= 1 distances; weight NULL: all 1.  order (n) is scratch.  O(n log n). */
+/* Summary of n >= 1 distances; weight NULL: all 1.  order (2 n) is
+ * scratch, its first n end as the places by distance; distances are from +0 on.  O(n). */
 void apsm_distance_summarize(size_t n, const double *distance, const double *weight, size_t *order,
                              apsm_distance_summary *summary);
 

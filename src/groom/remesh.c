@@ -439,9 +439,9 @@ static bool draw_corner(job *j, uint32_t vertex, const uint32_t corner[3], bool 
     return true;
 }
 
-/* Tips and creases cut off by collapses or slid from by relaxation: vertices go back to them.
- * No relaxation may follow. */
-static apsm_status recover(job *j)
+/* Tips and creases cut off by collapses or slid from by relaxation: vertices go back to them,
+ * *drawn of them.  No relaxation may follow. */
+static apsm_status recover(job *j, size_t *drawn)
 {
     const apsm_mesh *from = apsm_bvh_mesh(j->original);
     apsm_mesh now = { 0 };
@@ -459,7 +459,7 @@ static apsm_status recover(job *j)
         for (size_t i = 0; i < n; i++) {
             const uint32_t *c = now.F + 3 * list[i].face;
             const uint32_t corner[3] = { name[c[0]], name[c[1]], name[c[2]] };
-            draw_corner(j, list[i].vertex, corner, fixed);
+            *drawn += draw_corner(j, list[i].vertex, corner, fixed);
         }
     }
     apsm_bvh_free(tree);
@@ -502,7 +502,11 @@ static apsm_status run(apsm_context *ctx, job *j, const apsm_mesh *mesh, size_t 
     j->scale = 1.0;
     coarsen(j, common);
     APSM_TRY(iterate(ctx, j, faces));
-    for (int i = 0; i < RECOVERIES; i++) APSM_TRY(recover(j));
+    size_t drawn = 1;
+    for (int i = 0; i < RECOVERIES && drawn > 0; i++) {
+        drawn = 0;
+        APSM_TRY(recover(j, &drawn));
+    }
     flip_to_shape(j);
     mend_slivers(j);
     round_coordinates(j);

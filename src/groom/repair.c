@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/robust.h"
 #include "geometry/rim.h"
 #include "geometry/vec3.h"
 
@@ -93,19 +94,6 @@ static apsm_status check_input(const repair *r)
     return APSM_OK;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
-/* Median of n values, which are sorted. */
-static double median(double *x, size_t n)
-{
-    qsort(x, n, sizeof *x, by_value);
-    return x[n / 2];
-}
-
 /* The corner farthest from the corners' middle (out), how far that is, and what is usual. */
 static double farthest_corner(const apsm_mesh *m, double *scratch, double *usual,
                               uint32_t *farthest)
@@ -114,13 +102,13 @@ static double farthest_corner(const apsm_mesh *m, double *scratch, double *usual
     double middle[3], most = 0.0;
     for (size_t c = 0; c < 3; c++) {
         for (size_t h = 0; h < n; h++) scratch[h] = m->V[3 * m->F[h] + c];
-        middle[c] = median(scratch, n);
+        middle[c] = robust_select(n, scratch, n / 2);
     }
     for (size_t h = 0; h < n; h++) {
         scratch[h] = sqrt(vec3_distance2(m->V + 3 * m->F[h], middle));
         if (scratch[h] > most) most = scratch[h], *farthest = m->F[h];
     }
-    *usual = median(scratch, n);
+    *usual = robust_select(n, scratch, n / 2);
     return most;
 }
 

@@ -12,18 +12,29 @@
 #include <math.h>
 #include <string.h>
 
+#include "core/kernel.h"
 #include "geometry/affine.h"
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 
-enum { TURNS = 24, ROUNDS = 8, MOST = 128 };
+enum { TURNS = 24, ROUNDS = 8, MOST = 128, LANES = 8 };
 static const double wrong_share = 0.1, wrong_distance = 2.0; /* h */
 static const double least_spread = 0.01;                     /* of heights */
 
+/* LANES usual particles side by side; those beyond the last are infinitely far away. */
+typedef struct usual_block {
+    double x[3][LANES], n[3][LANES];
+} usual_block;
+
+static size_t blocks_of(size_t J)
+{
+    return (J + LANES - 1) / LANES;
+}
+
 size_t apsm_turns_work_size(size_t J)
 {
-    (void)J;
-    return (size_t)MOST * (6 + 6 + 3 + 2 * APSM_FORM_SCALES);
+    return (size_t)MOST * (6 + 6 + 3 + 2 * APSM_FORM_SCALES) +
+           blocks_of(J) * (sizeof(usual_block) / sizeof(double));
 }
 
 /* Turn number k of a cube: the permutations of the axes, with the signs that make det = +1. */
@@ -68,22 +79,43 @@ typedef struct moved {
     double *p, *normal; /* n x 3: as they are, or reflected in the usual frame */
     double *q, *qn;     /* n x 3: moved */
     double *target;     /* n x 3 */
+    const usual_block *usual;
 } moved;
 
-static double nearest(const apsm_turns_input *in, const double q[3], const double n[3],
-                      uint32_t *at)
+static void arrange_usual(const apsm_turns_input *in, usual_block *block)
 {
-    double least = INFINITY, distance2 = 0.0;
-    for (size_t k = 0; k < in->J; k++) {
-        const double d2 = vec3_distance2(q, in->X + 3 * k);
-        const double cost = d2 + 2.0 * in->h * in->h * (1.0 - vec3_dot(n, in->XN + 3 * k));
-        if (cost < least) {
-            least = cost;
-            distance2 = d2;
-            *at = (uint32_t)k;
+    for (size_t k = 0; k < blocks_of(in->J) * LANES; k++)
+        for (size_t c = 0; c < 3; c++) {
+            block[k / LANES].x[c][k % LANES] = k < in->J ? in->X[3 * k + c] : INFINITY;
+            block[k / LANES].n[c][k % LANES] = k < in->J ? in->XN[3 * k + c] : 0.0;
+        }
+}
+
+/* at <- the usual particle of least cost for one at q with normal n, of equal ones the first;
+ * returns its squared distance.  weigh: 2 h^2. */
+APSM_KERNEL static double nearest(size_t blocks, const usual_block *restrict usual, double weigh,
+                                  const double q[3], const double n[3], uint32_t *at)
+{
+    double least[LANES], block[LANES] = { 0 }, distance2[LANES] = { 0 };
+    size_t best = 0;
+    for (size_t l = 0; l < LANES; l++) least[l] = INFINITY;
+    for (size_t k = 0; k < blocks; k++) {
+        const usual_block *restrict b = usual + k;
+#pragma omp simd
+        for (size_t l = 0; l < LANES; l++) {
+            const double x = q[0] - b->x[0][l], y = q[1] - b->x[1][l], z = q[2] - b->x[2][l];
+            const double d2 = x * x + y * y + z * z;
+            const double cosine = n[0] * b->n[0][l] + n[1] * b->n[1][l] + n[2] * b->n[2][l];
+            const double cost = d2 + weigh * (1.0 - cosine);
+            block[l] = cost < least[l] ? (double)k : block[l];
+            distance2[l] = cost < least[l] ? d2 : distance2[l];
+            least[l] = cost < least[l] ? cost : least[l];
         }
     }
-    return distance2;
+    for (size_t l = 1; l < LANES; l++)
+        if (least[l] < least[best] || (least[l] == least[best] && block[l] < block[best])) best = l;
+    *at = (uint32_t)(LANES * (size_t)block[best] + best);
+    return distance2[best];
 }
 
 /* at (n) <- the usual particles on which M lays those of m; returns the mean squared distance. */
@@ -92,7 +124,9 @@ static double lay(const apsm_turns_input *in, const double M[16], moved *m, uint
     double sum = 0.0;
     apsm_affine_apply(M, m->n, m->p, m->q);
     apsm_affine_apply_normals(M, m->n, m->normal, m->qn);
-    for (size_t k = 0; k < m->n; k++) sum += nearest(in, m->q + 3 * k, m->qn + 3 * k, at + k);
+    for (size_t k = 0; k < m->n; k++)
+        sum += nearest(blocks_of(in->J), m->usual, 2.0 * in->h * in->h, m->q + 3 * k, m->qn + 3 * k,
+                       at + k);
     return sum / (double)m->n;
 }
 
@@ -169,12 +203,13 @@ static double evidence(const apsm_turns_input *in, const moved *m, const uint32_
     return sum / (double)(m->n * APSM_FORM_SCALES);
 }
 
-static double fit_as_it_is(const apsm_turns_input *in)
+static double fit_as_it_is(const apsm_turns_input *in, const usual_block *usual)
 {
     double sum = 0.0;
     for (size_t j = 0; j < in->J; j++) {
         uint32_t at = 0;
-        sum += nearest(in, in->P + 3 * j, in->N + 3 * j, &at);
+        sum += nearest(blocks_of(in->J), usual, 2.0 * in->h * in->h, in->P + 3 * j, in->N + 3 * j,
+                       &at);
     }
     return sqrt(sum / (double)in->J) / in->h;
 }
@@ -189,6 +224,10 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
     apsm_affine_identity(best->M);
     frame(in->J, in->X, c, A);
     start(c, A, flip, reflection);
+    usual_block *usual = (usual_block *)(void *)work;
+    arrange_usual(in, usual);
+    m.usual = usual;
+    work += apsm_turns_work_size(in->J) - apsm_turns_work_size(0);
     take_particles(in, mirrored ? reflection : NULL, work, &m);
     for (size_t k = 0; k < TURNS; k++) {
         double M[16];
@@ -204,5 +243,5 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
         memcpy(best->M, M, sizeof M);
         if (mirrored) apsm_affine_multiply(M, reflection, best->M);
     }
-    if (own_fit) *own_fit = fit_as_it_is(in);
+    if (own_fit) *own_fit = fit_as_it_is(in, usual);
 }

@@ -79,7 +79,7 @@ static void summaries_are_known(void **state)
 {
     (void)state;
     double d[100], w[100];
-    size_t order[100];
+    size_t order[200];
     apsm_distance_summary s;
     for (size_t k = 0; k < 100; k++) {
         d[k] = (double)((37 * k + 11) % 100 + 1);
