@@ -208,7 +208,8 @@ static void say_particles(apsm_context *ctx, const apsm_project *project, cli_ui
     const bool any = project->n > 0 && project->subjects[0].world_particles;
     char *path = any ? apsm_project_path(project, project->subjects[0].world_particles) : NULL;
     if (path && apsm_particles_read(ctx, path, &J, &P) == APSM_OK)
-        cli_say(ui, "particles a shape: %zu", J);
+        cli_say(ui, "particles a shape: %zu%s", J,
+                apsm_project_domains(project) > 1 ? " (of its first part)" : "");
     free(P);
     free(path);
 }
@@ -301,6 +302,19 @@ static apsm_status read_part(apsm_context *ctx, const char *folder, const char *
     return status;
 }
 
+/* Of joints. */
+static void say_spaces(cli_ui *ui, const json_t *spaces)
+{
+    if (!json_is_object(spaces)) return;
+    static const char *const keys[] = { "rebuilt_closed", "rebuilt", "made_closed", "made" };
+    long long n[4];
+    for (size_t k = 0; k < 4; k++) n[k] = json_integer_value(json_object_get(spaces, keys[k]));
+    cli_say(
+        ui,
+        "joint spaces that close: %lld of %lld rebuilt ones, %lld of %lld of the mean and modes",
+        n[0], n[1], n[2], n[3]);
+}
+
 static void say_verdict(cli_ui *ui, const json_t *certificate)
 {
     size_t k, told = 0;
@@ -322,6 +336,7 @@ static void say_verdict(cli_ui *ui, const json_t *certificate)
                 json_string_value(reason));
     }
     if (told > 10) cli_say(ui, "  and %zu more", told - 10);
+    say_spaces(ui, json_object_get(certificate, "joint_spaces"));
 }
 
 static void say_figures(cli_ui *ui, const json_t *evaluation, const char *unit)
@@ -362,7 +377,7 @@ static bool is_of_its_particles(const model_folder *m)
 static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
 {
     model_folder m;
-    if (model_folder_read(ctx, folder, FOLDER_PARTICLES, &m) != APSM_OK) {
+    if (model_folder_read(ctx, folder, FOLDER_PARTICLES | FOLDER_EVALUATED, &m) != APSM_OK) {
         cli_say(ui, "model and particles do not belong together: %s", apsm_error_text(ctx));
         return;
     }

@@ -1,12 +1,19 @@
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "assemble/job.h"
 #include "options/options.h"
 
-enum { MODES_MOST = 5 };
+enum { MODES_MOST = 5, APART_MOST = 3, KINDS = 3 };
 static const double deviations = 2;
+static const struct {
+    const char *name;
+    size_t most;
+} kinds[KINDS] = { { "mode", MODES_MOST },
+                   { "pose mode", APART_MOST },
+                   { "shape mode", APART_MOST } };
 
 static apsm_status allocate(const joint_cohort *c, joint_figures *f)
 {
@@ -16,9 +23,9 @@ static apsm_status allocate(const joint_cohort *c, joint_figures *f)
     f->mesh = calloc(c->n, sizeof *f->mesh);
     f->surface = calloc(c->I * c->n, sizeof *f->surface);
     f->contact = calloc(c->I * f->pairs, sizeof *f->contact);
-    f->mean = calloc((1 + 2 * MODES_MOST) * f->pairs, sizeof *f->mean);
-    return f->like && f->warp && f->mesh && f->surface && f->contact && f->mean ? APSM_OK
-                                                                                : APSM_ERR_MEMORY;
+    f->spaces = calloc((1 + 2 * MODES_MOST + 4 * APART_MOST) * f->pairs, sizeof *f->spaces);
+    return f->like && f->warp && f->mesh && f->surface && f->contact && f->spaces ? APSM_OK
+                                                                                  : APSM_ERR_MEMORY;
 }
 
 /* ---- one model of all particles ---- */
@@ -141,13 +148,86 @@ static apsm_status measure_subject(apsm_context *ctx, size_t i, int worker, void
     return status;
 }
 
-/* The joint of particles x, as row `row` of f->mean. */
+/* ---- joints that the model makes ---- */
+
+static const apsm_shape_model *model_of(const joint_figures *f, joint_modes of)
+{
+    return of == JOINT_MODES        ? &f->model
+           : of == JOINT_POSE_MODES ? &f->poses.poses
+                                    : &f->poses.shapes;
+}
+
+static size_t modes_of(const joint_figures *f, joint_modes of)
+{
+    const size_t n = model_of(f, of)->modes;
+    return n < kinds[of].most ? n : kinds[of].most;
+}
+
+/* Mode and sign of the model's joint `made` > 0. */
+static joint_modes find_made(const joint_figures *f, size_t made, size_t *k, double *sd)
+{
+    joint_modes of = JOINT_MODES;
+    for (made--; made >= 2 * modes_of(f, of) && of + 1 < KINDS; of++) made -= 2 * modes_of(f, of);
+    *k = made / 2;
+    *sd = made % 2 ? deviations : -deviations;
+    return of;
+}
+
+void joint_made_name(const joint_figures *f, size_t made, char name[JOINT_MADE_LENGTH])
+{
+    size_t k;
+    double sd;
+    snprintf(name, JOINT_MADE_LENGTH, "mean of the cohort");
+    if (made == 0) return;
+    const joint_modes of = find_made(f, made, &k, &sd);
+    snprintf(name, JOINT_MADE_LENGTH, "%s %zu %+gsd", kinds[of].name, k + 1, sd);
+}
+
+/* Poses and shapes apart, one of them at b along row `mode` of its model. */
+static apsm_status compose(const joint_cohort *c, const joint_figures *f, bool of_poses, double b,
+                           const double *mode, double *x)
+{
+    const apsm_pose_shape *ps = &f->poses;
+    const apsm_parts parts = joint_parts(c);
+    double *s = malloc(ps->J * 3 * sizeof *s), *xi = calloc(6 * ps->n, sizeof *xi);
+    apsm_status status = s && xi ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) {
+        memcpy(s, ps->shapes.mean, ps->J * 3 * sizeof *s);
+        if (of_poses) status = apsm_pose_shape_pose(ps, &parts, b, mode, xi);
+        for (size_t a = 0; a < 3 * ps->J && !of_poses; a++) s[a] += b * mode[a];
+    }
+    if (status == APSM_OK) apsm_pose_shape_compose(ps, &parts, xi, s, x);
+    free(s);
+    free(xi);
+    return status;
+}
+
+apsm_status joint_of_mode(const joint_cohort *c, const joint_figures *f, joint_modes of, size_t k,
+                          double sd, double *x)
+{
+    const apsm_shape_model *m = model_of(f, of);
+    const double b = sd * sqrt(m->variance[k]), *mode = m->mode + k * m->J * 3;
+    if (of != JOINT_MODES) return compose(c, f, of == JOINT_POSE_MODES, b, mode, x);
+    for (size_t e = 0; e < 3 * m->J; e++) x[e] = m->mean[e] + b * mode[e];
+    return APSM_OK;
+}
+
+bool joint_made_closes(const joint_cohort *c, const joint_figures *f, size_t made, size_t pair)
+{
+    double usual = f->spaces[pair].depth;
+    const double depth = f->spaces[made * f->pairs + pair].depth;
+    for (size_t i = 0; i < c->I; i++)
+        usual = fmax(usual, f->contact[i * f->pairs + pair].own.depth);
+    return made > 0 && depth > 2 * usual && depth > 0;
+}
+
+/* The joint of particles x, as row `row` of f->spaces. */
 static apsm_status measure_made(const joint_cohort *c, const double *x, size_t row,
                                 joint_figures *f)
 {
     surfaces made = { 0 };
     const apsm_status status = warped_surfaces(c, f, x, &made);
-    if (status == APSM_OK) measure_contacts(&made, 1, f->mean + row * f->pairs);
+    if (status == APSM_OK) measure_contacts(&made, 1, f->spaces + row * f->pairs);
     surfaces_free(&made);
     return status;
 }
@@ -155,38 +235,20 @@ static apsm_status measure_made(const joint_cohort *c, const double *x, size_t r
 /* The mean and the first modes: a model should not close a joint. */
 static apsm_status measure_model(const joint_cohort *c, joint_figures *f)
 {
-    const apsm_shape_model *m = &f->model;
-    const size_t D = 3 * m->J;
-    double *x = malloc((D + 1) * sizeof *x);
+    double *x = malloc((3 * f->model.J + 1) * sizeof *x);
     if (!x) return APSM_ERR_MEMORY;
-    f->modes = m->modes < MODES_MOST ? m->modes : MODES_MOST;
-    apsm_status status = measure_made(c, m->mean, 0, f);
-    for (size_t k = 0; k < 2 * f->modes && status == APSM_OK; k++) {
-        const double b = (k % 2 ? deviations : -deviations) * sqrt(m->variance[k / 2]);
-        for (size_t e = 0; e < D; e++) x[e] = m->mean[e] + b * m->mode[k / 2 * D + e];
-        status = measure_made(c, x, 1 + k, f);
+    f->made = 1;
+    for (int of = 0; of < KINDS; of++) f->made += 2 * modes_of(f, (joint_modes)of);
+    apsm_status status = measure_made(c, f->model.mean, 0, f);
+    for (size_t k = 1; k < f->made && status == APSM_OK; k++) {
+        size_t mode;
+        double sd;
+        const joint_modes of = find_made(f, k, &mode, &sd);
+        status = joint_of_mode(c, f, of, mode, sd, x);
+        if (status == APSM_OK) status = measure_made(c, x, k, f);
     }
     free(x);
     return status;
-}
-
-/* Parts that lie deeper in each other than any subject's do, and than the mean's. */
-static void tell_closed(const joint_job *job, const joint_cohort *c, const joint_figures *f)
-{
-    for (size_t k = 0; k < 2 * f->modes; k++)
-        for (size_t a = 0, pair = 0; a < c->n; a++)
-            for (size_t b = a + 1; b < c->n; b++, pair++) {
-                double usual = f->mean[pair].depth;
-                const double depth = f->mean[(1 + k) * f->pairs + pair].depth;
-                for (size_t i = 0; i < c->I; i++)
-                    usual = fmax(usual, f->contact[i * f->pairs + pair].own.depth);
-                if (depth > 2 * usual && depth > 0)
-                    apsm_log(job->ctx, APSM_LOG_WARNING,
-                             "mode %zu at %+g standard deviations closes the space between %s and "
-                             "%s: %.3g deep, in no subject more than %.3g (contacts.csv)",
-                             k / 2 + 1, k % 2 ? deviations : -deviations, job->part[a].name,
-                             job->part[b].name, depth, usual);
-            }
 }
 
 apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures)
@@ -197,7 +259,6 @@ apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figu
     measuring m = { cohort, figures };
     APSM_TRY(apsm_parallel_for(job->ctx, cohort->I, measure_subject, &m, "contacts"));
     APSM_TRY(measure_model(cohort, figures));
-    tell_closed(job, cohort, figures);
     return APSM_OK;
 }
 
@@ -212,7 +273,7 @@ void joint_figures_free(joint_figures *f, size_t n)
     free(f->mesh);
     free(f->surface);
     free(f->contact);
-    free(f->mean);
+    free(f->spaces);
     apsm_evaluation_free(&f->evaluation);
     apsm_shape_model_free(&f->model);
     apsm_pose_shape_free(&f->poses);

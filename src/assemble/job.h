@@ -141,11 +141,25 @@ typedef struct joint_figures {
     apsm_mesh *mesh; /* n: those, in the world frame of the part's template subject */
     apsm_surface_distance *surface; /* I x n */
     joint_contact *contact;         /* I x pairs */
-    size_t modes;                   /* whose joints at two standard deviations are measured */
-    apsm_contact *mean; /* (1 + 2 modes) x pairs: of the mean joint, mode 1 at - and + */
+    size_t made;          /* joints of the model: the mean, modes at two standard deviations */
+    apsm_contact *spaces; /* made x pairs: theirs */
 } joint_figures;
+
+/* Modes of all particles at once, of the poses (the shapes rest), of the shapes (the poses rest).
+ */
+typedef enum joint_modes { JOINT_MODES, JOINT_POSE_MODES, JOINT_SHAPE_MODES } joint_modes;
+enum { JOINT_MADE_LENGTH = 64 };
 apsm_status joint_measure(joint_job *job, const joint_cohort *cohort, joint_figures *figures);
 void joint_figures_free(joint_figures *figures, size_t n);
+/* x (J x 3, out): the joint of mode k at sd standard deviations, in the world. */
+apsm_status joint_of_mode(const joint_cohort *cohort, const joint_figures *figures, joint_modes of,
+                          size_t k, double sd, double *x);
+/* What the model's joint `made` is called: "mean of the cohort", "pose mode 1 -2sd". */
+void joint_made_name(const joint_figures *figures, size_t made, char name[JOINT_MADE_LENGTH]);
+/* Whether its parts of that pair lie deeper in each other than twice any subject's or the mean's.
+ */
+bool joint_made_closes(const joint_cohort *cohort, const joint_figures *figures, size_t made,
+                       size_t pair);
 
 /* ---- verdict.c ---- */
 

@@ -131,6 +131,52 @@ static json_t *json_verdict(const judging *g, size_t i, bool *certified)
     return verdict;
 }
 
+/* ---- the model's joints ---- */
+
+/* "pose mode 1 -2sd closes the space between a and b", a note for each: [{shape, aspect, text}]. */
+static json_t *json_notes(const judging *g)
+{
+    json_t *notes = json_array();
+    for (size_t made = 0; made < g->f->made; made++)
+        for (size_t a = 0, pair = 0; a < g->c->n; a++)
+            for (size_t b = a + 1; b < g->c->n; b++, pair++) {
+                char name[JOINT_MADE_LENGTH];
+                if (!joint_made_closes(g->c, g->f, made, pair)) continue;
+                joint_made_name(g->f, made, name);
+                json_array_append_new(
+                    notes,
+                    json_pack(
+                        "{s:s, s:s, s:o}", "shape", name, "aspect", "joint space", "text",
+                        json_sprintf("closes the space between %s and %s: %.3g deep, more than "
+                                     "twice what any subject has",
+                                     g->job->part[a].name, g->job->part[b].name,
+                                     g->f->spaces[made * g->f->pairs + pair].depth)));
+            }
+    return notes;
+}
+
+static void tell_notes(const judging *g, const json_t *notes)
+{
+    size_t k;
+    const json_t *note;
+    json_array_foreach(notes, k, note)
+    {
+        apsm_log(g->job->ctx, APSM_LOG_WARNING, "%s %s (contacts.csv)",
+                 json_string_value(json_object_get(note, "shape")),
+                 json_string_value(json_object_get(note, "text")));
+    }
+}
+
+/* Spaces that were measured, and those that close, of subjects as they are rebuilt and of joints
+ * that the model makes. */
+static json_t *json_spaces_judged(const judging *g, size_t closed, size_t made_closed)
+{
+    return json_pack("{s:I, s:I, s:I, s:I}", "rebuilt", (json_int_t)(g->c->I * g->f->pairs),
+                     "rebuilt_closed", (json_int_t)closed, "made",
+                     (json_int_t)(g->f->made * g->f->pairs), "made_closed",
+                     (json_int_t)made_closed);
+}
+
 /* ---- all ---- */
 
 static void tell_review(const judging *g, const char *name, const json_t *verdict)
@@ -148,7 +194,7 @@ static void tell_review(const judging *g, const char *name, const json_t *verdic
     apsm_log(g->job->ctx, APSM_LOG_WARNING, "%s", text);
 }
 
-static void tell(const judging *g, size_t certified)
+static void tell(const judging *g, size_t certified, size_t closed, size_t made_closed)
 {
     const apsm_pose_shape *ps = &g->f->poses;
     double pose = 0, shape = 0;
@@ -157,6 +203,11 @@ static void tell(const judging *g, size_t certified)
     apsm_log(g->job->ctx, APSM_LOG_INFO,
              "joint of %zu parts, %zu subjects: %.0f %% of the variance is pose", g->c->n, g->c->I,
              pose + shape > 0 ? 100 * pose / (pose + shape) : 0.0);
+    apsm_log(
+        g->job->ctx, APSM_LOG_INFO,
+        "joint spaces that close: %zu of %zu rebuilt ones, %zu of %zu of the mean and modes at "
+        "two standard deviations",
+        closed, g->c->I * g->f->pairs, made_closed, g->f->made * g->f->pairs);
     apsm_log(g->job->ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, g->c->I);
 }
 
@@ -171,24 +222,30 @@ json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
                           const joint_figures *figures)
 {
     const judging g = { job, cohort, figures };
-    json_t *shapes = json_array();
-    size_t certified = 0;
+    json_t *shapes = json_array(), *notes = json_notes(&g);
+    size_t certified = 0, closed = 0;
     for (size_t i = 0; i < cohort->I; i++) {
         bool good;
         json_t *verdict = json_verdict(&g, i, &good);
         certified += good;
+        closed += json_array_size(json_object_get(verdict, "closed_joint_spaces"));
         if (!good) tell_review(&g, job->subject[i].name, verdict);
         json_array_append_new(shapes, verdict);
     }
-    tell(&g, certified);
-    if (json_array_size(shapes) < cohort->I) {
+    const size_t made_closed = json_array_size(notes);
+    tell_notes(&g, notes);
+    tell(&g, certified, closed, made_closed);
+    if (!notes || json_array_size(shapes) < cohort->I) {
         json_decref(shapes);
+        json_decref(notes);
         return NULL;
     }
-    return json_pack(
-        "{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:O*, s:o}", "format", FORMAT_CERTIFICATE, "version",
-        CERTIFICATE_VERSION, "verdict", certified == cohort->I ? "certified" : "needs review",
-        "certified", (json_int_t)certified, "shapes", (json_int_t)cohort->I, "template",
-        job->subject[figures->like[0]].name, "h", least_spacing(&g), "thresholds",
-        json_object_get(cohort->folder[0].certificate, "thresholds"), "per_shape", shapes);
+    return json_pack("{s:s, s:i, s:s, s:I, s:I, s:s, s:f, s:O*, s:o, s:o, s:o}", "format",
+                     FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict",
+                     certified == cohort->I ? "certified" : "needs review", "certified",
+                     (json_int_t)certified, "shapes", (json_int_t)cohort->I, "template",
+                     job->subject[figures->like[0]].name, "h", least_spacing(&g), "thresholds",
+                     json_object_get(cohort->folder[0].certificate, "thresholds"), "joint_spaces",
+                     json_spaces_judged(&g, closed, made_closed), "notes", notes, "per_shape",
+                     shapes);
 }

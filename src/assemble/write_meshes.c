@@ -46,32 +46,13 @@ static apsm_status write_shown(writing *w, const double *x, const char *label)
     return APSM_OK;
 }
 
-/* Mode k of the poses (the shapes rest), or of the shapes (the poses rest), at sd deviations. */
-static apsm_status write_mode(writing *w, bool of_poses, size_t k, double sd, double *x)
+static apsm_status write_mode(writing *w, joint_modes of, size_t k, double sd, double *x)
 {
-    const apsm_pose_shape *ps = &w->f->poses;
-    const apsm_shape_model *m = of_poses ? &ps->poses : &ps->shapes;
-    const apsm_parts parts = joint_parts(w->c);
-    double *s = malloc(ps->J * 3 * sizeof *s), *xi = calloc(6 * ps->n, sizeof *xi);
     char label[64];
-    apsm_status status = s && xi ? APSM_OK : APSM_ERR_MEMORY;
-    if (status == APSM_OK) {
-        const double b = sd * sqrt(m->variance[k]), *mode = m->mode + k * m->J * 3;
-        memcpy(s, ps->shapes.mean, ps->J * 3 * sizeof *s);
-        if (of_poses)
-            status = apsm_pose_shape_pose(ps, &parts, b, mode, xi);
-        else
-            for (size_t a = 0; a < 3 * ps->J; a++) s[a] += b * mode[a];
-    }
-    if (status == APSM_OK) {
-        apsm_pose_shape_compose(ps, &parts, xi, s, x);
-        snprintf(label, sizeof label, "%s_mode_%02zu_%s2sd", of_poses ? "pose" : "shape", k + 1,
-                 sd < 0 ? "minus" : "plus");
-        status = write_shown(w, x, label);
-    }
-    free(s);
-    free(xi);
-    return status;
+    snprintf(label, sizeof label, "%s_mode_%02zu_%s2sd", of == JOINT_POSE_MODES ? "pose" : "shape",
+             k + 1, sd < 0 ? "minus" : "plus");
+    APSM_TRY(joint_of_mode(w->c, w->f, of, k, sd, x));
+    return write_shown(w, x, label);
 }
 
 static apsm_status write_modes(writing *w)
@@ -80,11 +61,12 @@ static apsm_status write_modes(writing *w)
     double *x = malloc(w->c->J * 3 * sizeof *x);
     if (!x) return APSM_ERR_MEMORY;
     apsm_status status = APSM_OK;
-    for (int of_poses = 0; of_poses < 2; of_poses++) {
+    for (joint_modes of = JOINT_POSE_MODES; of <= JOINT_SHAPE_MODES; of++) {
+        const bool of_poses = of == JOINT_POSE_MODES;
         const size_t modes = of_poses ? w->f->poses.poses.modes : w->f->poses.shapes.modes;
         for (size_t k = 0; k < modes && k < SHOWN && status == APSM_OK; k++) {
-            status = write_mode(w, of_poses, k, -2, x);
-            if (status == APSM_OK) status = write_mode(w, of_poses, k, 2, x);
+            status = write_mode(w, of, k, -2, x);
+            if (status == APSM_OK) status = write_mode(w, of, k, 2, x);
         }
     }
     free(x);

@@ -126,21 +126,20 @@ static apsm_status write_contacts(writing *w)
     APSM_TRY(open_csv(w, "contacts.csv", &csv));
     apsm_writer_printf(csv, "name,part,other,gap,depth,overlap,rebuilt_gap,rebuilt_depth,"
                             "rebuilt_overlap\n");
-    for (size_t i = 0; i <= w->c->I + 2 * w->f->modes; i++) { /* the mean and modes come last */
+    for (size_t i = 0; i < w->c->I + w->f->made; i++) { /* the mean and modes come last */
         size_t pair = 0;
         for (size_t a = 0; a < n; a++)
             for (size_t b = a + 1; b < n; b++, pair++) {
+                char name[JOINT_MADE_LENGTH];
                 const joint_contact *k = i < w->c->I ? &w->f->contact[i * pairs + pair] : NULL;
                 const size_t made = k ? 0 : i - w->c->I;
                 if (k)
                     apsm_writer_csv(csv, writing_subject(w, i));
-                else if (made == 0)
-                    apsm_writer_printf(csv, "mean of the cohort");
                 else
-                    apsm_writer_printf(csv, "mode %zu %c2sd", (made + 1) / 2, made % 2 ? '-' : '+');
+                    joint_made_name(w->f, made, name), apsm_writer_printf(csv, "%s", name);
                 apsm_writer_printf(csv, ",%s,%s", writing_part(w, a), writing_part(w, b));
                 contact_row(csv, k ? &k->own : NULL,
-                            k ? &k->rebuilt : &w->f->mean[made * pairs + pair]);
+                            k ? &k->rebuilt : &w->f->spaces[made * pairs + pair]);
             }
     }
     return apsm_writer_commit(csv);

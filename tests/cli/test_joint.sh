@@ -63,6 +63,15 @@ for i in 0 1 2 3 4; do
     done
 done
 
+# Spaces of subjects, of the mean and of modes of all, of poses, of shapes are measured, and counted.
+for name in 'mean of the cohort' 'mode 1 -2sd' 'pose mode 1 +2sd' 'shape mode 1 -2sd'; do
+    grep -q "^$name,cup,ball," joint/contacts.csv || fail "contacts.csv has no $name"
+done
+grep -q '"rebuilt": 6,' joint/certificate.json || fail "spaces are not counted"
+"$apsm" info joint >said 2>&1
+grep -q 'joint spaces that close: 0 of 6 rebuilt ones, [0-9]* of [0-9]* of the mean' said || fail "info says nothing of spaces: $(tail -n 3 said)"
+grep -q 'do not belong' said && fail "info doubts a joint: $(cat said)"
+
 # Turning is no shape: the ball, which is always the same, hardly varies; the cup does.
 most() { awk -F, 'NR > 1 { x = $2 < 0 ? -$2 : $2; if (x > m) m = x } END { print m + 0 }' "$1"; }
 awk -v b="$(most joint/parts/ball/scores.csv)" -v c="$(most joint/parts/cup/scores.csv)" \

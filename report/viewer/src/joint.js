@@ -123,6 +123,12 @@ export function tellApart(model) {
 
 // ---- joint spaces ----
 
+/** How many spaces close, in words; "" where nobody counted. */
+export function tellClosed(model) {
+  const s = model.certificate.joint_spaces;
+  return s ? `${s.rebuilt_closed} of ${s.rebuilt} rebuilt spaces close, and ${s.made_closed} of ${s.made} of the mean joint and of modes at two standard deviations.` : "";
+}
+
 /** How near the parts of subjects come to each other, and whether the rebuilt surfaces keep the space. */
 export function tableOfSpaces(model) {
   const mean = (x) => x.reduce((a, b) => a + b, 0) / x.length, least = (x) => Math.min(...x), most = (x) => Math.max(...x);

@@ -14,7 +14,7 @@ import { Fits, fillFits } from "./fits.js";
 import { Norms, fillNorms } from "./norms.js";
 import { legend, stageOf } from "./surface.js";
 import { fieldEnds, fieldsOf, spreadParts } from "./fields.js";
-import { fillParts, jointModes, partsOf, partsOfParticles, tableOfSpaces, tellApart } from "./joint.js";
+import { fillParts, jointModes, partsOf, partsOfParticles, tableOfSpaces, tellClosed, tellApart } from "./joint.js";
 
 const state = {
   chosen: 0, // shape
@@ -577,7 +577,7 @@ function fillFidelity() {
       el("div", {}, el("h3", {}, "Reconstruction"), right.box, viewTools(right.view, () => `${facts[state.chosen].name} reconstruction`, () => ({ ...surfaceOf(state.chosen, "warped"), field: "distance" })))),
     ends,
     model.evaluation.joint_spaces?.length > 0 && el("div", {}, el("h3", {}, "Joint spaces"),
-      el("p", { class: "soft" }, "Least distance between the surfaces of two parts, of the shapes themselves and as the particles rebuild them. A rebuilt space that closes where the shape\u2019s own does not is named by the certificate."), tableOfSpaces(model)),
+      el("p", { class: "soft" }, "Least distance between the surfaces of two parts, of the shapes themselves and as the particles rebuild them. A rebuilt space that closes where the shape\u2019s own does not is named by the certificate."), tableOfSpaces(model), el("p", {}, tellClosed(model))),
     el("div", { class: "pair" }, el("div", {}, figures, savesOf("surface distances", null, distanceRows), marks), el("div", {}, chart, savesOf("histogram of distances", () => chart))),
   );
   return { showParticles: () => {
