@@ -93,7 +93,9 @@ bad() { # bad WORDS JSON
 }
 bad "leave nothing" '{"planes": [{"points": [[0, 0, 99], [1, 0, 99], [0, 1, 99]]}]}'
 bad "not in a line" '{"planes": [{"points": [[0, 0, 0], [1, 0, 0], [2, 0, 0]]}]}'
-bad "not known here" '{"spheres": []}'
+bad "not known here" '{"cylinders": []}'
+bad "no \"radius\" above 0" '{"spheres": [{"center": [0, 0, 0]}]}'
+bad "no \"radius\" above 0" '{"spheres": [{"center": [0, 0, 0], "radius": -1}]}'
 bad "query_point" '{"free_form_constraints": {"boundaries": [{"points": [[0,0,0],[1,0,0],[0,1,0]]}]}}'
 bad "do not part" '{"free_form_constraints": {"query_point": [1,2,3], "boundaries": [{"points": [[0,0,14],[0,0,14.1],[0,0.1,14]]}]}}'
 bad "as many" '{"free_form_constraints": {"field": {"points": [[0,0,0]], "scalars": []}}}'
