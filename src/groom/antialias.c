@@ -10,10 +10,11 @@
  * The first term is close to the squared Laplacian (a thin plate), so that planes and, nearly,
  * spheres pass unchanged where a blur would shrink them.  The constraint holds for voxels behind
  * the surface and for all of thin parts (thin.c), so that sheets and tips of one voxel survive
- * while raggedness of a voxel on thick parts goes.  Between slices far apart (fine nodes without
- * data) the first term alone interpolates.  The level l makes the volume that of the mask; it is
- * found anew after every round of iterations, as the constraint refers to it.  Constraints on a
- * level set: Whitaker, "Reducing aliasing artifacts in iso-surfaces of binary volumes", 2000;
+ * while raggedness of a voxel on thick parts goes.  Between nodes far apart (fine nodes without
+ * data) the first term alone interpolates; where these are slices M is their signed distances'
+ * (between.c), and what is between them the start.  The level l makes the volume that of the mask;
+ * it is found anew after every round of iterations, as the constraint refers to it.  Constraints on
+ * a level set: Whitaker, "Reducing aliasing artifacts in iso-surfaces of binary volumes", 2000;
  * there the curvature flow shrinks.  Solved by projected accelerated gradients (Beck & Teboulle
  * 2009) on the nodes near the surface; elsewhere u = M. */
 #include "groom/antialias.h"
@@ -25,10 +26,12 @@
 #include <string.h>
 
 #include "core/kernel.h"
+#include "groom/between.h"
 #include "groom/thin.h"
 
-static const double fidelity = 0.02; /* mu for smoothing = 1 */
-static const float margin = 0.03f;   /* m */
+static const double fidelity = 0.02;     /* mu for smoothing = 1 */
+static const float voxel_margin = 0.03f; /* m */
+static const float slice_margin = 0.06f; /* m between slices, over between_slope */
 enum { REACH = 4, ROUNDS = 3, ITERATIONS = 8, BINS = 4096 };
 /* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not; of
  * those, what sticks out by a voxel. */
@@ -51,7 +54,8 @@ typedef struct work {
     run *runs;
     size_t count;
     float *line; /* n[0] + 2 */
-    float mu, level;
+    float mu, level, margin;
+    float *target; /* M of slices far apart, fine; or NULL */
 } work;
 
 static size_t reach_of(const antialias_input *in, int axis)
@@ -230,8 +234,20 @@ static void start(work *w, const unsigned char *firm)
                     w->u[i] = mask_between(in, x, y, z);
                 }
             }
+    if (w->target) memcpy(w->u, w->target, i * sizeof *w->u);
     memcpy(w->y, w->u, i * sizeof *w->y);
     memset(w->r, 0, i * sizeof *w->r);
+}
+
+/* What stands for M where slices are far apart. */
+static apsm_status set_target(work *w)
+{
+    const int axis = between_axis(w->in);
+    w->margin = voxel_margin;
+    if (axis < 0) return APSM_OK;
+    w->margin = slice_margin * between_slope(w->in, axis);
+    w->target = malloc(w->n[0] * w->n[1] * w->n[2] * sizeof *w->target);
+    return w->target ? between_slices(w->in, axis, w->target) : APSM_ERR_MEMORY;
 }
 
 /* --- iterations ----------------------------------------------------------------------------- */
@@ -251,17 +267,40 @@ static void minus_filtered(const float *restrict f, ptrdiff_t row, ptrdiff_t pla
         out[i] = f[i] - (cx * line[i + 1] + w[0] * (line[i] + line[i + 2]));
 }
 
+/* z within (A2). */
+static inline float project(unsigned char kind, float level, float margin, float z)
+{
+    z = kind == INNER && z < level + margin ? level + margin : z;
+    return kind == OUTER && z > level - margin ? level - margin : z;
+}
+
 /* One node row: gradient step from y, projection to (A2), extrapolation by beta. */
 APSM_KERNEL
-static void step_row(size_t n, const float *restrict gradient, const unsigned char *restrict kind,
-                     float mu, float level, float beta, float *restrict u, float *restrict y)
+static void step_row(const work *w, size_t at, size_t n, const float *restrict gradient, float beta)
 {
-    const float scale = 1.0f / (1.0f + mu), low = level - margin, high = level + margin;
+    const unsigned char *const kind = w->kind + at;
+    const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
+    float *restrict u = w->u + at, *restrict y = w->y + at;
     for (size_t i = 0; i < n; i++) {
         const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - expected[kind[i]]);
-        float z = y[i] - scale * (gradient[i] + pull);
-        z = kind[i] == INNER && z < high ? high : z;
-        z = kind[i] == OUTER && z > low ? low : z;
+        const float z = project(kind[i], level, margin, y[i] - scale * (gradient[i] + pull));
+        y[i] = z + beta * (z - u[i]);
+        u[i] = z;
+    }
+}
+
+/* The same for slices far apart. */
+APSM_KERNEL
+static void step_row_between(const work *w, size_t at, size_t n, const float *restrict gradient,
+                             float beta)
+{
+    const unsigned char *const kind = w->kind + at;
+    const float *const target = w->target + at;
+    const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
+    float *restrict u = w->u + at, *restrict y = w->y + at;
+    for (size_t i = 0; i < n; i++) {
+        const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - target[i]);
+        const float z = project(kind[i], level, margin, y[i] - scale * (gradient[i] + pull));
         y[i] = z + beta * (z - u[i]);
         u[i] = z;
     }
@@ -281,7 +320,10 @@ static void iterate(work *w, float beta)
         const run *p = &w->runs[k];
         const size_t at = p->row * w->n[0] + p->from, n = p->to - p->from;
         minus_filtered(w->r + at, row, plane, n, w->w, w->line, gradient);
-        step_row(n, gradient, w->kind + at, w->mu, w->level, beta, w->u + at, w->y + at);
+        if (w->target)
+            step_row_between(w, at, n, gradient, beta);
+        else
+            step_row(w, at, n, gradient, beta);
     }
 }
 
@@ -360,7 +402,7 @@ static void smooth(work *w, uint32_t *bins)
         histogram(w, bins);
         const float level = (float)level_of(bins, wanted);
         /* In the end no inner node may get out, whatever the volume. */
-        w->level = round + 1 < ROUNDS ? level : fminf(level, w->level + 0.9f * margin);
+        w->level = round + 1 < ROUNDS ? level : fminf(level, w->level + 0.9f * w->margin);
     }
 }
 
@@ -409,6 +451,7 @@ apsm_status antialias(const antialias_input *in, float *values, double *inward)
     apsm_status status =
         w.y && w.r && w.kind && w.line && bins && firm ? find_runs(&w) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = thin_mark(in->n, in->mask, firm);
+    if (status == APSM_OK) status = set_target(&w);
     if (status == APSM_OK) {
         start(&w, firm);
         if (s > 0.0) smooth(&w, bins);
@@ -418,6 +461,7 @@ apsm_status antialias(const antialias_input *in, float *values, double *inward)
     free(w.y);
     free(w.r);
     free(w.kind);
+    free(w.target);
     free(w.line);
     free(w.runs);
     free(bins);

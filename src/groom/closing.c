@@ -2,8 +2,7 @@
  *
  *   dilated = { x : d(x, mask) <= r },   closed = { x : d(x, not dilated) > r }
  *
- * Squared distances by lower envelopes of parabolas, one axis after the other (Felzenszwalb &
- * Huttenlocher, "Distance transforms of sampled functions", 2012): exact, whatever the spacing.
+ * Squared distances by lower envelopes (envelope.c), one axis after the other.
  * Tunnels by Euler's number of the union of closed voxels, vertices - edges + faces - voxels, which
  * is the parts and the cavities less the tunnels. */
 #include "groom/closing.h"
@@ -12,48 +11,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "groom/envelope.h"
 #include "groom/parts.h"
-
-/* Scratch of a line of n nodes. */
-typedef struct envelope {
-    double *f, *z;
-    size_t *v;
-} envelope;
-
-/* f (n) <- min over q of f(q) + h^2 (p - q)^2; the nodes of the lower envelope in v, where they
- * begin in z (n + 1). */
-static void transform_line(size_t n, double h, const envelope *e)
-{
-    double *f = e->f, *z = e->z;
-    const double h2 = h * h;
-    size_t k = 0, *v = e->v, first = 0;
-    while (first < n && isinf(f[first])) first++;
-    if (first == n) return;
-    v[0] = first;
-    z[0] = -INFINITY;
-    for (size_t q = first + 1; q < n; q++) {
-        if (isinf(f[q])) continue;
-        double s;
-        for (;;) {
-            const double a = (double)q, b = (double)v[k];
-            s = ((f[q] - f[v[k]]) / h2 + a * a - b * b) / (2.0 * (a - b));
-            if (s > z[k] || k == 0) break;
-            k--;
-        }
-        if (s > z[k]) k++;
-        v[k] = q;
-        z[k] = k == 0 ? -INFINITY : s;
-    }
-    const size_t last = k;
-    double *const out = z + n + 1;
-    k = 0;
-    for (size_t p = 0; p < n; p++) {
-        while (k < last && z[k + 1] < (double)p) k++;
-        const double d = h * ((double)p - (double)v[k]);
-        out[p] = d * d + f[v[k]];
-    }
-    memcpy(f, out, n * sizeof *f);
-}
 
 /* d (n, in: 0 or INFINITY): squared distances. */
 static void transform(const size_t n[3], const double spacing[3], const envelope *e, float *d)
@@ -65,7 +24,7 @@ static void transform(const size_t n[3], const double spacing[3], const envelope
             for (size_t k = 0; k < n[b]; k++) {
                 float *line = d + i * step[a] + k * step[b];
                 for (size_t p = 0; p < n[c]; p++) e->f[p] = line[p * step[c]];
-                transform_line(n[c], spacing[c], e);
+                envelope_line(n[c], spacing[c], e);
                 for (size_t p = 0; p < n[c]; p++) line[p * step[c]] = (float)e->f[p];
             }
     }
@@ -81,9 +40,7 @@ typedef struct padded {
 static void padded_free(padded *p)
 {
     free(p->d);
-    free(p->e.f);
-    free(p->e.z);
-    free(p->e.v);
+    envelope_free(&p->e);
 }
 
 static apsm_status padded_new(padded *p, const mask *m, const double spacing[3], double radius)
@@ -96,10 +53,7 @@ static apsm_status padded_new(padded *p, const mask *m, const double spacing[3],
         if (p->n[c] > longest) longest = p->n[c];
     }
     p->d = malloc(p->n[0] * p->n[1] * p->n[2] * sizeof *p->d);
-    p->e.f = malloc(longest * sizeof *p->e.f);
-    p->e.z = malloc((2 * longest + 1) * sizeof *p->e.z);
-    p->e.v = malloc(longest * sizeof *p->e.v);
-    if (p->d && p->e.f && p->e.z && p->e.v) return APSM_OK;
+    if (p->d && envelope_new(longest, &p->e) == APSM_OK) return APSM_OK;
     padded_free(p);
     return APSM_ERR_MEMORY;
 }

@@ -10,6 +10,7 @@
 #include "geometry/isosurface.h"
 #include "groom/agreement.h"
 #include "groom/antialias.h"
+#include "groom/between.h"
 #include "groom/fair.h"
 #include "groom/groom.h"
 #include "groom/mask.h"
@@ -18,6 +19,7 @@
 
 enum { MOST_REFINED = 8, LEAST_VOXELS = 8, CONTOURS = 4 };
 static const double least_smoothing = 0.53, thick_slices = 3.0;
+static const double few_smoothing = 0.8, few_slices = 5.4, many_slices = 6.0;
 static const double volume_tolerance = 0.003;          /* relative */
 static const double first_step = 0.005, outward = 0.3; /* of the level */
 
@@ -31,15 +33,17 @@ static void choose_refinement(const apsm_volume *v, antialias_input *in)
     }
 }
 
-/* What smoothing = 1 means for these voxels.  Between slices far apart a surface has steps as long
- * as the slices are thick relative to the voxels' width, and the reach of the smoothing has to
- * cover them; where voxels are cubes, half of it is nearer to the true surface and to the mask.
- * docs/results.md, "Masks". */
-static double suitable_smoothing(const apsm_volume *v)
+/* What smoothing = 1 means for these voxels.  Half of it is nearer to the true surface and to the
+ * mask where voxels are cubes, and where slices are interpolated by their shapes, unless the shape
+ * is but few slices high, mostly ends, which a wider smoothing rounds.  Where voxels are long along
+ * two axes its reach has to cover them.  docs/results.md, "Masks". */
+static double suitable_smoothing(const apsm_volume *v, const antialias_input *in, double size)
 {
     const double least = fmin(v->spacing[0], fmin(v->spacing[1], v->spacing[2]));
     const double most = fmax(v->spacing[0], fmax(v->spacing[1], v->spacing[2]));
-    return fmin(fmax(most / least / thick_slices, least_smoothing), 1.0);
+    if (between_axis(in) < 0) return fmin(fmax(most / least / thick_slices, least_smoothing), 1.0);
+    const double lacking = (many_slices - size / most) / (many_slices - few_slices);
+    return least_smoothing + (few_smoothing - least_smoothing) * fmin(fmax(lacking, 0.0), 1.0);
 }
 
 /* The surface, in LPS, of fine-grid values <= level. */
@@ -95,6 +99,7 @@ static apsm_status extract(apsm_context *ctx, const apsm_volume *v, const mask *
     size_t fine[3];
     memcpy(in->n, m->n, sizeof in->n);
     in->mask = m->in;
+    in->smoothing *= suitable_smoothing(v, in, mask_size(v, r->voxels));
     antialias_fine(in, fine);
     float *values = malloc(fine[0] * fine[1] * fine[2] * sizeof *values);
     if (!values) return APSM_ERR_MEMORY;
@@ -162,7 +167,7 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
                                 const apsm_groom_options *opt, mask *m, apsm_mesh *surface,
                                 apsm_groom_report *r)
 {
-    antialias_input in = { .smoothing = opt->smooth * suitable_smoothing(volume) };
+    antialias_input in = { .smoothing = opt->smooth }; /* at most */
     size_t rim[3];
     choose_refinement(volume, &in);
     antialias_rim(&in, rim);
@@ -243,7 +248,7 @@ static apsm_status groom_mended(apsm_context *ctx, const char *name, const apsm_
                                 apsm_groom_report *r)
 {
     apsm_mesh surface = { 0 };
-    antialias_input in = { .smoothing = opt->smooth * suitable_smoothing(grid) };
+    antialias_input in = { .smoothing = opt->smooth };
     choose_refinement(grid, &in);
     r->mask_volume = (double)r->voxels * voxel_volume(grid);
     apsm_status status = extract(ctx, grid, m, &in, opt->fairing * opt->smooth, &surface, r);
