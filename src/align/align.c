@@ -434,11 +434,18 @@ static bool is_ambiguous(const aligner *a, size_t i)
     return c->evidence[c->mirrored] - c->second[c->mirrored] < POSE_CLEARLY;
 }
 
+static bool is_sought(const aligner *a, size_t i)
+{
+    return i != a->base && a->opt->align != APSM_ALIGN_NONE &&
+           !(a->oriented && hardly_turns(a, i, a->P + 16 * i));
+}
+
 /* Who had better not be the template. */
 static void find_unfit(aligner *a)
 {
     size_t ambiguous = 0;
     for (size_t i = 0; i < a->n; i++) ambiguous += a->out->ambiguous[i] = is_ambiguous(a, i);
+    for (size_t i = 0; i < a->n; i++) a->out->sought[i] = is_sought(a, i);
     for (size_t i = 0; i < a->n; i++)
         a->out->unfit[i] = a->out->stranger[i] || a->out->mirrored[i] ||
                            (a->out->ambiguous[i] && 2 * ambiguous < a->n);
@@ -703,6 +710,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
     a->out->runner_up_ratio = malloc(n * sizeof *a->out->runner_up_ratio);
     a->out->mirror_ratio = malloc(n * sizeof *a->out->mirror_ratio);
     a->out->mirrored = calloc(n, sizeof *a->out->mirrored);
+    a->out->sought = calloc(n, sizeof *a->out->sought);
     a->out->ambiguous = calloc(n, sizeof *a->out->ambiguous);
     a->out->stranger = calloc(n, sizeof *a->out->stranger);
     a->out->unfit = calloc(n, sizeof *a->out->unfit);
@@ -713,7 +721,7 @@ static apsm_status allocate(const apsm_context *ctx, aligner *a)
                         a->ballot && a->choice && a->given && a->given_residual && a->fits &&
                         a->turned && a->list && a->work && a->out->M && a->out->residual &&
                         a->out->runner_up_ratio && a->out->mirror_ratio && a->out->mirrored &&
-                        a->out->ambiguous && a->out->stranger && a->out->unfit &&
+                        a->out->ambiguous && a->out->sought && a->out->stranger && a->out->unfit &&
                         a->out->unclear_hand && a->out->cut && a->out->sized;
     if (!enough) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < n; i++) {
@@ -837,6 +845,7 @@ void apsm_alignment_free(apsm_alignment *alignment)
     free(alignment->runner_up_ratio);
     free(alignment->mirror_ratio);
     free(alignment->mirrored);
+    free(alignment->sought);
     free(alignment->ambiguous);
     free(alignment->stranger);
     free(alignment->unfit);

@@ -122,6 +122,7 @@ typedef struct apsm_alignment {
     double *mirror_ratio;    /* n: residual of the mirror image over that of the shape as it is;
                                 INFINITY if not tried.  This and runner_up_ratio compare with the
                                 provisional template, which has INFINITY itself */
+    bool *sought;    /* n: lies as its surface says alone, not as it came or as most others came */
     bool *ambiguous; /* n: another pose fits as well, and nothing else speaks for this one */
     bool *stranger;  /* n: of a size or form that the others do not have */
     bool *unfit;     /* n: stranger, ambiguous (where few are) or of the wrong hand: no template */

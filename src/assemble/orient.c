@@ -37,7 +37,8 @@ static apsm_status doubts_poses(const joint_job *job, size_t d, bool *doubts)
     json_array_foreach(json_object_get(root, "notes"), k, note)
     {
         const char *aspect = json_string_value(json_object_get(note, "aspect"));
-        if (aspect && strcmp(aspect, "pose") == 0) *doubts = true;
+        const bool sought = json_is_true(json_object_get(note, "sought")); /* no doubt yet */
+        if (aspect && strcmp(aspect, "pose") == 0 && !sought) *doubts = true;
     }
     if (json_object_get(json_object_get(root, "stages"), "initialize")) *doubts = false;
     json_decref(root);

@@ -62,6 +62,24 @@ void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, d
     }
 }
 
+/* The k-th of the sorted numbers without one equal to x. */
+static double kth_without(const double *sorted, size_t k, double x)
+{
+    return x <= sorted[k] ? sorted[k + 1] : sorted[k];
+}
+
+void robust_left_out_quantiles(size_t I, const double *x, double q, double *out, double *sorted)
+{
+    const double at = q * (double)(I - 2);
+    const size_t low = (size_t)at, high = low + 2 < I ? low + 1 : low;
+    for (size_t i = 0; i < I; i++) sorted[i] = x[i];
+    qsort(sorted, I, sizeof *sorted, ascending);
+    for (size_t i = 0; i < I; i++) {
+        const double a = kth_without(sorted, low, x[i]), b = kth_without(sorted, high, x[i]);
+        out[i] = a + (at - (double)low) * (b - a);
+    }
+}
+
 /* The median of all but one is one of these, whichever that is; returns how many they are. */
 static size_t possible_medians(size_t I, const double *sorted, double c[3])
 {

@@ -16,6 +16,10 @@ double robust_median(size_t n, double *x);
  * log I).  column: scratch, I. */
 void robust_left_out_medians(size_t I, size_t n, const double *X, double *out, double *column);
 
+/* out (I) <- the q-quantile, 0 <= q <= 1, of the other x (I >= 2, finite), between two of them in
+ * proportion.  sorted: scratch, I.  O(I log I). */
+void robust_left_out_quantiles(size_t I, const double *x, double q, double *out, double *sorted);
+
 /* Of each x[i] (I >= 3, finite) the median of the others, and how many standard deviations it lies
  * above that.  The standard deviation is told from the others' median distance from their median
  * (1.4826 of it, for normal numbers), and is never taken for less than `least` (> 0).  scratch: I.

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "core/deal.h"
+#include "core/robust.h"
 #include "optimize/correspondence_loss.h"
 
 /* How far rows reach to tell how far neighbours beyond F = 2.0 are: that is looked up only where it
@@ -239,26 +240,58 @@ static apsm_status judge_by_others(apsm_context *ctx, const judging *g)
     return APSM_OK;
 }
 
+static bool has(json_t *note, const char *key, const char *text)
+{
+    const char *value = json_string_value(json_object_get(note, key));
+    return value && strcmp(value, text) == 0;
+}
+
+static bool is_sought(json_t *note)
+{
+    return json_is_true(json_object_get(note, "sought"));
+}
+
+/* What a note comes to for its shape; usual: the evidence for a hand that shapes have. */
+static unsigned weigh_note(json_t *note, const apsm_findings *f, double usual)
+{
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    const bool undecided = json_is_true(json_object_get(note, "undecided"));
+    if (has(note, "aspect", apsm_aspect_name(APSM_ASPECT_HAND)))
+        return apsm_verdict_note_hand(f, usual, undecided, &options);
+    if (!has(note, "aspect", apsm_aspect_name(APSM_ASPECT_POSE))) return 0;
+    return apsm_verdict_note_pose(f, is_sought(note), &options);
+}
+
+/* The median evidence for the hand. */
+static apsm_status usual_evidence(const cohort_certificate *c, double *usual)
+{
+    *usual = INFINITY;
+    if (!c->judged) return APSM_OK;
+    double *e = malloc(c->I * sizeof *e);
+    if (!e) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < c->I; i++) e[i] = c->judgement.shape[i].turn[1].evidence;
+    *usual = robust_median(c->I, e);
+    free(e);
+    return APSM_OK;
+}
+
 /* Grooming's doubts are ours, unless the form speaks clearly for the pose. */
-static void add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certificate *c)
+static apsm_status add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certificate *c)
 {
     size_t k;
     json_t *note;
+    double usual;
+    APSM_TRY(usual_evidence(c, &usual));
     json_array_foreach(notes, k, note)
     {
-        const char *name = json_string_value(json_object_get(note, "shape"));
-        const char *aspect = json_string_value(json_object_get(note, "aspect"));
-        const bool undecided = json_is_true(json_object_get(note, "undecided"));
-        for (size_t i = 0; i < c->I && name && aspect; i++) {
-            if (strcmp(cohort->shape[i].name, name) != 0) continue;
+        for (size_t i = 0; i < c->I; i++) {
             const apsm_findings *f = c->judged ? &c->judgement.shape[i] : NULL;
-            if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_HAND)) == 0)
-                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_HAND, undecided);
-            if (strcmp(aspect, apsm_aspect_name(APSM_ASPECT_POSE)) == 0)
-                c->doubts[i] |= apsm_verdict_note(f, APSM_ASPECT_POSE, true);
+            if (has(note, "shape", cohort->shape[i].name))
+                c->doubts[i] |= weigh_note(note, f, usual);
         }
     }
     c->notes = json_incref(notes);
+    return APSM_OK;
 }
 
 apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
@@ -278,7 +311,7 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
     if (status == APSM_OK) status = judge_by_others(ctx, &g);
     if (status == APSM_OK) status = doubt_template(ctx, &g);
     certificate->reference = g.t;
-    if (status == APSM_OK) add_notes(cohort, notes, certificate);
+    if (status == APSM_OK) status = add_notes(cohort, notes, certificate);
     apsm_neighbourhoods_free(&g.reference);
     free(g.TN);
     free(g.N6);
@@ -462,6 +495,7 @@ static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
     const size_t all = json_array_size(c->notes);
     for (size_t k = 0; k < all; k++) {
         const char *shape = note_text(c, k, "shape"), *text = note_text(c, k, "text");
+        if (is_sought(json_array_get(c->notes, k))) continue; /* no fault by itself */
         if (count_kind(c, k, all, MOST_TOLD + 1) <= MOST_TOLD)
             apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", shape, text);
         else if (count_kind(c, k, k, 1) == 0)

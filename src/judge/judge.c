@@ -42,7 +42,9 @@ typedef struct judging {
 
 enum { AREA, SIZE, LONG, FLAT, OFF, REACH, SLIP, FIGURES = SLIP + APSM_SLIP_LOOKS };
 /* Of logarithms: nobody is called unusual for less than a few of these. */
-static const double least_deviation[FIGURES] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.1, 0.2, 0.2, 0.2 };
+static const double least_deviation[SLIP] = { 0.05, 0.025, 0.05, 0.05, 0.1, 0.1 };
+/* Of how far the others have slipped, where they have slipped most. */
+static const double worst_usual = 0.75;
 
 /* ---- every shape for itself ---- */
 
@@ -237,7 +239,7 @@ static apsm_status weigh_figures(judging *g)
     double *excess = malloc((2 * FIGURES + 1) * I * sizeof *excess);
     if (!excess) return APSM_ERR_MEMORY;
     double *middle = excess + FIGURES * I, *scratch = middle + FIGURES * I;
-    for (size_t k = 0; k < FIGURES; k++)
+    for (size_t k = 0; k < SLIP; k++)
         robust_excesses(I, g->figure + k * I, least_deviation[k], excess + k * I, middle + k * I,
                         scratch);
     for (size_t i = 0; i < I; i++) {
@@ -252,9 +254,12 @@ static apsm_status weigh_figures(judging *g)
         f->off_excess = excess[OFF * I + i];
         f->reach_excess = excess[REACH * I + i];
     }
-    for (size_t k = 0; k < APSM_SLIP_LOOKS * I; k++)
-        middle[SLIP * I + k] = g->figure[SLIP * I + k] - middle[SLIP * I + k];
-    for (size_t i = 0; i < I; i++) take_slip(g, i, middle + SLIP * I, g->distance);
+    double *more = middle + SLIP * I;
+    for (size_t k = 0; k < APSM_SLIP_LOOKS; k++)
+        robust_left_out_quantiles(I, g->figure + (SLIP + k) * I, worst_usual, more + k * I,
+                                  scratch);
+    for (size_t k = 0; k < APSM_SLIP_LOOKS * I; k++) more[k] = g->figure[SLIP * I + k] - more[k];
+    for (size_t i = 0; i < I; i++) take_slip(g, i, more, g->distance);
     free(excess);
     return APSM_OK;
 }

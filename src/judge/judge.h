@@ -12,9 +12,9 @@ typedef struct apsm_findings {
     double agreement;  /* of form with the others, see form.h */
     apsm_turn turn[2]; /* the best other pose, as it is and mirrored */
     double fit;        /* distance of the particles from usual ones, in h */
-    double
-        slip; /* how many times as far, relative to what is usual in a place, a region has gone
-                 along the surface as the worst regions of the other shapes have (their median) */
+    double slip; /* how many times as far, relative to what is usual in a place, a region has gone
+                    along the surface as the worst regions of the other shapes have (their third
+                    quartile) */
     double slip_size; /* how far, in h, beyond what is usual: the mean over the region */
     uint32_t slip_at; /* the particle in its middle */
     double reach; /* how far the surface reaches beyond the particles, in h beyond what is usual */

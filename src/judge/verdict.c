@@ -4,7 +4,7 @@
 
 /* So much better agreement of form decides for a pose, whatever the distances say, where there is
  * as much evidence. */
-static const double clearly = 0.3, decisive = 1.0;
+static const double clearly = 0.3, decisive = 0.5;
 
 /* (J6), fitted by benchmarks/trust/fit; beyond `most_evidence` either way there is no more to tell,
  * nor below `least_pose` anything, unless it speaks against. */
@@ -36,7 +36,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 
 apsm_verdict_options apsm_verdict_defaults(void)
 {
-    return (apsm_verdict_options){ .slip = 2.2,
+    return (apsm_verdict_options){ .slip = 1.9,
                                    .slip_size = 0.02,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
@@ -83,11 +83,23 @@ double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_optio
     return fmin(fmax(p, least_probability), 1.0 - least_probability);
 }
 
-unsigned apsm_verdict_note(const apsm_findings *f, apsm_aspect aspect, bool undecided)
+static bool is_settled(const apsm_findings *f, bool hand)
 {
-    const bool hand = aspect == APSM_ASPECT_HAND;
-    if (f && f->agreement > f->turn[hand].agreement + clearly && f->turn[hand].evidence > decisive)
-        return 0;
-    if (!hand) return 1u << APSM_DOUBT_POSE;
+    const apsm_turn *other = &f->turn[hand];
+    return f->agreement > other->agreement + clearly && other->evidence > decisive;
+}
+
+unsigned apsm_verdict_note_hand(const apsm_findings *f, double usual, bool undecided,
+                                const apsm_verdict_options *o)
+{
+    if (f && (is_settled(f, true) || (!undecided && usual < o->told))) return 0;
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
+}
+
+unsigned apsm_verdict_note_pose(const apsm_findings *f, bool sought, const apsm_verdict_options *o)
+{
+    const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
+    const bool told = !f || apsm_verdict_tells(f, APSM_ASPECT_POSE, o);
+    if ((f && is_settled(f, false)) || (sought && (told || turned))) return 0;
+    return 1u << APSM_DOUBT_POSE;
 }

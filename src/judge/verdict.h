@@ -51,7 +51,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip, slip_size;          /* both: 2.2 times the others', 0.02 h */
+    double slip, slip_size;          /* both: 1.9 times the others', 0.02 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
@@ -74,8 +74,15 @@ bool apsm_verdict_tells(const apsm_findings *findings, apsm_aspect aspect,
  * lies. */
 double apsm_verdict_probability(const apsm_findings *findings, const apsm_verdict_options *options);
 
-/* The doubt that grooming has said about pose or hand: none where the findings (NULL: there are
- * none) speak clearly for the shape as it lies. */
-unsigned apsm_verdict_note(const apsm_findings *findings, apsm_aspect aspect, bool undecided);
+/* The doubt that grooming's note of a hand comes to (findings NULL: there are none).  None where
+ * they speak clearly for the shape as it is, or where usually (median evidence) the surface does
+ * not tell hands: then nobody is singled out, unless hands were to be found (undecided). */
+unsigned apsm_verdict_note_hand(const apsm_findings *findings, double usual, bool undecided,
+                                const apsm_verdict_options *options);
+
+/* And its note of a pose, ambiguous or sought: of a pose that only the surface tells the doubt is
+ * that it does not tell. */
+unsigned apsm_verdict_note_pose(const apsm_findings *findings, bool sought,
+                                const apsm_verdict_options *options);
 
 #endif

@@ -317,7 +317,7 @@ void fixed_trust(const groom_inputs *in, apsm_alignment *a)
 {
     for (size_t i = 0; in->fixed && i < in->fixed->I; i++)
         if (in->fixed->shape[i].is && in->fixed->shape[i].posed)
-            a->ambiguous[i] = a->mirrored[i] = a->unclear_hand[i] = false;
+            a->ambiguous[i] = a->sought[i] = a->mirrored[i] = a->unclear_hand[i] = false;
 }
 
 /* Whoever chose may have had too few shapes to choose from. */

@@ -10,19 +10,28 @@ static int add(json_t *notes, const char *shape, apsm_aspect aspect, const char 
                                                   apsm_aspect_name(aspect), "text", text));
 }
 
+/* A note that says more than its text. */
+static int add_as(json_t *notes, const char *shape, apsm_aspect aspect, const char *text,
+                  const char *what)
+{
+    if (add(notes, shape, aspect, text)) return -1;
+    return json_object_set_new(json_array_get(notes, json_array_size(notes) - 1), what,
+                               json_true());
+}
+
 static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const char *name,
                      const apsm_align_options *options)
 {
     int failed = 0;
     if (a->mirrored[i] && options->mirror_check != APSM_MIRROR_FIX)
         failed |= add(notes, name, APSM_ASPECT_HAND, "fits better as its mirror image");
-    if (a->unclear_hand[i]) {
-        failed |= add(notes, name, APSM_ASPECT_HAND, "fits about as well as its mirror image");
-        json_t *last = json_array_get(notes, json_array_size(notes) - 1);
-        failed |= json_object_set_new(last, "undecided", json_true());
-    }
+    if (a->unclear_hand[i])
+        failed |= add_as(notes, name, APSM_ASPECT_HAND, "fits about as well as its mirror image",
+                         "undecided");
     if (a->ambiguous[i])
         failed |= add(notes, name, APSM_ASPECT_POSE, "another pose fits about as well");
+    else if (a->sought[i])
+        failed |= add_as(notes, name, APSM_ASPECT_POSE, "laid as its surface says", "sought");
     if (a->stranger[i])
         failed |= add(notes, name, APSM_ASPECT_BELONGING,
                       "is unlike the others in size or form, and was not considered as template");

@@ -1,6 +1,8 @@
 /* notes.h -- what groom has to say of its shapes that touches whether the model can be trusted:
  * kept in manifest.json, and repeated in the certificate. "notes": [ { "shape": NAME, "aspect": of
- * judge/verdict.h or "input", "text": ... }, ... ] */
+ * judge/verdict.h or "input", "text": ... }, ... ];
+ * beside these, "undecided": a hand that neither image speaks for, "sought": a pose that only the
+ * surface tells, which is a doubt if it turns out that it does not. */
 #ifndef APSM_NOTES_H
 #define APSM_NOTES_H
 

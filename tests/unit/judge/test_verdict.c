@@ -299,17 +299,54 @@ static void probability_follows_form(void **state)
     assert_true(isnan(apsm_verdict_probability(&f, &o)));
 }
 
+static void quantiles_leave_one_out(void **state)
+{
+    (void)state;
+    const double x[5] = { 4, 1, 3, 5, 1 };
+    double q[5], scratch[5];
+    robust_left_out_quantiles(5, x, 0.75, q, scratch);
+    assert_float_equal(q[0], 3.5, 1e-12); /* of 1 1 3 5 */
+    assert_float_equal(q[1], 4.25, 1e-12);
+    assert_float_equal(q[3], 3.25, 1e-12);
+    robust_left_out_quantiles(5, x, 1.0, q, scratch);
+    assert_float_equal(q[3], 4, 1e-12);
+    robust_left_out_quantiles(2, x, 0.75, q, scratch);
+    assert_float_equal(q[0], 1, 1e-12);
+}
+
 /* What grooming doubted is settled where form speaks clearly. */
 static void form_settles_notes(void **state)
 {
     (void)state;
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    const unsigned mirrored = 1u << APSM_DOUBT_MIRRORED;
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
     f.turn[0].evidence = f.turn[1].evidence = 2.0;
-    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, false, &o), 0);
     f.turn[0].agreement = 1.4;
-    assert_int_equal(apsm_verdict_note(&f, APSM_ASPECT_POSE, true), 1u << APSM_DOUBT_POSE);
-    assert_int_equal(apsm_verdict_note(NULL, APSM_ASPECT_HAND, false), 1u << APSM_DOUBT_MIRRORED);
+    assert_int_equal(apsm_verdict_note_pose(&f, false, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_hand(NULL, INFINITY, false, &o), mirrored);
+    f.turn[1].agreement = 1.6;
+    assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
+    assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), 0); /* nobody's hand is told */
+    assert_int_equal(apsm_verdict_note_hand(&f, 0.1, true, &o), 1u << APSM_DOUBT_HAND);
+}
+
+/* A pose that only the surface tells is in doubt where it does not tell. */
+static void sought_poses_have_to_be_told(void **state)
+{
+    (void)state;
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    apsm_findings f = { .agreement = 1.0 };
+    f.turn[0].agreement = 0.9;
+    f.turn[0].evidence = 0.4;
+    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 0);
+    f.turn[0].evidence = 0.1;
+    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 1u << APSM_DOUBT_POSE);
+    f.turn[0].evidence = -0.3; /* turned, which is said */
+    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(NULL, true, &o), 0);
 }
 
 /* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
@@ -434,6 +471,8 @@ int main(void)
         cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(probability_follows_form),
         cmocka_unit_test(form_settles_notes),
+        cmocka_unit_test(sought_poses_have_to_be_told),
+        cmocka_unit_test(quantiles_leave_one_out),
         cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out),
         cmocka_unit_test(excesses_are_those_over_the_others),
