@@ -251,26 +251,28 @@ static bool is_sought(json_t *note)
     return json_is_true(json_object_get(note, "sought"));
 }
 
-/* What a note comes to for its shape; usual: the evidence for a hand that shapes have. */
-static unsigned weigh_note(json_t *note, const apsm_findings *f, double usual)
+/* What a note comes to for its shape; usual: the evidence for pose and hand that shapes have. */
+static unsigned weigh_note(json_t *note, const apsm_findings *f, const double usual[2])
 {
     const apsm_verdict_options options = apsm_verdict_defaults();
     const bool undecided = json_is_true(json_object_get(note, "undecided"));
     if (has(note, "aspect", apsm_aspect_name(APSM_ASPECT_HAND)))
-        return apsm_verdict_note_hand(f, usual, undecided, &options);
+        return apsm_verdict_note_hand(f, usual[1], undecided, &options);
     if (!has(note, "aspect", apsm_aspect_name(APSM_ASPECT_POSE))) return 0;
-    return apsm_verdict_note_pose(f, is_sought(note), &options);
+    return apsm_verdict_note_pose(f, usual[0], is_sought(note), &options);
 }
 
-/* The median evidence for the hand. */
-static apsm_status usual_evidence(const cohort_certificate *c, double *usual)
+/* The medians. */
+static apsm_status usual_evidence(const cohort_certificate *c, double usual[2])
 {
-    *usual = INFINITY;
+    usual[0] = usual[1] = INFINITY;
     if (!c->judged) return APSM_OK;
     double *e = malloc(c->I * sizeof *e);
     if (!e) return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < c->I; i++) e[i] = c->judgement.shape[i].turn[1].evidence;
-    *usual = robust_median(c->I, e);
+    for (int hand = 0; hand < 2; hand++) {
+        for (size_t i = 0; i < c->I; i++) e[i] = c->judgement.shape[i].turn[hand].evidence;
+        usual[hand] = robust_median(c->I, e);
+    }
     free(e);
     return APSM_OK;
 }
@@ -280,8 +282,8 @@ static apsm_status add_notes(const apsm_cohort *cohort, json_t *notes, cohort_ce
 {
     size_t k;
     json_t *note;
-    double usual;
-    APSM_TRY(usual_evidence(c, &usual));
+    double usual[2];
+    APSM_TRY(usual_evidence(c, usual));
     json_array_foreach(notes, k, note)
     {
         for (size_t i = 0; i < c->I; i++) {

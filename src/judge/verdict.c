@@ -3,7 +3,7 @@
 #include <math.h>
 
 /* So much better agreement of form decides for a pose, whatever the distances say, where there is
- * as much evidence. */
+ * evidence for it, and this part of what shapes usually have. */
 static const double clearly = 0.3, decisive = 0.5;
 
 /* (J6), fitted by benchmarks/trust/fit; beyond `most_evidence` either way there is no more to tell,
@@ -83,23 +83,27 @@ double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_optio
     return fmin(fmax(p, least_probability), 1.0 - least_probability);
 }
 
-static bool is_settled(const apsm_findings *f, bool hand)
+static bool is_settled(const apsm_findings *f, const apsm_turn *other, double usual,
+                       const apsm_verdict_options *o)
 {
-    const apsm_turn *other = &f->turn[hand];
-    return f->agreement > other->agreement + clearly && other->evidence > decisive;
+    return f->agreement > other->agreement + clearly &&
+           other->evidence > fmax(o->told, decisive * usual);
 }
 
 unsigned apsm_verdict_note_hand(const apsm_findings *f, double usual, bool undecided,
                                 const apsm_verdict_options *o)
 {
-    if (f && (is_settled(f, true) || (!undecided && usual < o->told))) return 0;
+    if (f && is_settled(f, &f->turn[1], usual, o)) return 0;
+    if (f && !undecided && usual < o->told) return 0;
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }
 
-unsigned apsm_verdict_note_pose(const apsm_findings *f, bool sought, const apsm_verdict_options *o)
+unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, bool sought,
+                                const apsm_verdict_options *o)
 {
     const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
     const bool told = !f || apsm_verdict_tells(f, APSM_ASPECT_POSE, o);
-    if ((f && is_settled(f, false)) || (sought && (told || turned))) return 0;
+    if (f && is_settled(f, &f->turn[0], usual, o)) return 0;
+    if (sought && (told || turned)) return 0;
     return 1u << APSM_DOUBT_POSE;
 }

@@ -75,14 +75,15 @@ bool apsm_verdict_tells(const apsm_findings *findings, apsm_aspect aspect,
 double apsm_verdict_probability(const apsm_findings *findings, const apsm_verdict_options *options);
 
 /* The doubt that grooming's note of a hand comes to (findings NULL: there are none).  None where
- * they speak clearly for the shape as it is, or where usually (median evidence) the surface does
- * not tell hands: then nobody is singled out, unless hands were to be found (undecided). */
+ * they speak clearly for the shape as it is, beside the usual evidence (the median), or where the
+ * surface does not usually tell hands: then nobody is singled out, unless hands were to be found
+ * (undecided). */
 unsigned apsm_verdict_note_hand(const apsm_findings *findings, double usual, bool undecided,
                                 const apsm_verdict_options *options);
 
 /* And its note of a pose, ambiguous or sought: of a pose that only the surface tells the doubt is
  * that it does not tell. */
-unsigned apsm_verdict_note_pose(const apsm_findings *findings, bool sought,
+unsigned apsm_verdict_note_pose(const apsm_findings *findings, double usual, bool sought,
                                 const apsm_verdict_options *options);
 
 #endif

@@ -323,9 +323,10 @@ static void form_settles_notes(void **state)
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
     f.turn[0].evidence = f.turn[1].evidence = 2.0;
-    assert_int_equal(apsm_verdict_note_pose(&f, false, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, false, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 5.0, false, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].agreement = 1.4;
-    assert_int_equal(apsm_verdict_note_pose(&f, false, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, false, &o), 1u << APSM_DOUBT_POSE);
     assert_int_equal(apsm_verdict_note_hand(NULL, INFINITY, false, &o), mirrored);
     f.turn[1].agreement = 1.6;
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
@@ -341,12 +342,12 @@ static void sought_poses_have_to_be_told(void **state)
     apsm_findings f = { .agreement = 1.0 };
     f.turn[0].agreement = 0.9;
     f.turn[0].evidence = 0.4;
-    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 0);
     f.turn[0].evidence = 0.1;
-    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].evidence = -0.3; /* turned, which is said */
-    assert_int_equal(apsm_verdict_note_pose(&f, true, &o), 0);
-    assert_int_equal(apsm_verdict_note_pose(NULL, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(NULL, INFINITY, true, &o), 0);
 }
 
 /* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
