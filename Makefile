@@ -3,7 +3,7 @@ BUILD  ?= build
 PREFIX ?= /usr/local
 JOBS   ?= $(shell nproc 2>/dev/null || echo 1)
 
-.PHONY: static tsan test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
+.PHONY: static test-readers tsan test-mpi fuzz test-fuzz all program deps configure test test-report test-crash demo demo-segmentations demo-joint viewer check sanitize bench install wheel package clean help
 
 all: configure ## build build/apsm (the default)
 	@cmake --build $(BUILD) -j$(JOBS)
@@ -23,6 +23,14 @@ test-report: deps ## the report in a browser (installs Chromium and Node.js, abo
 	@$(MAKE) --no-print-directory all
 	@scripts/setup-browser $(BUILD)/browser
 	@cd $(BUILD) && ctest --output-on-failure -R '^report\.(browser|bundle)$$'
+
+test-readers: ## exports read by h5py, VTK, NumPy, Khronos' validator and three.js (installs what is missing, VTK's 1 GB too)
+	@scripts/setup --readers
+	@cmake -S . -B $(BUILD)-readers -DAPSM_HDF5=ON $(CMAKE_FLAGS)
+	@cmake --build $(BUILD)-readers -j$(JOBS) --target apsm_cli make_synthetic
+	@mkdir -p $(BUILD)-readers/packages && cp tests/readers/package*.json $(BUILD)-readers/packages
+	@cd $(BUILD)-readers/packages && npm ci --silent --no-audit --no-fund --ignore-scripts
+	@READERS=$(abspath $(BUILD)-readers/packages) bash tests/cli/test_export.sh $(abspath $(BUILD)-readers/apsm) $(abspath $(BUILD)-readers/make_synthetic)
 
 test-crash: deps ## a thousand killed runs, each resumed and compared (about ten minutes)
 	@$(MAKE) --no-print-directory all
@@ -123,7 +131,7 @@ package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
 	@ls $(BUILD)-package/*.deb
 
 clean: ## remove everything that was built
-	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi $(BUILD)-package $(BUILD)-static
+	rm -rf $(BUILD) $(BUILD)-sanitize $(BUILD)-mpi $(BUILD)-package $(BUILD)-readers $(BUILD)-static
 
 help: ## this list
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1: /p' Makefile

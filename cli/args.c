@@ -209,6 +209,13 @@ static apsm_status refuse_for_verb(const parsing *p, const cli_option *o)
                      o->name, p->args->verb->name, p->args->verb->name);
 }
 
+/* --reflect_match, as files write it and Slicer's modules must, is --reflect-match. */
+static void underscores_are_hyphens(char *name, size_t length)
+{
+    for (size_t k = 0; k < length; k++)
+        if (name[k] == '_') name[k] = '-';
+}
+
 /* getopt takes any unambiguous beginning of a name; a script that relies on that breaks when an
  * option is added.  So names must be whole.  */
 static apsm_status check_names(const parsing *p)
@@ -218,6 +225,7 @@ static apsm_status check_names(const parsing *p)
         if (strcmp(word, "--") == 0) break;
         if (strncmp(word, "--", 2) != 0) continue;
         const size_t length = strcspn(word + 2, "=");
+        underscores_are_hyphens(p->argv[i] + 2, length);
         const cli_option *o = find_option(p, word + 2, length);
         char name[64];
         snprintf(name, sizeof name, "%.*s", (int)length, word + 2);

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "apsm/formats.h"
+#include "apsm/joint.h"
 #include "apsm/particles.h"
 #include "apsm/run.h"
 #include "files/files.h"
@@ -373,10 +374,11 @@ static bool is_of_its_particles(const model_folder *m)
     return worst <= 1e-6 * size;
 }
 
-/* Another program may have written particles into the folder since. */
+/* Another program may have written particles into the folder since.  (A joint's are in parts.) */
 static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
 {
     model_folder m;
+    if (apsm_joint_is(ctx, folder)) return;
     if (model_folder_read(ctx, folder, FOLDER_PARTICLES | FOLDER_EVALUATED, &m) != APSM_OK) {
         cli_say(ui, "model and particles do not belong together: %s", apsm_error_text(ctx));
         return;

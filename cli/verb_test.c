@@ -61,34 +61,36 @@ static apsm_status take_settings(apsm_context *ctx, const cli_args *args, apsm_t
 }
 
 /* The report of the model shows what is in its own statistics/; one that is there is renewed. */
-static apsm_status renew_report(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+static apsm_status renew_report(apsm_context *ctx, const cli_args *args)
 {
     char *path = apsm_path_join(args->inputs[0], "report.html");
     if (!path) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory");
     const bool renews = !args->out_dir && apsm_file_exists(path);
     apsm_status status = renews ? apsm_report_write(ctx, args->inputs[0]) : APSM_OK;
-    if (renews && status == APSM_OK) cli_say(ui, "to look at: %s#answers", path);
+    if (renews && status == APSM_OK) apsm_log(ctx, APSM_LOG_INFO, "to look at: %s#answers", path);
     free(path);
     return status;
 }
 
 apsm_status apsm_cli_test(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
+    (void)ui;
     apsm_test_settings settings;
     if (!args->formula)
         return apsm_fail(ctx, APSM_ERR_ARG, "test needs a formula: apsm test %s",
                          args->verb->operands);
     APSM_TRY(take_settings(ctx, args, &settings));
     APSM_TRY(apsm_statistics_test(ctx, &settings));
-    return renew_report(ctx, args, ui);
+    return renew_report(ctx, args);
 }
 
 apsm_status apsm_cli_asymmetry(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
+    (void)ui;
     apsm_test_settings settings;
     APSM_TRY(take_settings(ctx, args, &settings));
     APSM_TRY(apsm_statistics_asymmetry(ctx, &settings));
-    return renew_report(ctx, args, ui);
+    return renew_report(ctx, args);
 }
 
 apsm_status apsm_cli_measure(apsm_context *ctx, const cli_args *args, cli_ui *ui)
@@ -116,6 +118,7 @@ apsm_status apsm_cli_landmarks(apsm_context *ctx, const cli_args *args, cli_ui *
 
 apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
+    (void)ui;
     const char *seed = cli_args_get(args, "seed");
     const apsm_predict_settings settings = { .folder = args->inputs[0],
                                              .of = args->of,
@@ -129,7 +132,7 @@ apsm_status apsm_cli_predict(apsm_context *ctx, const cli_args *args, cli_ui *ui
                          args->verb->operands);
     if (seed) apsm_context_set_seed(ctx, strtoull(seed, NULL, 10));
     APSM_TRY(apsm_statistics_predict(ctx, &settings));
-    return renew_report(ctx, args, ui);
+    return renew_report(ctx, args);
 }
 
 apsm_status apsm_cli_norm(apsm_context *ctx, const cli_args *args, cli_ui *ui)

@@ -40,13 +40,16 @@ static void put_name(FILE *out, const char *text)
 
 /* ---- options ---- */
 
+/* The schema knows no hyphens in flags; the program takes _ for them. */
 static void put_flags(FILE *out, const cli_option *o)
 {
     put_name(out, o->name);
     if (o->letter) fprintf(out, "<flag>-%c</flag>\n", o->letter);
-    fprintf(out, "<longflag>--%s</longflag>\n", o->name);
-    put_element(out, "label", o->name);
+    fputs("<longflag>--", out);
+    for (const char *c = o->name; *c; c++) fputc(*c == '-' ? '_' : *c, out);
+    fputs("</longflag>\n", out);
     put_element(out, "description", o->doc);
+    put_element(out, "label", o->name);
 }
 
 static void put_range(FILE *out, const apsm_option_info *m)
@@ -56,8 +59,8 @@ static void put_range(FILE *out, const apsm_option_info *m)
     if (apsm_options_get(&defaults, m->name, value) != APSM_OK) return;
     fprintf(out,
             "<default>%s</default>\n<constraints><minimum>%.17g</minimum><maximum>%.17g</maximum>"
-            "</constraints>\n",
-            value, m->least, m->most);
+            "<step>%s</step></constraints>\n",
+            value, m->least, m->most, m->kind == APSM_OPTION_INT ? "1" : "0.01");
 }
 
 static void put_words(FILE *out, const apsm_option_info *m)
@@ -145,10 +148,11 @@ static void put_operand(FILE *out, const char *word, size_t length, int index)
     const bool folder = strstr(text, "DIR") || strstr(text, "INPUT") || strstr(text, "MODEL");
     const char *type = strcmp(text, "NAME") == 0 ? "string" : folder ? "directory" : "file";
     fprintf(out, "<%s>\n<name>operand%d</name>\n", type, index);
-    put_element(out, "label", text);
+    fprintf(out, "<index>%d</index>\n", index);
     put_element(out, "description", text);
+    put_element(out, "label", text);
     if (strcmp(type, "string") != 0) fputs("<channel>input</channel>\n", out);
-    fprintf(out, "<index>%d</index>\n</%s>\n", index, type);
+    fprintf(out, "</%s>\n", type);
 }
 
 static void put_operands(FILE *out, const cli_verb_info *verb)

@@ -1,142 +1,11 @@
 /* _apsm: the library for Python, by the limited API: one module for every Python from 3.11 on.  It
  * moves arrays and errors across; what a user sees is apsm/__init__.py.  Numbers come in as buffers
- * and go out as bytes of doubles (d) or 32-bit integers (I), whose shape the caller knows. */
-#define PY_SSIZE_T_CLEAN
-#define Py_LIMITED_API 0x030B0000
-#include <Python.h>
+ * and go out as bytes of doubles (d) or 32-bit integers (I), whose shape the caller knows.  Here
+ * are jobs on arrays; those on folders are in _folders.c. */
+#include "_apsm.h"
 
-#include <stdbool.h>
-#include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
-
-#include <apsm.h>
-
-/* ---- messages, progress, Ctrl-C ---- */
-
-/* One call of the library: who listens, and whether Python wants it to end. */
-typedef struct call {
-    apsm_context *ctx;
-    PyObject *log, *progress; /* borrowed; None: nobody */
-    volatile int stop;
-    PyObject *error; /* what a listener raised; owned */
-} call;
-
-/* An exception stops the job, and is raised when it has ended. */
-static void raised(call *c)
-{
-    PyObject *type, *value, *trace;
-    PyErr_Fetch(&type, &value, &trace);
-    PyErr_NormalizeException(&type, &value, &trace);
-    c->stop = 1;
-    Py_XDECREF(c->error);
-    c->error = value;
-    Py_XDECREF(type);
-    Py_XDECREF(trace);
-}
-
-static void on_log(void *user, apsm_log_level level, const char *text)
-{
-    call *c = user;
-    PyGILState_STATE gil = PyGILState_Ensure();
-    PyObject *result =
-        PyObject_CallFunction(c->log, "Os", level == APSM_LOG_WARNING ? Py_True : Py_False, text);
-    if (!result) raised(c);
-    Py_XDECREF(result);
-    PyGILState_Release(gil);
-}
-
-static void on_progress(void *user, const apsm_progress *p)
-{
-    call *c = user;
-    PyGILState_STATE gil = PyGILState_Ensure();
-    if (PyErr_CheckSignals() != 0) raised(c);
-    if (c->progress != Py_None && !c->stop) {
-        PyObject *result = PyObject_CallFunction(c->progress, "snn", p->stage, (Py_ssize_t)p->done,
-                                                 (Py_ssize_t)p->total);
-        if (!result) raised(c);
-        Py_XDECREF(result);
-    }
-    PyGILState_Release(gil);
-}
-
-static bool begin(call *c, int threads, unsigned long long seed)
-{
-    c->ctx = apsm_context_new();
-    if (!c->ctx) {
-        PyErr_NoMemory();
-        return false;
-    }
-    apsm_context_set_threads(c->ctx, threads > 0 ? threads : 1);
-    apsm_context_set_seed(c->ctx, seed);
-    if (c->log != Py_None) apsm_context_set_log(c->ctx, on_log, c);
-    apsm_context_set_progress(c->ctx, on_progress, c);
-    apsm_context_set_interrupt(c->ctx, &c->stop);
-    return true;
-}
-
-/* Raises apsm.Error(line, status) for a failure; true if there was none. */
-static bool fine(call *c, apsm_status status)
-{
-    if (c->error) {
-        PyErr_SetObject((PyObject *)Py_TYPE(c->error), c->error);
-        return false;
-    }
-    if (status == APSM_OK) return true;
-    if (status == APSM_ERR_MEMORY) {
-        PyErr_NoMemory();
-        return false;
-    }
-    PyObject *module = PyImport_ImportModule("apsm");
-    PyObject *type = module ? PyObject_GetAttrString(module, "Error") : NULL;
-    const char *line = apsm_error_text(c->ctx);
-    PyObject *args =
-        Py_BuildValue("(ss)", *line ? line : apsm_status_text(status), apsm_status_text(status));
-    if (type && args) PyErr_SetObject(type, args);
-    Py_XDECREF(module);
-    Py_XDECREF(type);
-    Py_XDECREF(args);
-    return false;
-}
-
-static void end(call *c)
-{
-    apsm_context_free(c->ctx);
-    Py_XDECREF(c->error);
-}
-
-/* ---- arrays ---- */
-
-static PyObject *doubles(const double *x, size_t n)
-{
-    if (!x) Py_RETURN_NONE;
-    return PyBytes_FromStringAndSize((const char *)x, (Py_ssize_t)(n * sizeof *x));
-}
-
-static PyObject *mesh_of(const apsm_mesh *mesh)
-{
-    if (!mesh) Py_RETURN_NONE;
-    return Py_BuildValue("(NN)", doubles(mesh->V, 3 * mesh->nv),
-                         PyBytes_FromStringAndSize((const char *)mesh->F,
-                                                   (Py_ssize_t)(3 * mesh->nf * sizeof *mesh->F)));
-}
-
-/* A flat buffer of things of `size` bytes, a multiple of `group` of them. */
-static bool view(PyObject *object, size_t size, size_t group, Py_buffer *buffer, size_t *n)
-{
-    if (PyObject_GetBuffer(object, buffer, PyBUF_SIMPLE) != 0) return false;
-    *n = (size_t)buffer->len / (size * group);
-    if ((size_t)buffer->len == *n * size * group) return true;
-    PyBuffer_Release(buffer);
-    PyErr_SetString(PyExc_ValueError, "an array has not the length that it should have");
-    return false;
-}
-
-static bool set_item(PyObject *dict, const char *key, PyObject *value)
-{
-    const bool ok = value && PyDict_SetItemString(dict, key, value) == 0;
-    Py_XDECREF(value);
-    return ok;
-}
 
 /* ---- run: shapes as arrays ---- */
 
@@ -145,8 +14,8 @@ static apsm_status add_mesh(apsm_run *run, const char *name, int reflect, PyObje
 {
     Py_buffer V, F;
     size_t nv, nf;
-    if (!view(vertices, sizeof(double), 3, &V, &nv)) return APSM_ERR_ARG;
-    if (!view(faces, sizeof(uint32_t), 3, &F, &nf)) {
+    if (!py_view(vertices, sizeof(double), 3, &V, &nv)) return APSM_ERR_ARG;
+    if (!py_view(faces, sizeof(uint32_t), 3, &F, &nf)) {
         PyBuffer_Release(&V);
         return APSM_ERR_ARG;
     }
@@ -169,7 +38,7 @@ static apsm_status add_volume(apsm_run *run, const char *name, int reflect, PyOb
                           &v.direction[2], &v.direction[3], &v.direction[4], &v.direction[5],
                           &v.direction[6], &v.direction[7], &v.direction[8]))
         return APSM_ERR_ARG;
-    if (!view(labels, sizeof(int32_t), 1, &L, &n)) return APSM_ERR_ARG;
+    if (!py_view(labels, sizeof(int32_t), 1, &L, &n)) return APSM_ERR_ARG;
     for (int k = 0; k < 3; k++) v.n[k] = (size_t)size[k];
     v.label = L.buf;
     apsm_status status = APSM_ERR_ARG;
@@ -191,23 +60,7 @@ static bool add_shape(call *c, apsm_run *run, PyObject *tuple)
     if (!PyArg_ParseTuple(tuple, "spOO", &name, &reflect, &first, &faces)) return false;
     const apsm_status status = faces == Py_None ? add_volume(run, name, reflect, first)
                                                 : add_mesh(run, name, reflect, first, faces);
-    return !PyErr_Occurred() && fine(c, status);
-}
-
-/* Pairs of texts to what the library takes; *set is malloc'ed. */
-static bool take_options(PyObject *list, const char *(**set)[2], size_t *n)
-{
-    *n = (size_t)PyList_Size(list);
-    *set = PyMem_Malloc((*n + 1) * sizeof **set);
-    if (!*set) {
-        PyErr_NoMemory();
-        return false;
-    }
-    for (size_t k = 0; k < *n; k++)
-        if (!PyArg_ParseTuple(PyList_GetItem(list, (Py_ssize_t)k), "ss", &(*set)[k][0],
-                              &(*set)[k][1]))
-            return false;
-    return true;
+    return !PyErr_Occurred() && call_fine(c, status);
 }
 
 static PyObject *names_of(const apsm_run *run)
@@ -242,7 +95,7 @@ static PyObject *shapes_of(const apsm_run *run)
         apsm_run_to_world(run, i, M);
         PyObject *one =
             Py_BuildValue("(NNNN)", PyBool_FromLong(apsm_run_is_certified(run, i)),
-                          reasons_of(run, i), doubles(M, 16), mesh_of(apsm_run_mesh(run, i)));
+                          reasons_of(run, i), py_doubles(M, 16), py_mesh(apsm_run_mesh(run, i)));
         if (!one || PyList_Append(list, one) != 0) Py_CLEAR(list);
         Py_XDECREF(one);
     }
@@ -260,7 +113,7 @@ static PyObject *figures_of(const apsm_run *run)
     for (size_t k = 0; dict && k < sizeof names / sizeof *names; k++) {
         size_t n = 0;
         const double *x = apsm_figures_get(apsm_run_figures(run), names[k], &n);
-        if (!set_item(dict, names[k], doubles(x, n))) Py_CLEAR(dict);
+        if (!py_set(dict, names[k], py_doubles(x, n))) Py_CLEAR(dict);
     }
     return dict;
 }
@@ -273,16 +126,15 @@ static PyObject *result_of(const apsm_run *run)
     const apsm_shape_model *m = apsm_run_model(run);
     const size_t modes = apsm_model_modes(m);
     PyObject *dict = PyDict_New();
-    if (dict && set_item(dict, "names", names_of(run)) &&
-        set_item(dict, "shapes", shapes_of(run)) &&
-        set_item(dict, "template", PyLong_FromSize_t(apsm_run_template(run))) &&
-        set_item(dict, "J", PyLong_FromSize_t(J)) &&
-        set_item(dict, "particles", doubles(P, I * J * 3)) &&
-        set_item(dict, "mean", doubles(apsm_model_mean(m), J * 3)) &&
-        set_item(dict, "modes", doubles(apsm_model_mode(m), modes * J * 3)) &&
-        set_item(dict, "variances", doubles(apsm_model_variance(m), modes)) &&
-        set_item(dict, "scores", doubles(apsm_model_score(m), I * modes)) &&
-        set_item(dict, "figures", figures_of(run)))
+    if (dict && py_set(dict, "names", names_of(run)) && py_set(dict, "shapes", shapes_of(run)) &&
+        py_set(dict, "template", PyLong_FromSize_t(apsm_run_template(run))) &&
+        py_set(dict, "J", PyLong_FromSize_t(J)) &&
+        py_set(dict, "particles", py_doubles(P, I * J * 3)) &&
+        py_set(dict, "mean", py_doubles(apsm_model_mean(m), J * 3)) &&
+        py_set(dict, "modes", py_doubles(apsm_model_mode(m), modes * J * 3)) &&
+        py_set(dict, "variances", py_doubles(apsm_model_variance(m), modes)) &&
+        py_set(dict, "scores", py_doubles(apsm_model_score(m), I * modes)) &&
+        py_set(dict, "figures", figures_of(run)))
         return dict;
     Py_XDECREF(dict);
     return NULL;
@@ -294,7 +146,7 @@ static bool run_job(call *c, apsm_run *run, PyObject *shapes)
         if (!add_shape(c, run, PyList_GetItem(shapes, i))) return false;
     apsm_status status;
     Py_BEGIN_ALLOW_THREADS status = apsm_run_all(run);
-    Py_END_ALLOW_THREADS return fine(c, status);
+    Py_END_ALLOW_THREADS return call_fine(c, status);
 }
 
 /* run(shapes, options, threads, log, progress) -> dict */
@@ -313,56 +165,15 @@ static PyObject *py_run(PyObject *self, PyObject *args)
     const char *(*set)[2] = NULL;
     apsm_run *run = NULL;
     apsm_run_settings settings = { 0 };
-    if (take_options(options, &set, &settings.n_set) && begin(&c, threads, 0)) {
+    if (py_options(options, &set, &settings.n_set) && call_begin(&c, threads, 0)) {
         settings.set = (const char *const(*)[2])set;
-        if (fine(&c, apsm_run_open(c.ctx, &settings, &run)) && run_job(&c, run, shapes))
+        if (call_fine(&c, apsm_run_open(c.ctx, &settings, &run)) && run_job(&c, run, shapes))
             result = result_of(run);
         apsm_run_close(run);
     }
     PyMem_Free(set);
-    end(&c);
+    call_end(&c);
     return result;
-}
-
-/* ---- run_files: the job in a folder ---- */
-
-/* run_files(folder, inputs, options, threads, overwrite, resume, log, progress) */
-static PyObject *py_run_files(PyObject *self, PyObject *args)
-{
-    (void)self;
-    PyObject *inputs, *options;
-    int threads, overwrite, resume;
-    call c = { 0 };
-    apsm_run_settings settings = { 0 };
-    if (!PyArg_ParseTuple(args, "sO!O!ippOO", &settings.folder, &PyList_Type, &inputs, &PyList_Type,
-                          &options, &threads, &overwrite, &resume, &c.log, &c.progress))
-        return NULL;
-    const char *(*set)[2] = NULL;
-    apsm_run *run = NULL;
-    bool ok = false;
-    settings.overwrite = overwrite != 0;
-    settings.resume = resume != 0;
-    settings.n_inputs = (size_t)PyList_Size(inputs);
-    const char **paths = PyMem_Malloc((settings.n_inputs + 1) * sizeof *paths);
-    for (size_t k = 0; paths && k < settings.n_inputs; k++)
-        paths[k] = PyUnicode_AsUTF8AndSize(PyList_GetItem(inputs, (Py_ssize_t)k), NULL);
-    settings.inputs = paths;
-    if (paths && !PyErr_Occurred() && take_options(options, &set, &settings.n_set) &&
-        begin(&c, threads, 0)) {
-        apsm_status status;
-        settings.set = (const char *const(*)[2])set;
-        Py_BEGIN_ALLOW_THREADS status = apsm_run_open(c.ctx, &settings, &run);
-        if (status == APSM_OK) status = apsm_run_all(run);
-        apsm_run_close(run);
-        Py_END_ALLOW_THREADS ok = fine(&c, status);
-    } else if (!PyErr_Occurred()) {
-        PyErr_NoMemory();
-    }
-    PyMem_Free(paths);
-    PyMem_Free(set);
-    end(&c);
-    if (!ok) return NULL;
-    Py_RETURN_NONE;
 }
 
 /* ---- models of folders, fits ---- */
@@ -378,12 +189,12 @@ static PyObject *py_fit_load(PyObject *self, PyObject *args)
     (void)self;
     const char *path;
     apsm_fit_model *model = NULL;
-    call c = { .log = Py_None, .progress = Py_None };
-    if (!PyArg_ParseTuple(args, "s", &path) || !begin(&c, 1, 0)) return NULL;
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "s", &path) || !call_begin(&c, 1, 0)) return NULL;
     PyObject *capsule = NULL;
-    if (fine(&c, apsm_fit_model_load(c.ctx, path, &model)))
+    if (call_fine(&c, apsm_fit_model_load(c.ctx, path, &model)))
         capsule = PyCapsule_New(model, "apsm_fit_model", free_model);
-    end(&c);
+    call_end(&c);
     return capsule;
 }
 
@@ -391,125 +202,273 @@ static PyObject *fit_result(const apsm_fit *f)
 {
     PyObject *d = PyDict_New();
     const bool there = f->verdict != APSM_FIT_REFUSED;
-    if (!d || !set_item(d, "verdict", PyUnicode_FromString(apsm_fit_verdict_text(f->verdict))) ||
-        !set_item(d, "reason", PyUnicode_FromString(f->reason)) ||
-        !set_item(d, "mirrored", PyBool_FromLong(f->mirrored)) ||
-        !set_item(d, "J", PyLong_FromSize_t(f->J))) {
+    if (!d || !py_set(d, "verdict", PyUnicode_FromString(apsm_fit_verdict_text(f->verdict))) ||
+        !py_set(d, "reason", PyUnicode_FromString(f->reason)) ||
+        !py_set(d, "mirrored", PyBool_FromLong(f->mirrored)) ||
+        !py_set(d, "J", PyLong_FromSize_t(f->J))) {
         Py_XDECREF(d);
         return NULL;
     }
     if (!there) return d;
-    if (set_item(d, "world", doubles(f->world, 3 * f->J)) &&
-        set_item(d, "original", doubles(f->original, 3 * f->J)) &&
-        set_item(d, "scores", doubles(f->score, f->modes)) &&
-        set_item(d, "sd", doubles(f->sd, f->J)) && set_item(d, "to_world", doubles(f->M, 16)) &&
-        set_item(d, "mesh", mesh_of(&f->mesh)) &&
-        set_item(d, "mahalanobis", PyFloat_FromDouble(f->mahalanobis)) &&
-        set_item(d, "tail", PyFloat_FromDouble(f->tail)) &&
-        set_item(d, "observed_share", PyFloat_FromDouble(f->observed_share)) &&
-        set_item(d, "surface_mean",
-                 PyFloat_FromDouble(f->has_distance ? f->distance.two_way.mean : Py_NAN)) &&
-        set_item(d, "surface_max",
-                 PyFloat_FromDouble(f->has_distance ? f->distance.two_way.max : Py_NAN)))
+    if (py_set(d, "world", py_doubles(f->world, 3 * f->J)) &&
+        py_set(d, "original", py_doubles(f->original, 3 * f->J)) &&
+        py_set(d, "scores", py_doubles(f->score, f->modes)) &&
+        py_set(d, "sd", py_doubles(f->sd, f->J)) && py_set(d, "to_world", py_doubles(f->M, 16)) &&
+        py_set(d, "mesh", py_mesh(&f->mesh)) &&
+        py_set(d, "mahalanobis", PyFloat_FromDouble(f->mahalanobis)) &&
+        py_set(d, "tail", PyFloat_FromDouble(f->tail)) &&
+        py_set(d, "observed_share", PyFloat_FromDouble(f->observed_share)) &&
+        py_set(d, "surface_mean",
+               PyFloat_FromDouble(f->has_distance ? f->distance.two_way.mean : Py_NAN)) &&
+        py_set(d, "surface_max",
+               PyFloat_FromDouble(f->has_distance ? f->distance.two_way.max : Py_NAN)))
         return d;
     Py_DECREF(d);
     return NULL;
 }
 
-/* fit(model, name, vertices, faces, aligned, force) -> dict */
+/* What is fitted: a surface (x, F), points x, or landmarks x with their places on the mean. */
+typedef struct fit_input {
+    const char *name, *kind;
+    Py_buffer x, other;
+    size_t n, m;
+    apsm_fit_options options;
+} fit_input;
+
+static apsm_status fit_any(call *c, const apsm_fit_model *model, const fit_input *in, apsm_fit *fit)
+{
+    apsm_mesh mesh = { 0 };
+    if (strcmp(in->kind, "points") == 0)
+        return apsm_fit_points(c->ctx, model, in->name, in->n, in->x.buf, &in->options, fit);
+    if (strcmp(in->kind, "landmarks") == 0)
+        return apsm_fit_landmarks(c->ctx, model, in->name, in->n, in->other.buf, in->x.buf,
+                                  &in->options, fit);
+    mesh.nv = in->n, mesh.V = in->x.buf;
+    mesh.nf = in->m, mesh.F = in->other.buf;
+    return apsm_fit_surface(c->ctx, model, in->name, &mesh, &in->options, fit);
+}
+
+static bool view_fit(fit_input *in, PyObject *x, PyObject *other)
+{
+    const bool landmarks = strcmp(in->kind, "landmarks") == 0;
+    if (!py_view(x, sizeof(double), 3, &in->x, &in->n)) return false;
+    if (py_view(other, landmarks ? sizeof(double) : sizeof(uint32_t), 3, &in->other, &in->m)) {
+        if (!landmarks || in->n == in->m) return true;
+        PyErr_SetString(PyExc_ValueError,
+                        "as many landmarks are needed on the mean as on the shape");
+        PyBuffer_Release(&in->other);
+    }
+    PyBuffer_Release(&in->x);
+    return false;
+}
+
+/* fit(model, name, kind, x, other, hand, extent, aligned, force, log) -> dict */
 static PyObject *py_fit(PyObject *self, PyObject *args)
 {
     (void)self;
-    PyObject *capsule, *vertices, *faces, *result = NULL;
-    const char *name;
+    PyObject *capsule, *x, *other, *result = NULL;
     int aligned, force;
-    Py_buffer V, F;
-    apsm_mesh mesh = { 0 };
     apsm_fit fit = { 0 };
-    call c = { .log = Py_None, .progress = Py_None };
-    if (!PyArg_ParseTuple(args, "OsOOpp", &capsule, &name, &vertices, &faces, &aligned, &force))
+    fit_input in = { .options = apsm_fit_defaults() };
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "OssOOiippO", &capsule, &in.name, &in.kind, &x, &other,
+                          &in.options.hand, &in.options.extent, &aligned, &force, &c.log))
         return NULL;
     const apsm_fit_model *model = PyCapsule_GetPointer(capsule, "apsm_fit_model");
-    if (!model || !view(vertices, sizeof(double), 3, &V, &mesh.nv)) return NULL;
-    if (!view(faces, sizeof(uint32_t), 3, &F, &mesh.nf)) {
-        PyBuffer_Release(&V);
-        return NULL;
-    }
-    apsm_fit_options options = apsm_fit_defaults();
-    options.aligned = aligned != 0;
-    options.force = force != 0;
-    mesh.V = V.buf;
-    mesh.F = F.buf;
-    if (begin(&c, 1, 0)) {
+    if (!model || !view_fit(&in, x, other)) return NULL;
+    in.options.aligned = aligned != 0;
+    in.options.force = force != 0;
+    if (call_begin(&c, 1, 0)) {
         apsm_status status;
-        Py_BEGIN_ALLOW_THREADS status = apsm_fit_surface(c.ctx, model, name, &mesh, &options, &fit);
-        Py_END_ALLOW_THREADS if (fine(&c, status)) result = fit_result(&fit);
+        Py_BEGIN_ALLOW_THREADS status = fit_any(&c, model, &in, &fit);
+        Py_END_ALLOW_THREADS if (call_fine(&c, status)) result = fit_result(&fit);
         apsm_fit_free(&fit);
     }
-    PyBuffer_Release(&V);
-    PyBuffer_Release(&F);
-    end(&c);
+    PyBuffer_Release(&in.x);
+    PyBuffer_Release(&in.other);
+    call_end(&c);
     return result;
 }
 
-/* ---- statistics ---- */
-
-/* test(folder, formula, of, on, subjects, within, out, permutations, bootstraps, seed, threads,
- * log) */
-static PyObject *py_test(PyObject *self, PyObject *args)
+/* fit_save(model, path): the model in one file. */
+static PyObject *py_fit_save(PyObject *self, PyObject *args)
 {
     (void)self;
-    apsm_test_settings s = { 0 };
-    unsigned long long permutations, bootstraps, seed;
-    int threads, unequal;
-    call c = { .progress = Py_None };
-    if (!PyArg_ParseTuple(args, "szzzzzsKKKpdiO", &s.folder, &s.formula, &s.of, &s.on, &s.subjects,
-                          &s.within, &s.out, &permutations, &bootstraps, &seed, &unequal,
-                          &s.stop_risk, &threads, &c.log) ||
-        !begin(&c, threads, seed))
-        return NULL;
-    s.permutations = (size_t)permutations;
-    s.bootstraps = (size_t)bootstraps;
-    s.unequal = unequal != 0;
-    apsm_status status;
-    Py_BEGIN_ALLOW_THREADS status =
-        s.formula ? apsm_statistics_test(c.ctx, &s) : apsm_statistics_asymmetry(c.ctx, &s);
-    Py_END_ALLOW_THREADS const bool ok = fine(&c, status);
-    end(&c);
-    if (!ok) return NULL;
-    Py_RETURN_NONE;
+    PyObject *capsule, *result = NULL;
+    const char *path;
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "Os", &capsule, &path)) return NULL;
+    const apsm_fit_model *model = PyCapsule_GetPointer(capsule, "apsm_fit_model");
+    if (!model) return NULL;
+    if (call_begin(&c, 1, 0)) result = call_none(&c, apsm_fit_model_write(c.ctx, model, path));
+    call_end(&c);
+    return result;
 }
 
-/* ---- exchange ---- */
+/* ---- models and particles of others ---- */
 
-/* export(model, to, path, modes, sd, overwrite, log) */
-static PyObject *py_export(PyObject *self, PyObject *args)
+/* Particles P (I x J x 3) and meshes of one frame, from (name, vertices, faces) each. */
+typedef struct foreign {
+    size_t I, J;
+    const char **names;
+    const double *P;
+    apsm_mesh *meshes; /* own their arrays */
+} foreign;
+
+static void foreign_free(foreign *f)
 {
-    (void)self;
-    apsm_export_settings s = { 0 };
-    unsigned long long modes;
-    int overwrite;
-    PyObject *sd;
-    Py_buffer at;
-    call c = { .progress = Py_None };
-    if (!PyArg_ParseTuple(args, "sssKOpO", &s.model, &s.format, &s.path, &modes, &sd, &overwrite,
-                          &c.log) ||
-        !view(sd, sizeof(double), 1, &at, &s.n_sd))
-        return NULL;
-    s.modes = (size_t)modes;
-    s.sd = at.buf;
-    s.overwrite = overwrite != 0;
-    bool ok = false;
-    if (begin(&c, 1, 0)) {
-        apsm_status status;
-        Py_BEGIN_ALLOW_THREADS status = apsm_export_model(c.ctx, &s);
-        Py_END_ALLOW_THREADS ok = fine(&c, status);
+    for (size_t i = 0; f->meshes && i < f->I; i++) apsm_mesh_free(&f->meshes[i]);
+    PyMem_Free(f->meshes);
+    PyMem_Free(f->names);
+}
+
+static bool copy_mesh(PyObject *vertices, PyObject *faces, apsm_mesh *mesh)
+{
+    Py_buffer V, F;
+    size_t nv, nf;
+    bool good = false;
+    if (!py_view(vertices, sizeof(double), 3, &V, &nv)) return false;
+    if (py_view(faces, sizeof(uint32_t), 3, &F, &nf)) {
+        const apsm_mesh given = { .nv = nv, .nf = nf, .V = V.buf, .F = F.buf };
+        good = apsm_mesh_copy(&given, mesh) == APSM_OK;
+        if (!good) PyErr_NoMemory();
+        PyBuffer_Release(&F);
     }
-    PyBuffer_Release(&at);
-    end(&c);
-    if (!ok) return NULL;
-    Py_RETURN_NONE;
+    PyBuffer_Release(&V);
+    return good;
 }
+
+static bool take_foreign(PyObject *shapes, const Py_buffer *P, foreign *f)
+{
+    f->I = (size_t)PyList_Size(shapes);
+    f->P = P->buf;
+    f->J = f->I ? (size_t)P->len / sizeof(double) / 3 / f->I : 0;
+    f->names = PyMem_Calloc(f->I + 1, sizeof *f->names);
+    f->meshes = PyMem_Calloc(f->I + 1, sizeof *f->meshes);
+    if (!f->names || !f->meshes) return PyErr_NoMemory() != NULL;
+    for (size_t i = 0; i < f->I; i++) {
+        PyObject *vertices, *faces;
+        if (!PyArg_ParseTuple(PyList_GetItem(shapes, (Py_ssize_t)i), "sOO", &f->names[i], &vertices,
+                              &faces) ||
+            !copy_mesh(vertices, faces, &f->meshes[i]))
+            return false;
+    }
+    if (f->J * f->I * 3 * sizeof(double) == (size_t)P->len && f->J > 0) return true;
+    PyErr_SetString(PyExc_ValueError, "particles are (shapes, particles, 3)");
+    return false;
+}
+
+static apsm_status import_all(call *c, const apsm_run_settings *settings, const foreign *f,
+                              size_t template_index)
+{
+    apsm_run *run = NULL;
+    apsm_status status = apsm_run_open(c->ctx, settings, &run);
+    double *to_world = calloc(16 * f->I, sizeof *to_world);
+    if (status == APSM_OK && !to_world) status = APSM_ERR_MEMORY;
+    for (size_t k = 0; to_world && k < f->I; k++)
+        for (size_t d = 0; d < 4; d++) to_world[16 * k + 5 * d] = 1;
+    const apsm_import input = { .I = f->I,
+                                .J = f->J,
+                                .names = f->names,
+                                .P = f->P,
+                                .meshes = f->meshes,
+                                .to_world = to_world,
+                                .template_index = template_index };
+    if (status == APSM_OK) status = apsm_run_import(run, &input);
+    free(to_world);
+    apsm_run_close(run);
+    return status;
+}
+
+/* save(folder, shapes, particles, template, options, threads, log, progress): a model
+ * folder of particles and meshes in one frame. */
+static PyObject *py_save(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *shapes, *particles, *options, *result = NULL;
+    const char *(*set)[2] = NULL;
+    Py_buffer P;
+    size_t n, template_index;
+    int threads;
+    foreign f = { 0 };
+    apsm_run_settings settings = { 0 };
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "sO!OnO!iOO", &settings.folder, &PyList_Type, &shapes, &particles,
+                          (Py_ssize_t *)&template_index, &PyList_Type, &options, &threads, &c.log,
+                          &c.progress) ||
+        !py_view(particles, sizeof(double), 3, &P, &n))
+        return NULL;
+    if (take_foreign(shapes, &P, &f) && py_options(options, &set, &settings.n_set) &&
+        call_begin(&c, threads, 0)) {
+        apsm_status status;
+        settings.set = (const char *const(*)[2])set;
+        Py_BEGIN_ALLOW_THREADS status = import_all(&c, &settings, &f, template_index);
+        Py_END_ALLOW_THREADS result = call_none(&c, status);
+    }
+    PyMem_Free(set);
+    foreign_free(&f);
+    PyBuffer_Release(&P);
+    call_end(&c);
+    return result;
+}
+
+/* certify(shapes, particles, template, path, threads, log): the verdict as a JSON file. */
+static PyObject *py_certify(PyObject *self, PyObject *args)
+{
+    (void)self;
+    PyObject *shapes, *particles, *result = NULL;
+    const char *path;
+    Py_buffer P;
+    size_t n, certified, template_index;
+    int threads;
+    foreign f = { 0 };
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "O!OnsiO", &PyList_Type, &shapes, &particles,
+                          (Py_ssize_t *)&template_index, &path, &threads, &c.log) ||
+        !py_view(particles, sizeof(double), 3, &P, &n))
+        return NULL;
+    if (take_foreign(shapes, &P, &f) && call_begin(&c, threads, 0)) {
+        apsm_status status;
+        const apsm_certify_input in = { f.I, f.J, f.names, f.P, f.meshes, template_index };
+        Py_BEGIN_ALLOW_THREADS status = apsm_certify_particles(c.ctx, &in, path, &certified);
+        Py_END_ALLOW_THREADS result = call_none(&c, status);
+    }
+    foreign_free(&f);
+    PyBuffer_Release(&P);
+    call_end(&c);
+    return result;
+}
+
+static PyObject *shapes_of_foreign(const apsm_foreign_model *m)
+{
+    PyObject *list = PyList_New(0);
+    for (size_t i = 0; list && i < m->I; i++) {
+        PyObject *one = Py_BuildValue("(sN)", m->names[i], py_mesh(&m->meshes[i]));
+        if (!one || PyList_Append(list, one) != 0) Py_CLEAR(list);
+        Py_XDECREF(one);
+    }
+    return Py_BuildValue("(NNnN)", list, py_doubles(m->P, m->I * m->J * 3), (Py_ssize_t)m->J,
+                         PyBool_FromLong(m->of_shapes));
+}
+
+/* read_statismo(path, J, log) -> ([(name, mesh)], particles, J, of_shapes) */
+static PyObject *py_read_statismo(PyObject *self, PyObject *args)
+{
+    (void)self;
+    const char *path;
+    Py_ssize_t J;
+    apsm_foreign_model m = { 0 };
+    PyObject *result = NULL;
+    call c = { 0 };
+    if (!PyArg_ParseTuple(args, "snO", &path, &J, &c.log)) return NULL;
+    if (call_begin(&c, 1, 0) && call_fine(&c, apsm_read_statismo(c.ctx, path, (size_t)J, &m)))
+        result = shapes_of_foreign(&m);
+    apsm_foreign_model_free(&m);
+    call_end(&c);
+    return result;
+}
+
+/* ---- warps ---- */
 
 /* warp(template particles, particles, points) -> bytes */
 static PyObject *py_warp(PyObject *self, PyObject *args)
@@ -518,18 +477,18 @@ static PyObject *py_warp(PyObject *self, PyObject *args)
     PyObject *from, *to, *points, *result = NULL;
     Py_buffer P0 = { 0 }, P = { 0 }, X = { 0 };
     apsm_warp_points_input in = { 0 };
-    call c = { .log = Py_None, .progress = Py_None };
+    call c = { 0 };
     if (!PyArg_ParseTuple(args, "OOO", &from, &to, &points) ||
-        !view(from, sizeof(double), 3, &P0, &in.J))
+        !py_view(from, sizeof(double), 3, &P0, &in.J))
         return NULL;
-    const bool viewed = view(to, sizeof(double), 3 * (in.J ? in.J : 1), &P, &in.I);
-    if (viewed && view(points, sizeof(double), 3, &X, &in.n) && begin(&c, 1, 0)) {
+    const bool viewed = py_view(to, sizeof(double), 3 * (in.J ? in.J : 1), &P, &in.I);
+    if (viewed && py_view(points, sizeof(double), 3, &X, &in.n) && call_begin(&c, 1, 0)) {
         in.P0 = P0.buf, in.P = P.buf, in.X = X.buf;
         result = PyBytes_FromStringAndSize(NULL, (Py_ssize_t)(3 * in.I * in.n * sizeof(double)));
         double *Y = result ? (double *)(void *)PyBytes_AsString(result) : NULL;
         apsm_status status = APSM_ERR_MEMORY;
         Py_BEGIN_ALLOW_THREADS if (Y) status = apsm_warp_points(c.ctx, &in, Y);
-        Py_END_ALLOW_THREADS if (!fine(&c, status))
+        Py_END_ALLOW_THREADS if (!call_fine(&c, status))
         {
             Py_XDECREF(result);
             result = NULL;
@@ -538,18 +497,20 @@ static PyObject *py_warp(PyObject *self, PyObject *args)
     PyBuffer_Release(&X);
     PyBuffer_Release(&P);
     PyBuffer_Release(&P0);
-    end(&c);
+    call_end(&c);
     return result;
 }
 
 static PyMethodDef methods[] = {
-    { "export", py_export, METH_VARARGS, "a model for other programs" },
-    { "warp", py_warp, METH_VARARGS, "points as particles carry them" },
-    { "run", py_run, METH_VARARGS, "a model of shapes in memory" },
-    { "run_files", py_run_files, METH_VARARGS, "a model of files, in a folder" },
-    { "fit_load", py_fit_load, METH_VARARGS, "a finished model, to fit shapes" },
+    { "certify", py_certify, METH_VARARGS, "the verdict on particles" },
     { "fit", py_fit, METH_VARARGS, "a shape by a finished model" },
-    { "test", py_test, METH_VARARGS, "a test of a term of a formula" },
+    { "fit_load", py_fit_load, METH_VARARGS, "a finished model, to fit shapes" },
+    { "fit_save", py_fit_save, METH_VARARGS, "that model in one file" },
+    { "read_statismo", py_read_statismo, METH_VARARGS,
+      "shapes of a model of Scalismo or Statismo" },
+    { "run", py_run, METH_VARARGS, "a model of shapes in memory" },
+    { "save", py_save, METH_VARARGS, "a model folder of particles and meshes" },
+    { "warp", py_warp, METH_VARARGS, "points as particles carry them" },
     { NULL, NULL, 0, NULL },
 };
 
@@ -559,5 +520,8 @@ static struct PyModuleDef module = {
 
 PyMODINIT_FUNC PyInit__apsm(void)
 {
-    return PyModule_Create(&module);
+    PyObject *made = PyModule_Create(&module);
+    call_main_thread_is_this();
+    if (made && PyModule_AddFunctions(made, apsm_folder_methods) != 0) Py_CLEAR(made);
+    return made;
 }

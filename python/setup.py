@@ -16,9 +16,10 @@ setup(
     description="statistical shape models from meshes and segmentations",
     license="Apache-2.0",
     packages=["apsm"],
+    package_data={"apsm": ["py.typed"]},
     python_requires=">=3.11",
     ext_modules=[
-        Extension("apsm._apsm", ["_apsm.c"], extra_compile_args=["-std=c17", *flags("--cflags")],
+        Extension("apsm._apsm", ["_apsm.c", "_call.c", "_folders.c"], extra_compile_args=["-std=c17", *flags("--cflags")],
                   extra_link_args=[*flags("--libs"), f"-Wl,-rpath,{libdir}"], py_limited_api=True)
     ],
     options={"bdist_wheel": {"py_limited_api": "cp311"}},

@@ -93,7 +93,8 @@ typedef struct apsm_import {
     const double *P;          /* I x J x 3: in one frame, the world's */
     const apsm_mesh *meshes;  /* I: closed, each in its own frame */
     const double *to_world;   /* I x 16: from that to the world's */
-    const char *const *paths; /* I: where the meshes come from; what the project names */
+    const char *const *paths; /* I: where the meshes come from; what the project names.  NULL: from
+                                 no file; then it names those that are written */
     size_t template_index;
     bool drawn; /* shapes were drawn from a model: nobody's; the manifest says so */
 } apsm_import;

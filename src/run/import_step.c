@@ -114,14 +114,37 @@ static apsm_status import_particles(apsm_run *run, const apsm_import *in)
     return stage_end(run, "optimize", &clock);
 }
 
+static apsm_status import_all(apsm_run *run, const apsm_import *in)
+{
+    APSM_TRY(check_input(run, in));
+    APSM_TRY(guard_files(run, "groom", NULL));
+    APSM_TRY(apsm_parallel_for(run->ctx, in->I, check_mesh, (void *)in, NULL));
+    APSM_TRY(import_shapes(run, in));
+    APSM_TRY(import_particles(run, in));
+    APSM_TRY(apsm_run_evaluate(run));
+    return apsm_run_report(run);
+}
+
+/* Shapes that no file holds: their groomed meshes are their inputs. */
+static apsm_status import_arrays(apsm_run *run, apsm_import in)
+{
+    char **paths = calloc(in.I + 1, sizeof *paths), groomed[1024];
+    apsm_status status = paths ? APSM_OK : APSM_ERR_MEMORY;
+    for (size_t i = 0; i < in.I && status == APSM_OK; i++) {
+        snprintf(groomed, sizeof groomed, "groomed/%s.ply", in.names[i]);
+        if (!(paths[i] = run_path(run, groomed))) status = APSM_ERR_MEMORY;
+    }
+    in.paths = (const char *const *)paths;
+    status = status == APSM_OK ? import_all(run, &in)
+                               : apsm_fail(run->ctx, status, "out of memory for %zu shapes", in.I);
+    for (size_t i = 0; paths && i < in.I; i++) free(paths[i]);
+    free(paths);
+    return status;
+}
+
 apsm_status apsm_run_import(apsm_run *run, const apsm_import *input)
 {
     if (!run) return APSM_ERR_ARG;
-    APSM_TRY(check_input(run, input));
-    APSM_TRY(guard_files(run, "groom", NULL));
-    APSM_TRY(apsm_parallel_for(run->ctx, input->I, check_mesh, (void *)input, NULL));
-    APSM_TRY(import_shapes(run, input));
-    APSM_TRY(import_particles(run, input));
-    APSM_TRY(apsm_run_evaluate(run));
-    return apsm_run_report(run);
+    return input && input->names && !input->paths ? import_arrays(run, *input)
+                                                  : import_all(run, input);
 }

@@ -5,6 +5,7 @@ import sys
 import xml.etree.ElementTree as xml
 
 HEAD = ["category", "title", "description", "version", "license", "contributor"]
+ORDER = ["name", "flag", "longflag", "index", "description", "label", "default", "channel", "constraints", "element"]
 KINDS = {"integer", "double", "boolean", "string", "string-enumeration", "file", "directory"}
 
 
@@ -44,13 +45,18 @@ def check(path):
             complain(path, f"{name} has neither or both of place and flag")
         if "longflag" in text:
             flags.append(text["longflag"])
-            if not re.fullmatch(r"--[a-z0-9-]+", text["longflag"]):
+            if not re.fullmatch(r"--[a-z0-9_]+", text["longflag"]):
                 complain(path, f"flag {text['longflag']}")
         else:
             places.append(int(text["index"]))
+        order = [child.tag for child in p]
+        if order != sorted(order, key=ORDER.index):  # the schema wants this one
+            complain(path, f"{name} holds {order}")
         if p.tag in ("file", "directory") and text.get("channel") not in ("input", "output"):
             complain(path, f"{name} goes neither in nor out")
         if p.tag in ("integer", "double"):
+            if p.find("constraints/step") is None:
+                complain(path, f"{name} has no step")
             least, most = (float(p.find(f"constraints/{k}").text) for k in ("minimum", "maximum"))
             if not least <= float(text["default"]) <= most:
                 complain(path, f"{name}: {text['default']} is not in {least} .. {most}")

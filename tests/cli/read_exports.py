@@ -167,6 +167,35 @@ near(np.array(table("csv/modes.csv")[1:], float).reshape(len(V), -1, 3).transpos
      "csv modes", 1e-12)
 near(np.array(table("csv/mean.csv")[1:], float), V, "csv mean", 1e-12)
 
+# VTK's own readers, for what the lines above read by themselves.
+try:
+    import vtk
+    from vtk.util.numpy_support import vtk_to_numpy
+except ImportError:
+    print("NOT TESTED: vtp, ply, stl and obj read by VTK; it is not installed (python3-vtk9)")
+else:
+    def by_vtk(reader, name):
+        reader.SetFileName(str(folder / name))
+        reader.Update()
+        return reader.GetOutput()
+
+    def triangles(data):
+        return vtk_to_numpy(data.GetPolys().GetData()).reshape(-1, 4)[:, 1:]
+
+    for path, want in (("vtp/mean.vtp", V), ("vtp/modes/mode_01_plus2sd.vtp", V + 2 * D[0]), ("monai/pca_mean_surface.vtp", V)):
+        data = by_vtk(vtk.vtkXMLPolyDataReader(), path)
+        near(vtk_to_numpy(data.GetPoints().GetData()), want, f"VTK {path}", 1e-9)
+        near(triangles(data), F, f"VTK faces of {path}", 0)
+    along = vtk_to_numpy(by_vtk(vtk.vtkXMLPolyDataReader(), "vtp/mean.vtp").GetPointData().GetArray("sd_along_normal"))
+    near(along, vtp["sd_along_normal"], "VTK field", 0)
+    for path, reader in (("ply/mean.ply", vtk.vtkPLYReader()), ("obj/mean.obj", vtk.vtkOBJReader())):
+        data = by_vtk(reader, path)
+        near(vtk_to_numpy(data.GetPoints().GetData()), V, f"VTK {path}", 1e-6)
+        near(triangles(data), F, f"VTK faces of {path}", 0)
+    data = by_vtk(vtk.vtkSTLReader(), "stl/mean.stl")  # corners that are one become one
+    near(vtk_to_numpy(data.GetPoints().GetData())[triangles(data)], V[F], "VTK stl", 1e-6)
+    print(f"read by VTK {vtk.vtkVersion.GetVTKVersion()}: vtp, ply, obj, stl")
+
 if (folder / "model.h5").exists():
     try:
         import h5py
@@ -181,4 +210,14 @@ if (folder / "model.h5").exists():
         near(h5["model/mean"][:], V.ravel(), "h5 mean", 1e-6)
         basis, values = h5["model/pcaBasis"][:], h5["model/pcaVariance"][:]
         near((basis * values) @ basis.T, flat.T @ flat, "h5 covariance", 1e-5)
+        near(basis.T @ basis, np.eye(len(values)), "h5: the basis is orthonormal", 1e-5)
+        # As Scalismo makes an instance: mean + basis x (sqrt(variance) x coefficients).  Those of a shape are its scores.
+        scores = h5["modelinfo/scores"][:]
+        check(scores.shape == (len(values), len(names)), "h5 scores")
+        instances = h5["model/mean"][:] + (basis * np.sqrt(values)) @ scores[:, :1].ravel() if len(values) else 0
+        shape = read_ply(folder / f"ply/shapes/{names[0]}.ply")
+        near(instances.reshape(-1, 3), xyz(shape), "h5: an instance by a shape's scores is the shape", 1e-5)
+        check(h5["representer"].attrs["name"] in (b"itkStandardMeshRepresenter", "itkStandardMeshRepresenter"), "h5 representer")
+        check(h5["catalog/apsm/modelPath"][()] in (b"/", "/"), "h5 catalog")
+        print(f"read by h5py {h5py.__version__}: scalismo, statismo")
 sys.exit(1 if failures else 0)

@@ -20,7 +20,7 @@ PKG_CONFIG_PATH=$(dirname "$(find "$folder/prefix" -name apsm.pc)")
 export PKG_CONFIG_PATH
 cp -r python/apsm "$folder/apsm"
 # shellcheck disable=SC2046
-"$cc" -std=c17 -O2 -Wall -Wextra -Werror -shared -fPIC -I"$include" python/_apsm.c -o "$folder/apsm/_apsm.abi3.so" \
+"$cc" -std=c17 -O2 -Wall -Wextra -Werror -shared -fPIC -I"$include" python/_*.c -o "$folder/apsm/_apsm.abi3.so" \
     $(pkg-config --cflags --libs apsm) -Wl,-rpath,"$(pkg-config --variable=libdir apsm)" || exit 1
 # The example, on a small cohort.
 mkdir "$folder/cohort"
