@@ -80,8 +80,10 @@ static double truth_error(const left_out *b, const truth *t, size_t i, const dou
 /* Sums over the shapes. */
 typedef struct whole_sums {
     double slip, worst, in, out, true_in, true_out, seconds;
-    size_t n, count[3];
+    size_t n, count[3], wrong, taken; /* far off, and of these good */
 } whole_sums;
+
+static const double far_off = 0.5; /* h: particles are elsewhere */
 
 static void one_whole(const left_out *b, const truth *t, const apsm_fit_model *m, size_t i,
                       whole_sums *s)
@@ -106,6 +108,12 @@ static void one_whole(const left_out *b, const truth *t, const apsm_fit_model *m
         apsm_affine_apply(M, fit.J, fit.local, world);
         const double slip = apart(fit.J, world, P) / b->joint->h;
         s->slip += slip;
+        s->wrong += slip > far_off;
+        s->taken += slip > far_off && fit.verdict == APSM_FIT_GOOD;
+        fprintf(stderr,
+                "%s: %.3f h from the joint model's particles; another pose is %.3f times, "
+                "the other hand %.3f times as far\n",
+                b->folder.names[i], slip, fit.runner_up, fit.mirror_ratio);
         s->worst = fmax(s->worst, slip);
         s->in += before;
         s->out += fit.distance.two_way.mean;
@@ -131,9 +139,10 @@ static void whole(const left_out *b, const char *folder)
     const double n = (double)s.n, h = b->joint->h;
     printf("{\"shapes\": %zu, \"distance_joint\": %.4f, \"distance_fit\": %.4f, \"slip_h\": "
            "%.4f, \"worst_slip_h\": %.3f, \"truth_joint_h\": %.4f, \"truth_fit_h\": %.4f, "
-           "\"seconds\": %.3f, \"good\": %zu, \"review\": %zu, \"refused\": %zu}\n",
+           "\"seconds\": %.3f, \"good\": %zu, \"review\": %zu, \"refused\": %zu, \"wrong\": %zu, "
+           "\"wrong and good\": %zu}\n",
            s.n, s.in / n, s.out / n, s.slip / n, s.worst, s.true_in / n / h, s.true_out / n / h,
-           s.seconds / n, s.count[0], s.count[1], s.count[2]);
+           s.seconds / n, s.count[0], s.count[1], s.count[2], s.wrong, s.taken);
     apsm_mesh_free(&t.template_mesh);
 }
 
@@ -176,7 +185,7 @@ static void poses(left_out *b)
                 double *x = bench_doubles(3 * fit.J);
                 must_fit(b, apsm_affine_invert(M, to_world));
                 apsm_affine_apply(to_world, fit.J, fit.original, x);
-                right = apart(fit.J, x, b->folder.P + i * 3 * fit.J) < 0.5 * b->joint->h;
+                right = apart(fit.J, x, b->folder.P + i * 3 * fit.J) < far_off * b->joint->h;
                 hands += fit.mirrored != (k % 2 == 1);
                 free(x);
             }
