@@ -4,7 +4,7 @@
  *                                            folds of the model's shapes are left out of its modes,
  *                                            and fitted from their groomed meshes; TRUTH: of a
  *                                            synthetic kind (make_synthetic), the true shapes
- *     bench_fit poses MODEL_DIR [FOLDS]      200 random poses, every second one mirrored
+ *     bench_fit poses MODEL_DIR [FOLDS [N]]  N random poses (200), every second one mirrored
  *     bench_fit strangers MODEL_DIR OTHER    shapes that are not of the kind
  *     bench_fit steps MODEL_DIR              where the time goes
  *     bench_fit time MODEL_DIR               CPU time a shape: in any pose, and aligned
@@ -162,13 +162,12 @@ static void random_pose(uint64_t k, double size, double M[16])
     }
 }
 
-static void poses(left_out *b)
+static void poses(left_out *b, size_t wanted)
 {
-    enum { POSES = 200 };
     size_t wrong = 0, told = 0, hands = 0, n = 0;
     for (size_t fold = 0; fold < b->folds; fold++) {
         apsm_fit_model *m = without_fold(b, fold);
-        for (size_t k = fold; k < POSES; k += b->folds) {
+        for (size_t k = fold; k < wanted; k += b->folds) {
             const size_t i = k % b->folder.I;
             double M[16], to_world[16];
             apsm_mesh mesh;
@@ -189,6 +188,10 @@ static void poses(left_out *b)
                 hands += fit.mirrored != (k % 2 == 1);
                 free(x);
             }
+            if (!right)
+                fprintf(stderr, "%s wrong: %s (%s) %.3f %.3f\n", b->folder.names[i],
+                        apsm_fit_verdict_text(fit.verdict), fit.reason, fit.runner_up,
+                        fit.mirror_ratio);
             wrong += !right;
             told += !right && fit.verdict != APSM_FIT_GOOD;
             apsm_fit_free(&fit);
@@ -348,14 +351,15 @@ int main(int argc, char **argv)
     left_out b = { 0 };
     const bool strange = argc > 3 && strcmp(argv[1], "strangers") == 0;
     if (argc < 3) {
-        fprintf(stderr, "usage: bench_fit whole|poses|steps|time MODEL_DIR [FOLDS [TRUTH]], or "
+        fprintf(stderr, "usage: bench_fit whole|poses|steps|time MODEL_DIR [FOLDS [TRUTH|N]], or "
                         "strangers MODEL_DIR OTHER\n");
         return 2;
     }
     open_model(&b, argv[2], argc > 3 && !strange ? (size_t)strtoul(argv[3], NULL, 10) : 10);
     if (b.folds == 0) return 2;
     if (strcmp(argv[1], "whole") == 0) whole(&b, argc > 4 ? argv[4] : NULL);
-    if (strcmp(argv[1], "poses") == 0) poses(&b);
+    if (strcmp(argv[1], "poses") == 0)
+        poses(&b, argc > 4 ? (size_t)strtoul(argv[4], NULL, 10) : 200);
     if (strange) strangers(&b, argv[3]);
     if (strcmp(argv[1], "steps") == 0) steps(&b);
     if (strcmp(argv[1], "time") == 0) time_shapes(&b);

@@ -6,10 +6,11 @@
 #include <string.h>
 
 #include "files/files.h"
-#include "fit/fit_model.h"
+#include "fit/calibration_file.h"
 #include "fit/model_file.h"
 #include "folder/manifest_json.h"
 #include "folder/model_folder.h"
+#include "folder/names.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 
@@ -97,7 +98,6 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a model of %zu parts a subject; fits are of models of one part",
                          m->path, f->parts);
-    APSM_TRY(tell_regions(ctx, m->path));
     m->T = malloc(D * sizeof *m->T);
     if (!m->T) return APSM_ERR_MEMORY;
     memcpy(m->T, f->P + f->template_index * D, D * sizeof *m->T);
@@ -113,7 +113,7 @@ static apsm_status take_folder(apsm_context *ctx, model_folder *f, apsm_fit_mode
     return APSM_OK;
 }
 
-static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
+static apsm_status read_folder(apsm_context *ctx, apsm_fit_model *m)
 {
     model_folder f;
     const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_MANIFESTED;
@@ -121,6 +121,13 @@ static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
     const apsm_status status = take_folder(ctx, &f, m);
     model_folder_free(&f);
     return status;
+}
+
+static apsm_status load_folder(apsm_context *ctx, apsm_fit_model *m)
+{
+    APSM_TRY(read_folder(ctx, m));
+    APSM_TRY(tell_regions(ctx, m->path));
+    return fit_calibration_read(ctx, m);
 }
 
 static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
@@ -134,6 +141,32 @@ static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
     snprintf(why, sizeof why, "%s", apsm_error_text(ctx));
     return apsm_fail(ctx, status, "%s: no shape can be fitted with it (%s); export the model again",
                      m->path, *why ? why : apsm_status_text(status));
+}
+
+/* ---- the calibration that a folder keeps ---- */
+
+static apsm_status calibrate_and_write(apsm_context *ctx, const char *path, apsm_fit_model *m,
+                                       bool *made)
+{
+    char of[65];
+    fit_calibration_of(m, of);
+    const apsm_status status = fit_model_prepare(ctx, m);
+    *made = status == APSM_OK;
+    if (*made) return fit_calibration_write(ctx, path, &m->calibration, of);
+    return status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED ? status : APSM_OK;
+}
+
+apsm_status fit_calibrate_folder(apsm_context *ctx, const char *folder, bool *made)
+{
+    *made = false;
+    apsm_fit_model *m = calloc(1, sizeof *m);
+    char *path = apsm_path_join(folder, FOLDER_CALIBRATION);
+    if (m) m->path = strdup(folder);
+    apsm_status status = m && path && m->path ? read_folder(ctx, m) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = calibrate_and_write(ctx, path, m, made);
+    apsm_fit_model_free(m);
+    free(path);
+    return status;
 }
 
 apsm_status apsm_fit_model_load(apsm_context *ctx, const char *path, apsm_fit_model **model)

@@ -9,6 +9,7 @@
 
 #include "files/checkpoint_file.h"
 #include "files/files.h"
+#include "fit/calibration_file.h"
 
 enum { VERSION = 1, SIZES = 6 };
 static const char kind[16] = "apsm-fit-model";
@@ -206,9 +207,8 @@ static apsm_status get_calibration(apsm_context *ctx, apsm_fit_model *m, const a
         memcpy(&m->calibration, x, sizeof m->calibration);
         m->oriented = o[0];
         memcpy(m->common, o + 1, sizeof m->common);
-        const fit_calibration *k = &m->calibration;
-        if (!(k->noise > 0) || !(k->smooth >= 0) || !(k->reach > 0) || !(k->modes >= 0) ||
-            k->modes > (double)m->model.modes || !(k->mahalanobis > 0) || !(k->residual >= 0))
+        if (!fit_calibration_makes_sense(&m->calibration) ||
+            m->calibration.modes > (double)m->model.modes)
             status = refuse(ctx, m, "has a calibration that makes no sense");
     }
     free(x);

@@ -10,6 +10,7 @@
 #define FOLDER_EVALUATION     "evaluation.json"
 #define FOLDER_EVALUATION_CSV "evaluation.csv"
 #define FOLDER_CERTIFICATE    "certificate.json"
+#define FOLDER_CALIBRATION    "calibration.json"
 #define FOLDER_LANDMARKS      "landmarks.csv"
 #define FOLDER_FEATURES       "features.csv"
 #define FOLDER_HISTORY        "history.csv"
@@ -23,7 +24,14 @@
 #define FORMAT_MODEL       "apsm-model"
 #define FORMAT_EVALUATION  "apsm-evaluation"
 #define FORMAT_CERTIFICATE "apsm-certificate"
+#define FORMAT_CALIBRATION "apsm-calibration"
 #define FORMAT_MANIFEST    "apsm-manifest"
-enum { MODEL_VERSION = 1, EVALUATION_VERSION = 1, CERTIFICATE_VERSION = 1, MANIFEST_VERSION = 1 };
+enum {
+    MODEL_VERSION = 1,
+    EVALUATION_VERSION = 1,
+    CERTIFICATE_VERSION = 1,
+    CALIBRATION_VERSION = 1,
+    MANIFEST_VERSION = 1
+};
 
 #endif

@@ -37,9 +37,9 @@ static const struct {
                { FOLDER_SCORES_CSV, "evaluate" },     { FOLDER_EVALUATION, "evaluate" },
                { FOLDER_EVALUATION_CSV, "evaluate" }, { FOLDER_CERTIFICATE, "evaluate" },
                { FOLDER_REPORT, "report" },           { FOLDER_LANDMARKS, "groom" },
-               { FOLDER_FEATURES, "evaluate" },       { FOLDER_PROJECT, "groom" },
-               { FOLDER_PROJECT, "initialize" },      { FOLDER_PROJECT, "optimize" },
-               { FOLDER_PROJECT, "evaluate" } };
+               { FOLDER_FEATURES, "evaluate" },       { FOLDER_CALIBRATION, "evaluate" },
+               { FOLDER_PROJECT, "groom" },           { FOLDER_PROJECT, "initialize" },
+               { FOLDER_PROJECT, "optimize" },        { FOLDER_PROJECT, "evaluate" } };
 enum { SINGLE = sizeof single / sizeof single[0] };
 
 /* Folders that hold files of one kind; particles/ is initialize's and then optimize's. */

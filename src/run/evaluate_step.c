@@ -7,6 +7,7 @@
 
 #include "apsm/formats.h"
 #include "files/particles_file.h"
+#include "fit/calibration_file.h"
 #include "folder/certificate_json.h"
 #include "folder/evaluation_json.h"
 #include "folder/model_json.h"
@@ -313,6 +314,15 @@ static apsm_status compute_part(apsm_run *run, void *user)
     return compute(user);
 }
 
+/* What fits by the model will need; of two shapes none can be. */
+static apsm_status write_calibration(const evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    bool made = false;
+    if (w->I >= 3) APSM_TRY(fit_calibrate_folder(run->ctx, run->folder, &made));
+    return made ? APSM_OK : run_remove(run, run_path(run, FOLDER_CALIBRATION));
+}
+
 static apsm_status evaluate_and_write(evaluation_work *w)
 {
     APSM_TRY(run_shared(w->run, compute_part, w));
@@ -320,7 +330,8 @@ static apsm_status evaluate_and_write(evaluation_work *w)
     APSM_TRY(write_model(w));
     APSM_TRY(write_figures(w));
     APSM_TRY(features_write_table(w->run, w->J, w->P));
-    return write_meshes(w);
+    APSM_TRY(write_meshes(w));
+    return write_calibration(w);
 }
 
 /* What was found becomes the session's. */

@@ -51,6 +51,18 @@ fit 0 "refused: 0; failed: 0" m.apsm new/whole.ply -o file
 cmp -s file/particles/whole_world.particles alone/particles/whole_world.particles ||
     fail "the model file fits otherwise than its folder"
 
+# What the model keeps of its left-out shapes saves time and changes nothing; of another model it counts
+# for nothing.
+[ -s model/calibration.json ] || fail "no calibration"
+cp -r model bare && rm bare/calibration.json
+fit 0 "fitted" bare new/whole.ply -o bare_fit
+same_fit() { diff <(grep -v '"path"' "$1/shapes/whole.json") <(grep -v '"path"' alone/shapes/whole.json) >/dev/null; }
+same_fit bare_fit || fail "the calibration changes a fit"
+cp -r model stale && sed -i 's/"noise": .*/"noise": 0.5,/; s/"of": "./"of": "x/' stale/calibration.json
+"$apsm" fit stale new/whole.ply -o stale_fit >said 2>&1 || fail "stale: $(cat said)"
+grep -q "calibration.json: is not of this model as it is now; calibrated again" said || fail "stale: $(cat said)"
+same_fit stale_fit || fail "a stale calibration was taken"
+
 rm alone/report.html && "$apsm" report alone -q >said && cmp -s alone/report.html file/report.html &&
     fail "two folders have one title"
 [ -s alone/report.html ] || fail "report of fits is not made again"
