@@ -120,13 +120,13 @@ static const cli_option own[] = {
       NULL },
     { "force", 0, CLI_FLAG_FORCE, CLI_GROUP_INPUT, CLI_FIT, NULL, NULL, NULL,
       "fit shapes that would be refused, too", NULL },
-    { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "L[,L]", "labels", NULL,
+    { "label", 0, CLI_SETS, CLI_GROUP_INPUT, READS | CLI_ADD, "L[,L]", "labels", NULL,
       "labels of a segmentation that make up the shape, by number or name, or 'all'; needed if "
       "there "
       "are several; '>0.5' or '<0': where the values of an image are so",
       NULL },
-    { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "reflect_match", NULL,
-      "mirror the inputs whose file name matches (left sides among right ones)", NULL },
+    { "reflect-match", 0, CLI_SETS, CLI_GROUP_INPUT, READS | CLI_ADD, "REGEX", "reflect_match",
+      NULL, "mirror the inputs whose file name matches (left sides among right ones)", NULL },
     { "parts", 0, CLI_PARTS, CLI_GROUP_INPUT, CLI_RUN | CLI_FIT, "LIST", NULL, NULL,
       "several parts a subject, one model of all: tibia=REGEX,talus=REGEX (what the names of a "
       "part's shapes have; the rest of the name is the subject) or tibia=1,talus=2+3 (labels)",
@@ -139,7 +139,7 @@ static const cli_option own[] = {
       "with --parts: global (all parts move together), apart (each for itself), or the part by "
       "which the others are aligned (default global)",
       NULL },
-    { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS, "REGEX", "exclude", NULL,
+    { "exclude", 0, CLI_SETS, CLI_GROUP_INPUT, READS | CLI_ADD, "REGEX", "exclude", NULL,
       "leave out the inputs whose file name matches", NULL },
     { "pattern", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "GLOB", "pattern", NULL,
       "of folders and all folders below only the shapes whose path matches: '**/liver.nii.gz', "

@@ -126,7 +126,8 @@ static const cli_verb_info verbs[] = {
       .more = "a model folder and names of its shapes", .call = apsm_cli_exclude },
     { CLI_ADD, "add", "MODEL_DIR INPUT...", "new shapes into a finished model",
       "Fits shapes to a finished model and enrols them; the particles of the others stay as they "
-      "are. Labels, sides and everything else are as the model was made with. If a shape is "
+      "are. Labels and sides are read as the model's were, unless --label or --reflect-match say "
+      "otherwise of the new files; everything else is as the model was made with. If a shape is "
       "refused, none is added.",
       .first = "a model folder and shapes", .more = "a model folder and shapes",
       .call = apsm_cli_add },

@@ -145,6 +145,25 @@ static apsm_status check_added(const adding *a)
     return APSM_OK;
 }
 
+/* What was said of the new files (their sides, labels) is not said of the model's: its options are
+ * those of its project again. */
+static apsm_status restore_options(apsm_run *run)
+{
+    apsm_project stored = { 0 };
+    char *path = run_path(run, RUN_PROJECT);
+    apsm_status status = path ? apsm_project_read(run->ctx, path, &stored) : APSM_ERR_MEMORY;
+    const size_t n = status == APSM_OK ? apsm_project_count(&stored, "apsm") : 0;
+    if (status == APSM_OK) apsm_project_clear(&run->project, "apsm");
+    for (size_t k = 0; k < n && status == APSM_OK; k++) {
+        const char *key, *value;
+        apsm_project_pair(&stored, "apsm", k, &key, &value);
+        status = apsm_project_set(&run->project, "apsm", key, value);
+    }
+    apsm_project_free(&stored);
+    free(path);
+    return status;
+}
+
 /* The hand is that of the model unless the run was told to look (mirror_check = fix). */
 static apsm_status fit_one(apsm_context *ctx, size_t i, int worker, void *user)
 {
@@ -165,6 +184,7 @@ static apsm_status fit_one(apsm_context *ctx, size_t i, int worker, void *user)
 static apsm_status fit_all(adding *a)
 {
     APSM_TRY(groom_inputs_list(a->run, &a->in));
+    APSM_TRY(restore_options(a->run));
     APSM_TRY(check_added(a));
     APSM_TRY(features_check_added(a->run, &a->in));
     APSM_TRY(guard_files(a->run, "evaluate", &a->in.list));

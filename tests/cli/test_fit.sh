@@ -143,6 +143,15 @@ grep -q $leaver model/scores.csv && fail "an excluded shape has scores"
 "$apsm" add model cohort/$leaver.ply new/turned.ply >said 2>&1 || fail "add: $(cat said)"
 "$apsm" verify model >said 2>&1 || fail "verify after add: $(cat said)"
 [ "$(wc -l <model/scores.csv)" -eq 9 ] || fail "not 8 shapes after add"
+
+# Of new files it may be said which side they are; that says nothing of the model's.
+"$synthetic" cohort/$leaver.ply left_one.ply mirror 1
+cp model/project.swproj project_before
+"$apsm" add model left_one.ply --reflect-match left_ >said 2>&1 || fail "add of a left one: $(cat said)"
+grep -q '"mirrored": true' <(grep -A40 left_one model/project.swproj) || grep -q left_one model/project.swproj ||
+    fail "no left one"
+grep '"reflect_match"' model/project.swproj | cmp -s - <(grep '"reflect_match"' project_before) ||
+    fail "the model's options changed"
 sum_of | grep -v "/${leaver}_" | grep -v "/$leaver\." | cmp -s - kept_before ||
     fail "the others' files changed"
 exit $failed
