@@ -257,6 +257,12 @@ static void cut(apsm_mesh *mesh, int kind, size_t i, double missing)
     free(sorted);
 }
 
+/* Mean distance of all particles from the joint model's, in h. */
+static double apart_of(const left_out *b, size_t i, const apsm_fit *fit)
+{
+    return fit->J > 0 ? apart(fit->J, fit->original, joint_particles(b, i)) / b->joint->h : NAN;
+}
+
 static void one_part(const fold *f, size_t i, int kind, double missing, sums *s)
 {
     const left_out *b = f->b;
@@ -286,6 +292,12 @@ static void one_part(const fold *f, size_t i, int kind, double missing, sums *s)
         apsm_mesh_free(&given);
     }
     s->shapes++;
+    if (fit[0].J > 0)
+        fprintf(stderr,
+                "%s %s %.0f %%: %s, %.3f h from the joint model's particles (placed %.3f)\n",
+                b->folder.names[i], cut_names[kind], 100 * missing,
+                apsm_fit_verdict_text(fit[0].verdict), apart_of(b, i, &fit[0]),
+                apart_of(b, i, &fit[WAYS - 1]));
     s->refused += *fit[0].reason && strstr(fit[0].reason, "another") != NULL;
     judge(f, i, &whole, identity, fit, NULL, s);
     for (size_t k = 0; k < WAYS; k++) apsm_fit_free(&fit[k]);

@@ -280,18 +280,24 @@ apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, cons
                             size_t n, const double *x, const apsm_fit_options *options,
                             apsm_fit *fit)
 {
+    enum { least_points = 10 };
     part_points p = { 0 };
     if (!model || !name || !x || !options || !fit) return refuse_null(ctx, "apsm_fit_points");
     *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
-    if (n < 10)
-        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu points are too few; 10 at least", name,
-                         n);
+    if (n < least_points)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu points are too few; %d at least", name, n,
+                         least_points);
     for (size_t k = 0; k < 3 * n; k++)
         if (!isfinite(x[k]))
             return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: point %zu is not finite", name, k / 3);
     fit_job job = { .m = model, .name = name, .options = options, .out = fit };
     apsm_status status = fit_alloc(model, fit);
     if (status == APSM_OK) status = part_points_of_cloud(n, x, &p);
+    if (status == APSM_OK && p.n < least_points)
+        status = apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                           "%s: only %zu of %zu points are different; %d at "
+                           "least",
+                           name, p.n, n, least_points);
     if (status == APSM_OK) status = fit_points(ctx, &job, &p);
     part_points_free(&p);
     return close_job(ctx, &job, status);

@@ -144,6 +144,29 @@ static apsm_status step(fit_job *job, const double *x, bool last, landmark_work 
     return APSM_OK;
 }
 
+/* The landmark that lies least where the others say. */
+static apsm_status find_worst(fit_job *job, const double *x, landmark_work *w)
+{
+    const apsm_fit_model *m = job->m;
+    const size_t n = 3 * w->n;
+    apsm_affine_apply(job->pose.M, w->n, x, w->y);
+    for (size_t k = 0; k < n; k++) w->y[k] -= w->offset[k];
+    const posterior_model q = fit_rigid_add(&m->posterior, w->P, m->radius, w->store);
+    const posterior_seen seen = { n, w->A, w->R, w->y };
+    double *miss = malloc((n + w->n + posterior_left_out_size(&q, n)) * sizeof *miss);
+    if (!miss) return APSM_ERR_MEMORY;
+    double *z2 = miss + n;
+    const apsm_status status = posterior_left_out(&q, &seen, miss, z2, z2 + w->n);
+    for (size_t k = 0; status == APSM_OK && k < w->n; k++) {
+        if (!(sqrt(z2[k]) > job->landmark.deviations)) continue;
+        job->landmark.which = k;
+        job->landmark.deviations = sqrt(z2[k]);
+        job->landmark.off = vec3_norm(miss + 3 * k) / m->h;
+    }
+    free(miss);
+    return status;
+}
+
 static void set_deviations(const fit_job *job, const landmark_work *w)
 {
     const double band = fit_band_slip * job->m->calibration.band[FIT_BANDS - 1];
@@ -186,7 +209,7 @@ static apsm_status solve(fit_job *job, const double *at, const double *x, landma
     for (int r = 0; r < ROUNDS; r++) APSM_TRY(step(job, x, r + 1 == ROUNDS, w));
     set_deviations(job, w);
     measure(job, x, w);
-    return APSM_OK;
+    return find_worst(job, x, w);
 }
 
 apsm_status fit_landmark_particles(apsm_context *ctx, fit_job *job, size_t n, const double *at,

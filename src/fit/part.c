@@ -56,6 +56,7 @@ apsm_status part_points_of_cloud(size_t n, const double *x, part_points *p)
         size_t best = 0;
         for (size_t k = 1; k < n; k++)
             if (far[k] > far[best]) best = k;
+        if (p->n > 0 && !(far[best] > 0)) break; /* the others are there already */
         memcpy(p->x + 3 * p->n, x + 3 * best, 3 * sizeof *x);
         for (size_t k = 0; k < n; k++) {
             const double d2 = vec3_distance2(x + 3 * k, x + 3 * best);

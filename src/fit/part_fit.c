@@ -11,35 +11,69 @@
 
 enum { POSES = 5, FIRST_ROUNDS = 8, LAST_ROUNDS = 14 };
 static const double first_reach = 1.5; /* h */
+static const double another_pose = 1;  /* h: from so far on */
 static const double seen_reach = 0.5;  /* h: a particle is seen if the surface is so near */
 static const double at_border = 0.1;   /* h: or so near where the surface ends */
 
 /* ---- the best pose ---- */
 
+/* Refined states of several poses, the best and the cost of the next best that is another pose. */
+typedef struct race {
+    part_state best, trial; /* each with its scores */
+    double M[POSES][16], cost[POSES];
+    size_t n;
+} race;
+
 static apsm_status try_pose(const apsm_fit_model *m, const part_points *p, const double M[16],
-                            part_state *best, part_state *s, part_work *w)
+                            race *r, part_work *w)
 {
+    part_state *s = &r->trial;
     memcpy(s->M, M, sizeof s->M);
     memset(s->b, 0, m->posterior.M * sizeof *s->b);
     APSM_TRY(part_refine(m, p, FIRST_ROUNDS, first_reach, s, w));
-    if (!(s->cost < best->cost)) return APSM_OK;
-    const part_state t = *best;
-    *best = *s;
+    memcpy(r->M[r->n], s->M, sizeof s->M);
+    r->cost[r->n++] = s->cost;
+    if (!(s->cost < r->best.cost)) return APSM_OK;
+    const part_state t = r->best;
+    r->best = *s;
     *s = t;
     return APSM_OK;
 }
 
+/* Root mean square distance of the points between two poses, in h. */
+static double poses_apart(const apsm_fit_model *m, const part_points *p, const double A[16],
+                          const double B[16])
+{
+    double sum = 0, x[3], y[3];
+    for (size_t k = 0; k < p->n; k++) {
+        apsm_affine_apply(A, 1, p->x + 3 * k, x);
+        apsm_affine_apply(B, 1, p->x + 3 * k, y);
+        sum += vec3_distance2(x, y) / (double)p->n;
+    }
+    return sqrt(sum) / m->h;
+}
+
+/* By how much the best pose is more likely than the next that is another one, as a logarithm. */
+static double evidence_of(const apsm_fit_model *m, const part_points *p, const race *r)
+{
+    double next = INFINITY;
+    for (size_t k = 0; k < r->n; k++)
+        if (r->cost[k] < next && poses_apart(m, p, r->M[k], r->best.M) > another_pose)
+            next = r->cost[k];
+    return 0.5 * (next - r->best.cost);
+}
+
 /* Starts where it is, if that is known, else from the search. */
-static apsm_status find_state(const fit_job *job, const part_points *p, part_state *best,
-                              part_state *s, part_work *w)
+static apsm_status find_state(fit_job *job, const part_points *p, race *r, part_work *w)
 {
     double M[POSES][16];
     size_t n = 1;
     apsm_affine_identity(M[0]);
-    best->cost = INFINITY;
+    r->best.cost = INFINITY;
     if (!job->options->aligned) APSM_TRY(part_poses(job->m, p, job->options, POSES, M, &n));
-    for (size_t k = 0; k < n; k++) APSM_TRY(try_pose(job->m, p, M[k], best, s, w));
-    return part_refine(job->m, p, LAST_ROUNDS, first_reach / 2, best, w);
+    for (size_t k = 0; k < n; k++) APSM_TRY(try_pose(job->m, p, M[k], r, w));
+    job->pose_evidence = evidence_of(job->m, p, r);
+    return part_refine(job->m, p, LAST_ROUNDS, first_reach / 2, &r->best, w);
 }
 
 /* ---- what is seen ---- */
@@ -224,11 +258,11 @@ apsm_status fit_part_particles(apsm_context *ctx, fit_job *job, const part_point
     const size_t M = job->m->posterior.M;
     part_work w;
     double *b = malloc(2 * M * sizeof *b);
-    part_state best = { .b = b }, s = { .b = b + M };
+    race r = { .best = { .b = b }, .trial = { .b = b + M } };
     apsm_status status = part_work_alloc(job->m, p->n, &w);
     if (!b) status = APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = find_state(job, p, &best, &s, &w);
-    if (status == APSM_OK) status = finish(job, p, &best, &w);
+    if (status == APSM_OK) status = find_state(job, p, &r, &w);
+    if (status == APSM_OK) status = finish(job, p, &r.best, &w);
     part_work_free(&w);
     free(b);
     return status;

@@ -14,8 +14,13 @@ typedef struct fit_job {
     const apsm_mesh *mesh; /* as given */
     const apsm_fit_options *options;
     fit_pose pose;
-    apsm_shape shape; /* in the world frame; {0} until posed */
-    unsigned faults;  /* the certificate's reasons */
+    apsm_shape shape;     /* in the world frame; {0} until posed */
+    unsigned faults;      /* the certificate's reasons */
+    double pose_evidence; /* of a part: log of how much likelier its pose is than another */
+    struct {
+        size_t which;
+        double off, deviations; /* of it from where the others say it is: in h, and in theirs */
+    } landmark;                 /* the worst */
     apsm_fit *out;
 } fit_job;
 

@@ -133,6 +133,53 @@ apsm_status posterior_of(const posterior_model *m, const posterior_seen *seen, p
     return APSM_OK;
 }
 
+/* ---- left-out measurements ---- */
+
+size_t posterior_left_out_size(const posterior_model *m, size_t n)
+{
+    return 2 * n * n + n * m->M + n;
+}
+
+/* S (lower) = cov y; V: n x M */
+static void covariance_of_seen(const posterior_model *m, const posterior_seen *seen, double *S,
+                               double *V)
+{
+    const size_t n = seen->n, D = m->D, M = m->M;
+    apsm_gemm(0, 1, n, M, D, 1, seen->A, D, m->mode, D, 0, V, M);
+    for (size_t a = 0; a < n; a++)
+        for (size_t k = 0; k < M; k++) V[a * M + k] *= sqrt(m->variance[k]);
+    apsm_gemm(0, 1, n, n, D, m->noise, seen->A, D, seen->A, D, 0, S, n);
+    apsm_gemm(0, 1, n, n, M, 1, V, M, V, M, 1, S, n);
+    for (size_t a = 0; a < n; a++)
+        for (size_t b = 0; b <= a; b++) S[a * n + b] += seen->R[a * n + b];
+}
+
+/* With S the covariance of y and u = S^-1 (y - A mean), y less what the other measurements say is
+ * (S^-1)_kk^-1 u_k, and its covariance (S^-1)_kk^-1. */
+apsm_status posterior_left_out(const posterior_model *m, const posterior_seen *seen, double *miss,
+                               double *z2, double *work)
+{
+    const size_t n = seen->n;
+    double *S = work, *inverse = S + n * n, *u = inverse + n * n, *V = u + n;
+    covariance_of_seen(m, seen, S, V);
+    APSM_TRY(apsm_cholesky(n, S));
+    apsm_gemv(n, m->D, seen->A, m->mean, u);
+    for (size_t a = 0; a < n; a++) u[a] = seen->y[a] - u[a];
+    apsm_cholesky_solve(n, S, 1, u);
+    memset(inverse, 0, n * n * sizeof *inverse);
+    for (size_t a = 0; a < n; a++) inverse[a * n + a] = 1;
+    apsm_cholesky_solve(n, S, n, inverse);
+    for (size_t k = 0; k + 2 < n; k += 3) {
+        double block[9], *r = miss + k;
+        for (size_t a = 0; a < 9; a++) block[a] = inverse[(k + a / 3) * n + k + a % 3];
+        memcpy(r, u + k, 3 * sizeof *r);
+        APSM_TRY(apsm_cholesky(3, block));
+        apsm_cholesky_solve(3, block, 1, r);
+        z2[k / 3] = r[0] * u[k] + r[1] * u[k + 1] + r[2] * u[k + 2];
+    }
+    return APSM_OK;
+}
+
 /* ---- particles themselves ---- */
 
 size_t posterior_particles_work_size(const posterior_model *m)

@@ -44,6 +44,13 @@ apsm_status posterior_of(const posterior_model *m, const posterior_seen *seen,
                          posterior_scores *scores, double *x, double *C,
                          double *work) APSM_NODISCARD;
 
+/* How far measurements are from what the others say, three coordinates at a time (n a multiple of
+ * 3): miss (n, out), and z2 (n / 3, out): its squared Mahalanobis distance, of 3 degrees of freedom
+ * where (40) and (41) hold.  work of posterior_left_out_size.  O(n^3). */
+size_t posterior_left_out_size(const posterior_model *m, size_t n);
+apsm_status posterior_left_out(const posterior_model *m, const posterior_seen *seen, double *miss,
+                               double *z2, double *work) APSM_NODISCARD;
+
 /* The same where particles themselves are measured, y (D), each coordinate with the error variance
  * error[j] of its particle j; INFINITY: not seen.  x (D, out), block (D/3 x 9, out): covariance of
  * each particle; either may be NULL.  O(D M^2). */

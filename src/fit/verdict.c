@@ -21,6 +21,8 @@ static const double form_review = 2.5;
 static const double own_mirror = 1.5; /* usual residuals: a kind that differs less from its mirror
                                          image does not show its side */
 static const double tail_review = 1e-3;
+static const double pose_told = 3;    /* log of how much likelier the pose of a part has to be */
+static const double landmark_off = 6; /* deviations, of three coordinates together */
 static const double part_refused = 0.5, part_review = 0.8; /* of a part, what fits */
 
 const char *apsm_fit_verdict_text(apsm_fit_verdict verdict)
@@ -64,7 +66,7 @@ void fit_judge_pose(fit_job *job)
     const bool any_size = job->m->options.align.align == APSM_ALIGN_SIMILARITY;
     if (!any_size && (p->size * other_size < c->size_least || p->size > other_size * c->size_most))
         fit_object(out, APSM_FIT_REFUSED,
-                   "is %.2f times as large as the mean; the model's shapes are %.2f to %.2f times",
+                   "is %.3g times as large as the mean; the model's shapes are %.3g to %.3g times",
                    p->size, c->size_least, c->size_most);
     if (p->residual > pose_refused)
         fit_object(out, APSM_FIT_REFUSED,
@@ -102,6 +104,13 @@ static void judge_scores(const fit_job *job)
             out->mahalanobis, fmin(1 / fmax(out->tail, 1e-12), 1e12));
 }
 
+static void judge_part_pose(fit_job *job)
+{
+    if (job->pose_evidence < pose_told)
+        fit_object(job->out, APSM_FIT_REVIEW,
+                   "ambiguous pose: what is given fits in another place nearly as well");
+}
+
 void fit_judge_part(fit_job *job)
 {
     apsm_fit *out = job->out;
@@ -111,8 +120,20 @@ void fit_judge_part(fit_job *job)
     else if (out->counted_share < part_review)
         fit_object(out, APSM_FIT_REVIEW, "only %.0f %% of what is given fits",
                    100 * out->counted_share);
+    judge_part_pose(job);
     judge_distance(job);
     judge_scores(job);
+}
+
+/* What one of them says against the others. */
+static void judge_worst_landmark(fit_job *job)
+{
+    const double band = fmax(job->m->calibration.band[FIT_BANDS - 1], 1);
+    if (job->landmark.deviations > landmark_off * band)
+        fit_object(out, APSM_FIT_REVIEW,
+                   "landmark %zu is %.2g h from where the others say it is, %.2g standard "
+                   "deviations: is it misplaced, or another one of that name?",
+                   job->landmark.which + 1, job->landmark.off, job->landmark.deviations);
 }
 
 /* A point a spacing off is in the wrong place, or of another shape. */
@@ -122,7 +143,8 @@ void fit_judge_landmarks(fit_job *job)
     if (out->counted_share < part_refused)
         fit_object(out, APSM_FIT_REFUSED, "another shape: only %.0f %% of the landmarks fit",
                    100 * out->counted_share);
-    else if (out->counted_share < 1)
+    judge_worst_landmark(job);
+    if (out->counted_share < 1)
         fit_object(out, APSM_FIT_REVIEW, "landmarks do not fit: one is %.3g h off",
                    out->distance.two_way.max / job->m->h);
     judge_scores(job);

@@ -104,6 +104,10 @@ awk 'BEGIN { print "name,x,y,z" } NR % 5 == 1 { print "p" NR "," $1 "," $2 "," $
     one/particles/turned_original.particles >points.csv
 fit 0 "fitted" model points.csv --landmarks on_mean.csv -o landmarks
 grep -q '"observed_share": 0' landmarks/fit.json || fail "landmarks: $(cat landmarks/fit.json)"
+sed 's/^p1,/pX,/; s/^p31,/p1,/; s/^pX,/p31,/' points.csv >swapped.csv
+fit 0 "from where the others say it is" model swapped.csv --landmarks on_mean.csv -o swapped
+yes 1,2,3 | head -50 | sed '1i x,y,z' >same.csv
+fit 1 "only 1 of 50 points are different" model same.csv -o same_points
 echo 'p1,1,2' >>points.csv
 fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks2
 

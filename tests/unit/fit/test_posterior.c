@@ -7,6 +7,7 @@
 
 #include "fit/posterior.h"
 #include "golden.h"
+#include "linalg/linalg.h"
 
 enum { J = 6, D = 3 * J, M = 3 };
 
@@ -225,11 +226,49 @@ static void nothing_seen(void **state)
     json_decref(root);
 }
 
+/* What the others say of one of two measured particles, directly. */
+static void left_out(void **state)
+{
+    (void)state;
+    enum { N = 6 };
+    json_t *root = golden_load("posterior");
+    golden_case c;
+    load(json_array_get(golden_get(root, "cases"), 0), &c);
+    double A[N * D] = { 0 }, R[N * N] = { 0 }, y[N], miss[N], z2[2], b[M], B[M * M], x[D], C[D * D];
+    for (size_t a = 0; a < N; a++) {
+        A[a * D + a] = 1;
+        R[a * N + a] = 0.1;
+        y[a] = c.mean[a] + 0.3 * (double)(a + 1);
+    }
+    double *work = malloc(
+        (posterior_left_out_size(&c.model, N) + posterior_work_size(&c.model, N)) * sizeof *work);
+    const posterior_seen both = { N, A, R, y };
+    assert_int_equal(posterior_left_out(&c.model, &both, miss, z2, work), APSM_OK);
+    double R3[9] = { 0.1, 0, 0, 0, 0.1, 0, 0, 0, 0.1 };
+    const posterior_seen second = { 3, A + 3 * D, R3, y + 3 };
+    posterior_scores s = { .b = b, .B = B };
+    assert_int_equal(posterior_of(&c.model, &second, &s, x, C, work), APSM_OK);
+    double S[9], e[3], z = 0;
+    for (size_t a = 0; a < 9; a++) S[a] = C[(a / 3) * D + a % 3] + (a % 4 == 0 ? 0.1 : 0);
+    for (size_t a = 0; a < 3; a++) {
+        e[a] = y[a] - x[a];
+        assert_true(fabs(e[a] - miss[a]) < 1e-9 * (1 + fabs(e[a])));
+    }
+    double r[3] = { e[0], e[1], e[2] };
+    assert_int_equal(apsm_cholesky(3, S), APSM_OK);
+    apsm_cholesky_solve(3, S, 1, r);
+    for (size_t a = 0; a < 3; a++) z += e[a] * r[a];
+    assert_true(fabs(z - z2[0]) < 1e-9 * z);
+    free(work);
+    unload(&c);
+    json_decref(root);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(golden_cases),
-                                        cmocka_unit_test(golden_particles),
-                                        cmocka_unit_test(golden_normals),
-                                        cmocka_unit_test(nothing_seen) };
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(golden_cases), cmocka_unit_test(golden_particles),
+        cmocka_unit_test(golden_normals), cmocka_unit_test(nothing_seen), cmocka_unit_test(left_out)
+    };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
