@@ -130,7 +130,7 @@ static void judge_worst_landmark(fit_job *job)
 {
     const double band = fmax(job->m->calibration.band[FIT_BANDS - 1], 1);
     if (job->landmark.deviations > landmark_off * band)
-        fit_object(out, APSM_FIT_REVIEW,
+        fit_object(job->out, APSM_FIT_REVIEW,
                    "landmark %zu is %.2g h from where the others say it is, %.2g standard "
                    "deviations: is it misplaced, or another one of that name?",
                    job->landmark.which + 1, job->landmark.off, job->landmark.deviations);
