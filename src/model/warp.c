@@ -196,3 +196,34 @@ APSM_KERNEL void apsm_warp_apply(const apsm_warp *warp, const double *P, double 
                 Y[3 * v + c] += dot_in_lanes(n, warp->W + v * J + first, x[c]);
     }
 }
+
+/* Three columns of CHUNK moves times n (a multiple of LANES) weights, added to y. */
+KERNEL_INLINE void add_moves(size_t n, const float *restrict w, const float x[3][CHUNK],
+                             double y[3])
+{
+    float sum[3][LANES] = { { 0 } };
+    for (size_t j = 0; j < n; j += LANES)
+        for (size_t c = 0; c < 3; c++)
+            for (size_t l = 0; l < LANES; l++) sum[c][l] += w[j + l] * x[c][j + l];
+    for (size_t c = 0; c < 3; c++)
+        y[c] += (double)(((sum[c][0] + sum[c][4]) + (sum[c][1] + sum[c][5])) +
+                         ((sum[c][2] + sum[c][6]) + (sum[c][3] + sum[c][7])));
+}
+
+APSM_KERNEL void apsm_warp_displace(size_t nv, size_t J, const float *W, const double *X,
+                                    const double *D, double *Y)
+{
+    float x[3][CHUNK];
+    memcpy(Y, X, 3 * nv * sizeof *Y);
+    for (size_t first = 0; first < J; first += CHUNK) {
+        const size_t n = J - first < CHUNK ? J - first : CHUNK, whole = n - n % LANES;
+        for (size_t j = 0; j < n; j++)
+            for (size_t c = 0; c < 3; c++) x[c][j] = (float)D[3 * (first + j) + c];
+        for (size_t v = 0; v < nv; v++) {
+            const float *w = W + v * J + first;
+            add_moves(whole, w, (const float(*)[CHUNK])x, Y + 3 * v);
+            for (size_t j = whole; j < n; j++)
+                for (size_t c = 0; c < 3; c++) Y[3 * v + c] += (double)(w[j] * x[c][j]);
+        }
+    }
+}

@@ -121,7 +121,11 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
         APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
                                  &f->anchors));
-    return apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp);
+    APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp));
+    f->W32 = malloc(shape->mesh.nv * J * sizeof *f->W32);
+    if (!f->W32) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < shape->mesh.nv * J; k++) f->W32[k] = (float)f->warp.W[k];
+    return APSM_OK;
 }
 
 apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size_t J,
@@ -144,6 +148,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
 {
     if (!f) return;
     apsm_warp_free(&f->warp);
+    free(f->W32);
     apsm_warp_free(&f->anchors);
     free(f->features);
     apsm_neighbourhoods_free(&f->reference);

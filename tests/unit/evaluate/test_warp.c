@@ -4,9 +4,11 @@
 #include <stdint.h>
 
 #include <cmocka.h>
+#include <math.h>
 #include <string.h>
 
 #include "cohorts.h"
+#include "core/random.h"
 #include "golden.h"
 
 static apsm_context *ctx;
@@ -63,6 +65,34 @@ static void agrees_with_golden(void **state)
     free(biharmonic);
     free(triharmonic);
     json_decref(root);
+}
+
+/* In single precision and by moves: the same to a millionth of the moves, for any number of
+ * particles (whole lanes, a rest, more than a chunk). */
+static void displaces_as_it_applies(void **state)
+{
+    (void)state;
+    const size_t counts[3] = { 10, 64, 83 };
+    for (size_t k = 0; k < 3; k++) {
+        const size_t J = counts[k], n = 20;
+        double P[3 * 83], D[3 * 83], Q[3 * 83], X[60], Y[60], Z[60];
+        float *W = malloc(n * J * sizeof *W);
+        apsm_random rng = apsm_random_stream(7, 0, J, 0);
+        for (size_t x = 0; x < 3 * J; x++) {
+            P[x] = 10 * apsm_random_uniform(&rng);
+            D[x] = apsm_random_uniform(&rng) - 0.5;
+            Q[x] = P[x] + D[x];
+        }
+        for (size_t x = 0; x < 60; x++) X[x] = 10 * apsm_random_uniform(&rng);
+        apsm_warp warp = build(APSM_PHI_R, n, X, J, P);
+        assert_non_null(W);
+        for (size_t x = 0; x < n * J; x++) W[x] = (float)warp.W[x];
+        apsm_warp_apply(&warp, Q, Y);
+        apsm_warp_displace(n, J, W, X, D, Z);
+        for (size_t x = 0; x < 60; x++) assert_true(fabs(Z[x] - Y[x]) < 2e-6);
+        apsm_warp_free(&warp);
+        free(W);
+    }
 }
 
 /* Particles go exactly where their targets are; affine maps are reproduced everywhere; whatever
@@ -153,6 +183,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(displaces_as_it_applies),
         cmocka_unit_test(interpolates_and_reproduces_affine_maps),
         cmocka_unit_test(coinciding_particles_share_a_centre),
         cmocka_unit_test(refuses_what_has_no_warp),
