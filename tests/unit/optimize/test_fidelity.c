@@ -690,7 +690,13 @@ static void test_sparse(void **state)
         memcpy(g[k], w[k].g, sizeof g[k]);
         norm[k] = 0;
     }
-    assert_memory_equal(g[0], g[1], sizeof g[0]);
+    double size = 0, off = 0; /* the warp's weights are rounded */
+    for (size_t x = 0; x < 2 * J; x++) {
+        size = fmax(size, fabs(g[0][x]));
+        off = fmax(off, fabs(g[0][x] - g[1][x]));
+    }
+    print_message("gradients agree to %.2g of the largest\n", off / size);
+    assert_true(off < 1e-5 * size);
     for (size_t x = 0; x < 2 * J; x++)
         for (size_t y = 0; y <= x; y++) {
             const double a = w[0].H[x * 2 * J + y], b = w[1].H[x * 2 * J + y];
