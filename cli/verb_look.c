@@ -306,14 +306,16 @@ static apsm_status read_part(apsm_context *ctx, const char *folder, const char *
 /* Of joints. */
 static void say_spaces(cli_ui *ui, const json_t *spaces)
 {
+    static const char *const keys[] = { "rebuilt_closed", "rebuilt",      "made_closed",
+                                        "made",           "apart_closed", "apart" };
+    long long n[6];
     if (!json_is_object(spaces)) return;
-    static const char *const keys[] = { "rebuilt_closed", "rebuilt", "made_closed", "made" };
-    long long n[4];
-    for (size_t k = 0; k < 4; k++) n[k] = json_integer_value(json_object_get(spaces, keys[k]));
+    for (size_t k = 0; k < 6; k++) n[k] = json_integer_value(json_object_get(spaces, keys[k]));
     cli_say(
         ui,
-        "joint spaces that close: %lld of %lld rebuilt ones, %lld of %lld of the mean and modes",
-        n[0], n[1], n[2], n[3]);
+        "joint spaces that close: %lld of %lld rebuilt ones, %lld of %lld of the mean and modes, "
+        "%lld of %lld where poses or shapes vary alone",
+        n[0], n[1], n[2], n[3], n[4], n[5]);
 }
 
 static void say_verdict(cli_ui *ui, const json_t *certificate)

@@ -221,6 +221,13 @@ bool joint_made_closes(const joint_cohort *c, const joint_figures *f, size_t mad
     return made > 0 && depth > 2 * usual && depth > 0;
 }
 
+bool joint_made_is_apart(const joint_figures *f, size_t made)
+{
+    size_t k;
+    double sd;
+    return made > 0 && find_made(f, made, &k, &sd) != JOINT_MODES;
+}
+
 /* The joint of particles x, as row `row` of f->spaces. */
 static apsm_status measure_made(const joint_cohort *c, const double *x, size_t row,
                                 joint_figures *f)

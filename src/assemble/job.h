@@ -160,6 +160,9 @@ void joint_made_name(const joint_figures *figures, size_t made, char name[JOINT_
  */
 bool joint_made_closes(const joint_cohort *cohort, const joint_figures *figures, size_t made,
                        size_t pair);
+/* Whether it is of poses or of shapes alone, which no subject needs to look like: where bones are
+ * large they lie farther apart. */
+bool joint_made_is_apart(const joint_figures *figures, size_t made);
 
 /* ---- verdict.c ---- */
 

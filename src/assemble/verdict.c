@@ -133,7 +133,8 @@ static json_t *json_verdict(const judging *g, size_t i, bool *certified)
 
 /* ---- the model's joints ---- */
 
-/* "pose mode 1 -2sd closes the space between a and b", a note for each: [{shape, aspect, text}]. */
+/* "mode 1 -2sd closes the space between a and b", a note for each: [{shape, aspect, text}]; poses
+ * and shapes alone are counted. */
 static json_t *json_notes(const judging *g)
 {
     json_t *notes = json_array();
@@ -141,18 +142,30 @@ static json_t *json_notes(const judging *g)
         for (size_t a = 0, pair = 0; a < g->c->n; a++)
             for (size_t b = a + 1; b < g->c->n; b++, pair++) {
                 char name[JOINT_MADE_LENGTH];
-                if (!joint_made_closes(g->c, g->f, made, pair)) continue;
+                if (!joint_made_closes(g->c, g->f, made, pair) || joint_made_is_apart(g->f, made))
+                    continue;
                 joint_made_name(g->f, made, name);
                 json_array_append_new(
                     notes,
-                    json_pack(
-                        "{s:s, s:s, s:o}", "shape", name, "aspect", "joint space", "text",
-                        json_sprintf("closes the space between %s and %s: %.3g deep, more than "
-                                     "twice what any subject has",
-                                     g->job->part[a].name, g->job->part[b].name,
-                                     g->f->spaces[made * g->f->pairs + pair].depth)));
+                    json_pack("{s:s, s:s, s:o}", "shape", name, "aspect", "joint space", "text",
+                              json_sprintf("closes the space between %s and %s: %.3g deep, more "
+                                           "than twice what any subject has",
+                                           g->job->part[a].name, g->job->part[b].name,
+                                           g->f->spaces[made * g->f->pairs + pair].depth)));
             }
     return notes;
+}
+
+/* Spaces of joints that are made, of poses or shapes alone or not, and how many of them close. */
+static void count_made(const judging *g, bool apart, size_t *spaces, size_t *closed)
+{
+    *spaces = *closed = 0;
+    for (size_t made = 0; made < g->f->made; made++)
+        for (size_t pair = 0; pair < g->f->pairs; pair++) {
+            if (joint_made_is_apart(g->f, made) != apart) continue;
+            ++*spaces;
+            *closed += joint_made_closes(g->c, g->f, made, pair);
+        }
 }
 
 static void tell_notes(const judging *g, const json_t *notes)
@@ -167,14 +180,26 @@ static void tell_notes(const judging *g, const json_t *notes)
     }
 }
 
-/* Spaces that were measured, and those that close, of subjects as they are rebuilt and of joints
- * that the model makes. */
-static json_t *json_spaces_judged(const judging *g, size_t closed, size_t made_closed)
+/* Spaces that were measured, and those that close: of subjects as they are rebuilt, of the mean and
+ * modes, of poses and shapes alone. */
+typedef struct spaces_judged {
+    size_t rebuilt, rebuilt_closed, made, made_closed, apart, apart_closed;
+} spaces_judged;
+
+static spaces_judged judge_spaces(const judging *g, size_t rebuilt_closed)
 {
-    return json_pack("{s:I, s:I, s:I, s:I}", "rebuilt", (json_int_t)(g->c->I * g->f->pairs),
-                     "rebuilt_closed", (json_int_t)closed, "made",
-                     (json_int_t)(g->f->made * g->f->pairs), "made_closed",
-                     (json_int_t)made_closed);
+    spaces_judged n = { .rebuilt = g->c->I * g->f->pairs, .rebuilt_closed = rebuilt_closed };
+    count_made(g, false, &n.made, &n.made_closed);
+    count_made(g, true, &n.apart, &n.apart_closed);
+    return n;
+}
+
+static json_t *json_spaces_judged(const spaces_judged *n)
+{
+    return json_pack("{s:I, s:I, s:I, s:I, s:I, s:I}", "rebuilt", (json_int_t)n->rebuilt,
+                     "rebuilt_closed", (json_int_t)n->rebuilt_closed, "made", (json_int_t)n->made,
+                     "made_closed", (json_int_t)n->made_closed, "apart", (json_int_t)n->apart,
+                     "apart_closed", (json_int_t)n->apart_closed);
 }
 
 /* ---- all ---- */
@@ -194,7 +219,7 @@ static void tell_review(const judging *g, const char *name, const json_t *verdic
     apsm_log(g->job->ctx, APSM_LOG_WARNING, "%s", text);
 }
 
-static void tell(const judging *g, size_t certified, size_t closed, size_t made_closed)
+static void tell(const judging *g, size_t certified, const spaces_judged *n)
 {
     const apsm_pose_shape *ps = &g->f->poses;
     double pose = 0, shape = 0;
@@ -206,8 +231,8 @@ static void tell(const judging *g, size_t certified, size_t closed, size_t made_
     apsm_log(
         g->job->ctx, APSM_LOG_INFO,
         "joint spaces that close: %zu of %zu rebuilt ones, %zu of %zu of the mean and modes at "
-        "two standard deviations",
-        closed, g->c->I * g->f->pairs, made_closed, g->f->made * g->f->pairs);
+        "two standard deviations, %zu of %zu where poses or shapes vary alone",
+        n->rebuilt_closed, n->rebuilt, n->made_closed, n->made, n->apart_closed, n->apart);
     apsm_log(g->job->ctx, APSM_LOG_INFO, "%zu of %zu joints certified", certified, g->c->I);
 }
 
@@ -232,9 +257,9 @@ json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
         if (!good) tell_review(&g, job->subject[i].name, verdict);
         json_array_append_new(shapes, verdict);
     }
-    const size_t made_closed = json_array_size(notes);
+    const spaces_judged spaces = judge_spaces(&g, closed);
     tell_notes(&g, notes);
-    tell(&g, certified, closed, made_closed);
+    tell(&g, certified, &spaces);
     if (!notes || json_array_size(shapes) < cohort->I) {
         json_decref(shapes);
         json_decref(notes);
@@ -246,6 +271,5 @@ json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
                      (json_int_t)certified, "shapes", (json_int_t)cohort->I, "template",
                      job->subject[figures->like[0]].name, "h", least_spacing(&g), "thresholds",
                      json_object_get(cohort->folder[0].certificate, "thresholds"), "joint_spaces",
-                     json_spaces_judged(&g, closed, made_closed), "notes", notes, "per_shape",
-                     shapes);
+                     json_spaces_judged(&spaces), "notes", notes, "per_shape", shapes);
 }

@@ -113,6 +113,11 @@ bool manifest_json_is_joint(const json_t *root)
     return json_object_get(root, "joint") != NULL;
 }
 
+bool manifest_json_is_contours(const json_t *root)
+{
+    return json_object_get(root, "contours") != NULL;
+}
+
 bool manifest_is_of_images(const json_t *manifest)
 {
     const json_t *groomed = json_object_get(manifest, "groomed"), *shape;

@@ -29,6 +29,7 @@ int manifest_json_set_begun(json_t *root, const char *stage, bool with);
 
 /* Whether the folder holds a joint of several parts (src/assemble), not a model of one. */
 bool manifest_json_is_joint(const json_t *root);
+bool manifest_json_is_contours(const json_t *root); /* or a model of contours */
 /* Whether all shapes come from images, whose lengths are mm and whose axes are the patient's. */
 bool manifest_is_of_images(const json_t *root);
 /* The unit of lengths: what the user said (borrowed), "mm" for images, or NULL: not known. */

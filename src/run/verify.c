@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "folder/manifest_json.h"
 #include "run/input_check.h"
 #include "run/state.h"
 #include "session/manifest.h"
@@ -135,6 +136,12 @@ static bool is_joint(const verifying *v)
     return manifest_is_joint(v->run);
 }
 
+/* A model of contours has no stages. */
+static bool is_contours(const verifying *v)
+{
+    return manifest_json_is_contours(v->run->manifest);
+}
+
 static apsm_status verify_outputs(const verifying *v)
 {
     output *list = NULL;
@@ -145,7 +152,7 @@ static apsm_status verify_outputs(const verifying *v)
             disagree(v, "%s: %s since %s wrote it", list[k].path, what_happened(list[k].state),
                      list[k].stage);
     v->result->outputs = n;
-    if (status == APSM_OK && !is_joint(v)) status = look_for_others(v, list, n);
+    if (status == APSM_OK && !is_joint(v) && !is_contours(v)) status = look_for_others(v, list, n);
     free(list);
     return status;
 }
@@ -265,6 +272,14 @@ static apsm_status verify_manifest(const verifying *v, const char *path, bool *u
     return APSM_OK;
 }
 
+static apsm_status verify_contours(const verifying *v)
+{
+    const json_t *said = json_object_get(v->run->manifest, "contours");
+    if (!json_is_true(json_object_get(said, "finished")))
+        remark(v, "unfinished: the model has not been made; run again with --resume");
+    return verify_inputs(v);
+}
+
 static void tell_unfinished(const verifying *v)
 {
     for (size_t k = 0; stage_name(k); k++) {
@@ -313,6 +328,7 @@ static apsm_status verify_opened(const verifying *v)
 {
     APSM_TRY(verify_outputs(v));
     if (is_joint(v)) return verify_parts(v);
+    if (is_contours(v)) return verify_contours(v);
     APSM_TRY(verify_options(v));
     APSM_TRY(verify_checkpoints(v));
     APSM_TRY(verify_inputs(v));

@@ -57,7 +57,28 @@ sed 's/"contour_1": "in\/s1.vtk"/"group_side": "R"/' p.swproj >none.swproj
 expect 2 "two has no contour" run none.swproj -o q -J 48
 
 # ---- what is wrong ----
-expect 1 "is not empty" run in -o m -J 48
+expect 1 "continue it with --resume" run in -o m -J 48
+# ---- report, verify, resume ----
+[ "$(grep -c '<html' m/report.html)" -eq 1 ] && [ "$(wc -c <m/report.html)" -gt 100000 ] || fail "no report"
+expect 0 "agree" verify m
+expect 0 "nothing to do" run in -o m -J 48 --resume
+expect 1 "begun with other options" run in -o m -J 40 --resume
+expect 2 "give its inputs again" run -o m --resume
+cp -r m whole
+rm m/model.json m/report.html m/contours/mean.vtk # an interruption: the manifest lists nothing yet
+tr -d '\n' <whole/manifest.json | sed 's/"outputs": *{[^}]*}/"outputs": {}/; s/"finished": true/"finished": false/; s/, *"sha256": "[0-9a-f]*"}$/}/' >m/manifest.json
+expect 0 "5 of 5 contours certified" run in -o m -J 48 --resume
+for file in model.json scores.csv contours/mean.vtk report.html certificate.json; do cmp -s m/$file whole/$file || fail "resumed: another $file"; done
+expect 0 "agree" verify m
+echo >>m/scores.csv
+expect 1 "scores.csv" verify m
+cp in/s2.vtk kept.vtk && cp in/s3.vtk in/s2.vtk
+expect 1 "other contours, or they have changed" run in -o m -J 48 --resume
+cp kept.vtk in/s2.vtk
+expect 0 "5 of 5" run in -o m -J 48 --overwrite
+expect 0 "agree" verify m
+mkdir mine && echo 1 >mine/notes.txt
+expect 1 "is not empty" run in -o mine -J 48 --overwrite
 expect 1 "has no meaning" run in -o q --gamma 1
 expect 2 "none of the 5 contours" run in -o q --template s9
 sed 's/^2 0 1$/2 0 90/' in/s0.vtk >in/x.vtk

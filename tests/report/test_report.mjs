@@ -543,6 +543,28 @@ async function main() {
     await picture(page, "joint");
     await page.context().close();
   });
+  await check("contours are drawn, moved along modes, chosen and judged", async () => {
+    const curves = join(folder, "curves"), made = join(folder, "contours");
+    mkdirSync(curves);
+    for (let i = 0; i < 5; i++) {
+      const n = 90, at = (k) => { const t = (2 * Math.PI * k) / n, r = 50 + (4 + 2 * i) * Math.cos(3 * t) + 5 * Math.cos(t); return `${r * Math.cos(t)} ${r * Math.sin(t)} 0`; };
+      const ks = Array.from({ length: n }, (_, k) => k);
+      writeFileSync(join(curves, `<i>c${i}.vtk`), `# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS ${n} double\n${ks.map(at).join("\n")}\nLINES ${n} ${3 * n}\n${ks.map((k) => `2 ${k} ${(k + 1) % n}`).join("\n")}\n`);
+    }
+    run("run", curves, "-o", made, "-J", "24", "-q");
+    const page = await open(browser, {}, made);
+    assert.match(await page.textContent("#verdict"), /of 5 contours/);
+    const shape = () => page.getAttribute("#modes svg path:last-of-type", "d"), before = await shape();
+    await page.locator("#modes input[type=range]").fill("2");
+    assert.notEqual(await shape(), before, "the slider moves nothing");
+    assert.equal(await page.locator("#modes svg circle").count(), 24);
+    await page.getByRole("button", { name: "c3" }).click();
+    assert.match(await page.textContent("#shape p"), /c3: /);
+    assert.equal(await page.locator("#certificate tbody tr").count(), 5);
+    assert.doesNotMatch(await page.textContent("main"), /undefined|NaN/);
+    await picture(page, "contours");
+    await page.context().close();
+  });
   await check("without WebGL the figures and tables are still there", async () => {
     const plain = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--disable-3d-apis", "--disable-background-networking"] });
     const context = await plain.newContext({ offline: true }), poor = await context.newPage();

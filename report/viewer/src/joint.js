@@ -126,7 +126,7 @@ export function tellApart(model) {
 /** How many spaces close, in words; "" where nobody counted. */
 export function tellClosed(model) {
   const s = model.certificate.joint_spaces;
-  return s ? `${s.rebuilt_closed} of ${s.rebuilt} rebuilt spaces close, and ${s.made_closed} of ${s.made} of the mean joint and of modes at two standard deviations.` : "";
+  return s ? `${s.rebuilt_closed} of ${s.rebuilt} rebuilt spaces close, and ${s.made_closed} of ${s.made} of the mean joint and of modes at two standard deviations; where poses or shapes vary alone, which no subject does, ${s.apart_closed} of ${s.apart}.` : "";
 }
 
 /** How near the parts of subjects come to each other, and whether the rebuilt surfaces keep the space. */

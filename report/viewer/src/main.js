@@ -11,6 +11,7 @@ import { copyText, fileName, saveCsv, saveSvg, saveButton, saveTools } from "./s
 import { modeBasis } from "./modes.js";
 import { readLink, writeLink } from "./link.js";
 import { Fits, fillFits } from "./fits.js";
+import { Contours, fillContours } from "./contours.js";
 import { Norms, fillNorms } from "./norms.js";
 import { legend, stageOf } from "./surface.js";
 import { fieldEnds, fieldsOf, spreadParts } from "./fields.js";
@@ -852,11 +853,17 @@ function tryGraphics() {
   }
 }
 
+function startContours(page) {
+  window.apsmReport = { model: page, ...fillContours(page) };
+  document.documentElement.dataset.ready = "yes";
+}
+
 async function start() {
   chooseTheme();
-  const page = await readPage(byId("data").textContent, { "apsm-report": Model, "apsm-fits": Fits, "apsm-norms": Norms });
+  const page = await readPage(byId("data").textContent, { "apsm-report": Model, "apsm-fits": Fits, "apsm-norms": Norms, "apsm-contours": Contours });
   byId("data").remove();
   if (page instanceof Fits) return startShapes(page, page.V0, fillFits);
+  if (page instanceof Contours) return startContours(page);
   if (page instanceof Norms) return startShapes(page, page.surfaces(0).expected, fillNorms);
   model = page;
   setUnit(model.unit ?? null);
