@@ -854,7 +854,7 @@ function tryGraphics() {
 }
 
 function startContours(page) {
-  window.apsmReport = { model: page, ...fillContours(page) };
+  window.apsmReport = { model: page, ...fillContours(page), idle: () => true };
   document.documentElement.dataset.ready = "yes";
 }
 
