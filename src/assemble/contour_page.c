@@ -78,8 +78,9 @@ static json_t *json_mode(const contour_job *j, const double axes[6], double size
 {
     const apsm_shape_model *m = &j->model;
     const size_t D = 3 * m->J;
-    double X[3 * N], Y[3 * N], *p = malloc(2 * D * sizeof *p), *d = p + D;
+    double X[3 * N], Y[3 * N], *p = malloc(2 * D * sizeof *p);
     if (!p) return NULL;
+    double *d = p + D;
     for (size_t x = 0; x < D; x++) {
         d[x] = sqrt(m->variance[k]) * m->mode[k * D + x];
         p[x] = m->mean[x] + d[x];
