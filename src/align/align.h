@@ -115,6 +115,7 @@ typedef struct apsm_cut {
 /* Owns its arrays; zero-initialise with {0}. */
 typedef struct apsm_alignment {
     size_t n, template_index;
+    bool oriented;           /* nearly all came in one orientation */
     double *M;               /* n x 16: world = M local; det < 0 only for shapes mirrored by _FIX */
     double *residual;        /* n: to the template, in the world's unit; 0 for the template */
     double *runner_up_ratio; /* n: residual of the best clearly different pose over that of the
