@@ -115,6 +115,7 @@ install: all ## to PREFIX (/usr/local), below DESTDIR if that is set
 
 wheel: all ## build/wheel/apsm-*.whl: the Python module with the library and all it needs (needs python3-dev)
 	@python3 scripts/make-wheel $(BUILD)
+	@scripts/check-wheel $(BUILD)
 
 package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
 	@scripts/setup --package --check || { echo "make: run 'scripts/setup --package' to install what is missing" >&2; exit 1; }

@@ -6,13 +6,10 @@ import array
 import contextlib
 import csv
 import os
+import sys
 import tempfile
+import warnings
 from typing import Any, Callable, Iterator, Mapping, Optional, Union
-
-try:
-    import numpy as _np
-except ImportError:  # everything works without
-    _np = None
 
 Path = Union[str, "os.PathLike[str]"]
 Log = Optional[Callable[[str], None]]
@@ -51,6 +48,11 @@ def _pinned_kernels():
 
 
 _apsm = _pinned_kernels()
+
+try:
+    import numpy as _np
+except ImportError:  # everything works without
+    _np = None
 
 
 # ---- arrays ----
@@ -151,9 +153,10 @@ def _logger(log: Optional[Callable[[str], None]]):
 
     def warn(is_warning: bool, line: str) -> None:
         if is_warning:
-            import warnings
-
-            warnings.warn(line, stacklevel=2)
+            depth, frame = 1, sys._getframe(0)
+            while frame.f_back and os.path.dirname(frame.f_code.co_filename) == os.path.dirname(__file__):
+                depth, frame = depth + 1, frame.f_back
+            warnings.warn(line, stacklevel=depth)  # where the user's call stands
 
     return warn
 
