@@ -18,6 +18,7 @@ typedef enum part_form {
     ROD,   /* add: from, to, radius at either end */
     BORE,  /* carve: the same */
     BELOW, /* keep what is below a plane: normal, height along it */
+    PLATE, /* add: (x, y) from, (x, y) to, z from, to, half the thickness at either end */
     PAIR_BALL,
     PAIR_ROD, /* the same, and its mirror image in x */
     PAIR_BELOW
@@ -27,6 +28,14 @@ typedef struct anatomy_part {
     part_form form;
     double blend, p[8];
 } anatomy_part;
+
+/* A rod across z, as high as a plate. */
+static inline double anatomy_plate(const double p[8], const double x[3])
+{
+    const double flat[3] = { x[0], x[1], 0 };
+    return solid_round_max(solid_rod(flat, p[0], p[1], 0, p[2], p[3], 0, p[6], p[7]),
+                           fabs(x[2] - 0.5 * (p[4] + p[5])) - 0.5 * (p[5] - p[4]), 2);
+}
 
 static inline double anatomy_join_part(const anatomy_part *part, const double x[3], double d)
 {
@@ -43,6 +52,8 @@ static inline double anatomy_join_part(const anatomy_part *part, const double x[
         return solid_join(d, solid_rod(y, p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]), r);
     case BORE:
         return solid_carve(d, solid_rod(y, p[0], p[1], p[2], p[3], p[4], p[5], p[6], p[7]), r);
+    case PLATE:
+        return solid_join(d, anatomy_plate(p, y), r);
     case BELOW:
     case PAIR_BELOW:
         return solid_round_max(d, p[0] * y[0] + p[1] * y[1] + p[2] * y[2] - p[3], r);
@@ -417,6 +428,20 @@ static const anatomy_table anatomy_tables[] = {
       { { CURVE, 0, 0.2, { 10, 100, -1 / 90.0, 0, 0 } },
         { PULL, 1, 6, { 0, 0, 1, 0, 0, 0, 10, 100 } },
         { PULL, 2, 2.5, { 0, 1, 0, 0, 0, 0, -18, 18 } } } },
+    { "adrenal", /* a Y of thin sheets, 45 mm high: body, and two limbs of unlike length */
+      { -18, -18, -5 },
+      { 20, 16, 50 },
+      0.6,
+      1.3,
+      18,
+      { { PLATE, 1, { 0, 0, 0, 9, 3, 40, 2.6, 1.8 } },
+        { PLATE, 2, { 0, 0, -12, -13, -2, 28, 2.4, 1.3 } },
+        { PLATE, 2, { 0, 0, 10, -5, 12, 46, 2, 1.4 } } },
+      { { CURVE, 0, 0.008, { 5, 42, 0, 0.004, 2 } },
+        { TWIST, 1, 0.2, { 5, 42 } },
+        { PULL, 2, 2.5, { -0.6, -0.8, 0, 0, 0, 0, 3, 14 } },
+        { PULL, 3, 2.5, { 0.8, -0.6, 0, 0, 0, 0, 3, 14 } },
+        { PULL, 4, 4, { 0, 0, 1, 0, 0, 0, 10, 40 } } } },
 };
 
 enum { ANATOMY_TABLES = sizeof anatomy_tables / sizeof *anatomy_tables };
