@@ -24,6 +24,7 @@ typedef struct dicom_segment {
 typedef struct dicom {
     bool big_endian, implicit, rle;
     char series[DICOM_UID], modality[17], kind[17]; /* kind: SegmentationType */
+    int64_t most; /* of a fractional segmentation: what stands for 1 */
     int64_t rows, columns, samples, allocated, stored, high, is_signed, frames;
     double slope, intercept;
     double orientation[6], between[2], gap; /* between rows, columns; given between slices or 0 */

@@ -1,5 +1,5 @@
 /* DICOM SEG: the frames of each segment, those without voxels left out.  Segments that overlap go
- * to different layers. */
+ * to different layers.  A fractional one is a function between 0 and 1, of one segment. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -115,6 +115,21 @@ static void paint(scan *s, const dicom *d, const dicom_stack *k, size_t i, void 
         if (p->frame[x]) out[x] = number ? number : p->frame[x];
 }
 
+static bool is_fractional(const dicom *d)
+{
+    return strcmp(d->kind, "FRACTIONAL") == 0;
+}
+
+static void paint_fraction(scan *s, const dicom *d, const dicom_stack *k, size_t i, void *user)
+{
+    painting *const p = user;
+    const size_t pixels = (size_t)d->rows * (size_t)d->columns;
+    float *const out = p->volume->value + p->place[i] * pixels;
+    dicom_frame_labels(s, d, k->slice[i].frame, p->frame);
+    for (size_t x = 0; x < pixels && scan_ok(s); x++)
+        out[x] = (float)((double)p->frame[x] / (double)d->most);
+}
+
 static apsm_status name_segments(apsm_context *ctx, const dicom_stack *k, const size_t *layer,
                                  apsm_volume *v)
 {
@@ -138,7 +153,12 @@ static apsm_status check_kind(apsm_context *ctx, const dicom_stack *k)
         return apsm_fail(ctx, APSM_ERR_FORMAT,
                          "%s: holds several DICOM segmentations; put each into a folder of its own",
                          k->folder);
-    if (strcmp(d->kind, "BINARY") != 0 && strcmp(d->kind, "LABELMAP") != 0)
+    if (is_fractional(d) && (d->segments != 1 || d->most < 1))
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: is a fractional segmentation of %zu segments; export them one by one, "
+                         "or as BINARY",
+                         k->folder, d->segments);
+    if (strcmp(d->kind, "BINARY") != 0 && strcmp(d->kind, "LABELMAP") != 0 && !is_fractional(d))
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a %s segmentation, which is not read here; export it as BINARY or "
                          "LABELMAP",
@@ -155,11 +175,14 @@ static apsm_status check_kind(apsm_context *ctx, const dicom_stack *k)
 static apsm_status fill(apsm_context *ctx, const dicom_stack *k, image *m, painting *p)
 {
     const size_t pixels = m->n[0] * m->n[1];
+    const bool fractional = is_fractional(&k->shared);
     p->frame = malloc(pixels * sizeof *p->frame);
     p->layer = calloc(k->shared.segments + 1, sizeof *p->layer);
-    if (!p->frame || !p->layer || !add_layer(p->volume, pixels * m->n[2]))
+    if (fractional) p->volume->value = calloc(pixels * m->n[2], sizeof *p->volume->value);
+    if (!p->frame || !p->layer ||
+        !(fractional ? p->volume->value != NULL : add_layer(p->volume, pixels * m->n[2])))
         return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", k->folder);
-    APSM_TRY(dicom_read_slices(ctx, k, paint, p));
+    APSM_TRY(dicom_read_slices(ctx, k, fractional ? paint_fraction : paint, p));
     return name_segments(ctx, k, p->layer, p->volume);
 }
 

@@ -348,6 +348,110 @@ static void cut_slices_end_in_one_line(void **state)
     free(bytes);
 }
 
+/* ---- a fractional segmentation ---- */
+
+/* A tag with a length: of a sequence (with its VR), an item, or the end of either. */
+static void put_mark(buffer *b, unsigned group, unsigned element, const char *vr, bool end)
+{
+    const unsigned char length[4] = { 255, 255, 255, 255 };
+    put16(b, group);
+    put16(b, element);
+    put(b, vr, strlen(vr));
+    if (*vr) put16(b, 0);
+    put(b, end ? (const unsigned char *)"\0\0\0" : length, 4);
+}
+
+static void put_frame_position(buffer *b, int k)
+{
+    char text[32];
+    snprintf(text, sizeof text, "-3\\4\\%g", 2.0 * k);
+    put_mark(b, 0xfffe, 0xe000, "", false);
+    put_mark(b, 0x20, 0x9113, "SQ", false);
+    put_mark(b, 0xfffe, 0xe000, "", false);
+    put_text(b, 0x20, 0x32, "DS", text);
+    put_mark(b, 0xfffe, 0xe00d, "", true);
+    put_mark(b, 0xfffe, 0xe0dd, "", true);
+    put_mark(b, 0x62, 0x0a, "SQ", false);
+    put_mark(b, 0xfffe, 0xe000, "", false);
+    put_us(b, 0x62, 0x0b, 1);
+    put_mark(b, 0xfffe, 0xe00d, "", true);
+    put_mark(b, 0xfffe, 0xe0dd, "", true);
+    put_mark(b, 0xfffe, 0xe00d, "", true);
+}
+
+static void put_segments(buffer *b, int segments)
+{
+    put_mark(b, 0x62, 2, "SQ", false);
+    for (int k = 0; k < segments; k++) {
+        put_mark(b, 0xfffe, 0xe000, "", false);
+        put_us(b, 0x62, 4, (unsigned)k + 1);
+        put_text(b, 0x62, 5, "LO", "liver");
+        put_mark(b, 0xfffe, 0xe00d, "", true);
+    }
+    put_mark(b, 0xfffe, 0xe0dd, "", true);
+}
+
+/* SLICES frames of COLUMNS x ROWS bytes; of frame `without`, nothing. */
+static void write_fractions(const char *path, int segments, int without)
+{
+    buffer file = { .n = 128 };
+    put(&file, "DICM", 4);
+    put_text(&file, 2, 0x10, "UI", "1.2.840.10008.1.2.1");
+    put_text(&file, 0x08, 0x60, "CS", "SEG");
+    put_us(&file, 0x28, 2, 1);
+    put_text(&file, 0x28, 8, "IS", without < 0 ? "12" : "11");
+    put_us(&file, 0x28, 0x10, ROWS);
+    put_us(&file, 0x28, 0x11, COLUMNS);
+    put_text(&file, 0x28, 0x30, "DS", "1.5\\0.5");
+    put_us(&file, 0x28, 0x100, 8);
+    put_us(&file, 0x28, 0x101, 8);
+    put_us(&file, 0x28, 0x102, 7);
+    put_us(&file, 0x28, 0x103, 0);
+    put_text(&file, 0x20, 0x37, "DS", "1\\0\\0\\0\\1\\0");
+    put_text(&file, 0x62, 1, "CS", "FRACTIONAL");
+    put_segments(&file, segments);
+    put_us(&file, 0x62, 0x0e, 200);
+    put_mark(&file, 0x5200, 0x9230, "SQ", false);
+    for (int k = 0; k < SLICES; k++)
+        if (k != without) put_frame_position(&file, k);
+    put_mark(&file, 0xfffe, 0xe0dd, "", true);
+    unsigned char pixels[SLICES * ROWS * COLUMNS];
+    size_t n = 0;
+    for (int k = 0; k < SLICES; k++)
+        for (int i = 0; i < ROWS * COLUMNS && k != without; i++)
+            pixels[n++] = (unsigned char)((7 * i + 31 * k) % 201);
+    put_element(&file, 0x7fe0, 0x10, "OB", pixels, n);
+    scratch_write(path, file.bytes, file.n);
+}
+
+static void fractions_are_values(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "seg.dcm");
+    for (int without = -1; without < 6; without += 6) { /* all frames; the sixth is left out */
+        apsm_volume v;
+        double M[16];
+        write_fractions(path, 1, without);
+        if (apsm_read_dicom(f->ctx, path, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+        assert_true(v.n[0] == COLUMNS && v.n[1] == ROWS && v.n[2] == SLICES);
+        assert_null(v.label);
+        assert_non_null(v.value);
+        apsm_volume_index_to_lps(&v, M);
+        assert_true(fabs(M[0] - 0.5) + fabs(M[5] - 1.5) + fabs(M[10] - 2.0) < 1e-9);
+        assert_true(fabs(M[3] + 3.0) + fabs(M[7] - 4.0) + fabs(M[11]) < 1e-9);
+        for (int k = 0; k < SLICES; k++)
+            for (int i = 0; i < ROWS * COLUMNS; i++) {
+                const double wanted = k == without ? 0.0 : (7 * i + 31 * k) % 201 / 200.0;
+                assert_true(fabs((double)v.value[k * ROWS * COLUMNS + i] - wanted) < 1e-6);
+            }
+        apsm_volume_free(&v);
+    }
+    apsm_volume v;
+    write_fractions(path, 2, -1);
+    assert_int_equal(apsm_read_dicom(f->ctx, path, &v), APSM_ERR_UNSUPPORTED);
+    assert_non_null(strstr(apsm_error_text(f->ctx), "one by one"));
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -357,6 +461,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(a_tilted_gantry_is_a_shear, setup, teardown),
         cmocka_unit_test_setup_teardown(other_encodings_are_read, setup, teardown),
         cmocka_unit_test_setup_teardown(compressions_are_refused_by_name, setup, teardown),
+        cmocka_unit_test_setup_teardown(fractions_are_values, setup, teardown),
         cmocka_unit_test_setup_teardown(cut_slices_end_in_one_line, setup, teardown),
     };
     return cmocka_run_group_tests_name("dicom", tests, NULL, NULL);
