@@ -111,11 +111,10 @@ static bool take_numbers(dicom *d, uint32_t tag, const unsigned char *p, size_t 
     const struct {
         uint32_t tag;
         int64_t *value;
-    } known[] = { { TAG(0x28, 0x02), &d->samples },   { TAG(0x28, 0x10), &d->rows },
-                  { TAG(0x28, 0x11), &d->columns },   { TAG(0x28, 0x100), &d->allocated },
-                  { TAG(0x28, 0x101), &d->stored },   { TAG(0x28, 0x102), &d->high },
-                  { TAG(0x28, 0x103), &d->is_signed },
-                  { TAG(0x62, 0x0e), &d->most } };
+    } known[] = { { TAG(0x28, 0x02), &d->samples },    { TAG(0x28, 0x10), &d->rows },
+                  { TAG(0x28, 0x11), &d->columns },    { TAG(0x28, 0x100), &d->allocated },
+                  { TAG(0x28, 0x101), &d->stored },    { TAG(0x28, 0x102), &d->high },
+                  { TAG(0x28, 0x103), &d->is_signed }, { TAG(0x62, 0x0e), &d->most } };
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (known[k].tag == tag) {
             *known[k].value = whole(d, p, n);

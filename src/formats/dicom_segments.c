@@ -154,10 +154,11 @@ static apsm_status check_kind(apsm_context *ctx, const dicom_stack *k)
                          "%s: holds several DICOM segmentations; put each into a folder of its own",
                          k->folder);
     if (is_fractional(d) && (d->segments != 1 || d->most < 1))
-        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: is a fractional segmentation of %zu segments; export them one by one, "
-                         "or as BINARY",
-                         k->folder, d->segments);
+        return apsm_fail(
+            ctx, APSM_ERR_UNSUPPORTED,
+            "%s: is a fractional segmentation of %zu segments; export them one by one, "
+            "or as BINARY",
+            k->folder, d->segments);
     if (strcmp(d->kind, "BINARY") != 0 && strcmp(d->kind, "LABELMAP") != 0 && !is_fractional(d))
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a %s segmentation, which is not read here; export it as BINARY or "
