@@ -263,6 +263,8 @@ static double apart_of(const left_out *b, size_t i, const apsm_fit *fit)
     return fit->J > 0 ? apart(fit->J, fit->original, joint_particles(b, i)) / b->joint->h : NAN;
 }
 
+static bool bands_alone; /* of fit, from the true pose */
+
 static void one_part(const fold *f, size_t i, int kind, double missing, sums *s)
 {
     const left_out *b = f->b;
@@ -280,19 +282,19 @@ static void one_part(const fold *f, size_t i, int kind, double missing, sums *s)
     double own[16], back[16];
     model_folder_to_world(&b->folder, i, own);
     from_world(b, i, back);
-    for (size_t k = 0; k < WAYS; k++) {
+    for (size_t k = 0; k < (bands_alone ? 1 : WAYS); k++) {
         apsm_mesh given;
         must_fit(b, apsm_mesh_copy(&part, &given));
-        o.aligned = k > 0;
-        if (k == 0) apsm_mesh_transform(&given, back);
+        o.aligned = k > 0 || bands_alone;
+        if (!o.aligned) apsm_mesh_transform(&given, back);
         const double start = bench_now();
         must_fit(b, apsm_fit_surface(b->ctx, &f->way[k], b->folder.names[i], &given, &o, &fit[k]));
         if (k == 0) s->seconds += bench_now() - start;
-        if (k == 0) apsm_affine_apply(own, fit[0].J, fit[0].original, fit[0].original);
+        if (!o.aligned) apsm_affine_apply(own, fit[0].J, fit[0].original, fit[0].original);
         apsm_mesh_free(&given);
     }
     s->shapes++;
-    if (fit[0].J > 0)
+    if (fit[0].J > 0 && !bands_alone)
         fprintf(stderr,
                 "%s %s %.0f %%: %s, %.3f h from the joint model's particles (placed %.3f)\n",
                 b->folder.names[i], cut_names[kind], 100 * missing,
@@ -374,13 +376,14 @@ int main(int argc, char **argv)
 {
     left_out b = { 0 };
     if (argc < 3) {
-        fprintf(stderr, "usage: bench_complete parts|landmarks MODEL_DIR [FOLDS [STEP]]\n");
+        fprintf(stderr, "usage: bench_complete parts|bands|landmarks MODEL_DIR [FOLDS [STEP]]\n");
         return 2;
     }
     open_model(&b, argv[2], argc > 3 ? (size_t)strtoul(argv[3], NULL, 10) : 10);
     const size_t step = argc > 4 ? (size_t)strtoul(argv[4], NULL, 10) : 1;
     if (step == 0 || b.folds == 0) return 2;
-    if (strcmp(argv[1], "parts") == 0) parts(&b, step);
+    bands_alone = strcmp(argv[1], "bands") == 0;
+    if (bands_alone || strcmp(argv[1], "parts") == 0) parts(&b, step);
     if (strcmp(argv[1], "landmarks") == 0) landmarks(&b, step);
     close_model(&b);
     return 0;

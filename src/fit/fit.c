@@ -140,8 +140,9 @@ apsm_status fit_scores(fit_job *job)
 static apsm_status place(apsm_context *ctx, fit_job *job)
 {
     apsm_bvh *bvh = NULL;
-    APSM_TRY(apsm_bvh_build_unsigned(job->mesh, &bvh));
-    const apsm_status status = fit_pose_find(job->m, job->mesh, bvh, job->options, &job->pose);
+    apsm_status status = APSM_OK;
+    if (fit_pose_searches(job->m, job->options)) status = apsm_bvh_build_unsigned(job->mesh, &bvh);
+    if (status == APSM_OK) status = fit_pose_find(job->m, job->mesh, bvh, job->options, &job->pose);
     apsm_bvh_free(bvh);
     APSM_TRY(status);
     APSM_TRY(fit_crop(ctx, job, job->mesh));

@@ -9,6 +9,7 @@
 
 #include "align/icp.h"
 #include "geometry/affine.h"
+#include "geometry/face.h"
 #include "geometry/vec3.h"
 
 enum { ROUGH_POINTS = 150, RESTING = 12 };
@@ -119,19 +120,54 @@ static void register_to_rest(search *s, fit_pose *out)
                      s->work);
 }
 
+/* Integrals over a face of |x - c|^2 and of x - c, over its area. */
+static double face_moments(const apsm_mesh *mesh, size_t f, const double c[3], double mean[3])
+{
+    double squares = 0;
+    memset(mean, 0, 3 * sizeof *mean);
+    for (size_t v = 0; v < 3; v++) {
+        double x[3];
+        vec3_sub(mesh->V + 3 * (size_t)mesh->F[3 * f + v], c, x);
+        vec3_add_scaled(mean, 1.0 / 3, x);
+        squares += vec3_dot(x, x);
+    }
+    return (9 * vec3_dot(mean, mean) + squares) / 12;
+}
+
+/* Root mean square distance of the surface from its centre. */
+static double radius_of(const apsm_mesh *mesh)
+{
+    const double *first = mesh->V;
+    double area = 0, sum = 0, centre[3] = { 0 }, mean[3];
+    for (size_t f = 0; f < mesh->nf; f++) {
+        const double A = face_area(mesh, f);
+        area += A;
+        sum += A * face_moments(mesh, f, first, mean);
+        vec3_add_scaled(centre, A, mean);
+    }
+    return sqrt(fmax(sum / area - vec3_dot(centre, centre) / (area * area), 0));
+}
+
+bool fit_pose_searches(const apsm_fit_model *m, const apsm_fit_options *options)
+{
+    return !options->aligned && m->options.align.align != APSM_ALIGN_NONE;
+}
+
 apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
                           const apsm_fit_options *options, fit_pose *pose)
 {
     search s;
     *pose = (fit_pose){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
     apsm_affine_identity(pose->M);
+    if (!fit_pose_searches(m, options)) {
+        pose->size = radius_of(mesh) / radius_of(&m->cohort.shape[0].mesh);
+        return APSM_OK;
+    }
     apsm_status status = open_search(m, mesh, bvh, &s);
     if (status == APSM_OK) {
         pose->size = s.cloud.radius / m->cloud.radius;
-        if (!options->aligned && m->options.align.align != APSM_ALIGN_NONE) {
-            search_hands(&s, options, pose);
-            register_to_rest(&s, pose);
-        }
+        search_hands(&s, options, pose);
+        register_to_rest(&s, pose);
     }
     close_search(&s);
     return status;

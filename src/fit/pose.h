@@ -15,7 +15,11 @@ typedef struct fit_pose {
     bool usual;          /* not mirrored, in the orientation in which the cohort came */
 } fit_pose;
 
-/* The pose of a whole shape.  bvh is the mesh's.  O(50,000) closest points. */
+/* Whether a pose is searched for: not where the shape is in its place. */
+bool fit_pose_searches(const apsm_fit_model *m, const apsm_fit_options *options);
+
+/* The pose of a whole shape.  bvh is the mesh's, and needed only for a search.  O(50,000) closest
+ * points. */
 apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
                           const apsm_fit_options *options, fit_pose *pose) APSM_NODISCARD;
 
