@@ -64,7 +64,10 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                                    .exclude = cli_args_get(args, "exclude"),
                                    .folder = args->out_dir,
                                    .overwrite = args->overwrite };
-    APSM_TRY(take_options(ctx, args, &settings.options));
+    apsm_fit_options options;
+    APSM_TRY(take_options(ctx, args, &options));
+    settings.options = &options;
+    settings.options_size = sizeof options;
     if (apsm_joint_is(ctx, settings.model)) return fit_joints(ctx, args, &settings, ui);
     if (args->parts)
         return apsm_fail(ctx, APSM_ERR_ARG, "--parts: %s is a model of one part", settings.model);

@@ -75,18 +75,18 @@ static apsm_status run_together(apsm_context *ctx, apsm_run_settings *s, const c
 static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *(*pairs)[2])
 {
     bool joint;
-    apsm_joint_settings settings = { settings_of(args), args->parts, args->align_parts,
-                                     args->shared };
-    settings.run.set = cli_pairs(args, pairs);
-    settings.run.n_set = args->n_set;
+    const apsm_joint_settings parts = { args->parts, args->align_parts, args->shared };
+    apsm_run_settings settings = settings_of(args);
+    settings.set = cli_pairs(args, pairs);
+    settings.n_set = args->n_set;
     bool contours;
-    APSM_TRY(apsm_contours_wanted(ctx, &settings.run, &contours));
-    if (contours) return apsm_contours_run(ctx, &settings.run);
-    APSM_TRY(apsm_joint_wanted(ctx, &settings, &joint));
+    APSM_TRY(apsm_contours_wanted(ctx, &settings, &contours));
+    if (contours) return apsm_contours_run(ctx, &settings);
+    APSM_TRY(apsm_joint_wanted(ctx, &settings, &parts, &joint));
     const cli_ranks ranks = cli_ranks_get();
-    if (ranks.size > 1 && !joint && !args->dry_run) return run_together(ctx, &settings.run, &ranks);
+    if (ranks.size > 1 && !joint && !args->dry_run) return run_together(ctx, &settings, &ranks);
     if (ranks.rank > 0) return APSM_OK;
-    return joint ? apsm_joint_run(ctx, &settings) : do_step(ctx, args, apsm_run_all);
+    return joint ? apsm_joint_run(ctx, &settings, &parts) : do_step(ctx, args, apsm_run_all);
 }
 
 static apsm_status say_where(apsm_context *ctx, const char *folder)

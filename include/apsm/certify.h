@@ -21,8 +21,16 @@ typedef struct apsm_certify_input {
 
 /* The verdict in log lines, and as certificate.json in the file `path` (NULL: not wanted).
  * *certified (out): how many shapes are. */
-APSM_API apsm_status apsm_certify_particles(apsm_context *ctx, const apsm_certify_input *input,
-                                            const char *path, size_t *certified) APSM_NODISCARD;
+APSM_API apsm_status apsm_certify_particles_sized(apsm_context *ctx,
+                                                  const apsm_certify_input *input, size_t size,
+                                                  const char *path,
+                                                  size_t *certified) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_certify_particles(apsm_context *ctx,
+                                                                const apsm_certify_input *input,
+                                                                const char *path, size_t *certified)
+{
+    return apsm_certify_particles_sized(ctx, input, sizeof *input, path, certified);
+}
 
 #ifdef __cplusplus
 }

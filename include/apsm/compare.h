@@ -51,8 +51,17 @@ typedef struct apsm_comparison {
 /* APSM_ERR_ARG: sizes so different that the unit must be another; APSM_ERR_STATE: results of
  * something else are in folder.  Common shapes are left out in ten folds of either model; shapes
  * are rebuilt in parallel, the same for any number of threads. */
-APSM_API apsm_status apsm_models_compare(apsm_context *ctx, const apsm_compare_settings *settings,
-                                         apsm_comparison *comparison) APSM_NODISCARD;
+APSM_API apsm_status apsm_models_compare_sized(apsm_context *ctx,
+                                               const apsm_compare_settings *settings, size_t size,
+                                               apsm_comparison *comparison,
+                                               size_t comparison_size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_models_compare(apsm_context *ctx,
+                                                             const apsm_compare_settings *settings,
+                                                             apsm_comparison *comparison)
+{
+    return apsm_models_compare_sized(ctx, settings, sizeof *settings, comparison,
+                                     sizeof *comparison);
+}
 
 #ifdef __cplusplus
 }

@@ -36,8 +36,14 @@ APSM_API const char *const *apsm_export_formats(void);
  * says what is in it and whether the model is certified.  APSM_ERR_STATE: the model has not been
  * evaluated, or something else is where the export would go; APSM_ERR_UNSUPPORTED: no such format
  * in this build. */
-APSM_API apsm_status apsm_export_model(apsm_context *ctx,
-                                       const apsm_export_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_export_model_sized(apsm_context *ctx,
+                                             const apsm_export_settings *settings,
+                                             size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_export_model(apsm_context *ctx,
+                                                           const apsm_export_settings *settings)
+{
+    return apsm_export_model_sized(ctx, settings, sizeof *settings);
+}
 
 /* Shapes of which a statistical model of another program is the model.  Owns its arrays. */
 typedef struct apsm_foreign_model {
@@ -52,9 +58,19 @@ typedef struct apsm_foreign_model {
 /* Reads an HDF5 file of Scalismo or Statismo with a mesh as representer; J particles, or as many as
  * it has vertices.  Its noise is left out with a warning.  APSM_ERR_UNSUPPORTED: a build without
  * HDF5. */
-APSM_API apsm_status apsm_read_statismo(apsm_context *ctx, const char *path, size_t J,
-                                        apsm_foreign_model *model) APSM_NODISCARD;
-APSM_API void apsm_foreign_model_free(apsm_foreign_model *model);
+APSM_API apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
+                                              apsm_foreign_model *model,
+                                              size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_read_statismo(apsm_context *ctx, const char *path,
+                                                            size_t J, apsm_foreign_model *model)
+{
+    return apsm_read_statismo_sized(ctx, path, J, model, sizeof *model);
+}
+APSM_API void apsm_foreign_model_free_sized(apsm_foreign_model *model, size_t size);
+static inline void apsm_foreign_model_free(apsm_foreign_model *model)
+{
+    apsm_foreign_model_free_sized(model, sizeof *model);
+}
 
 /* The warp that takes a template's particles P0 (J x 3) to those of I shapes P (I x J x 3), of n
  * points X (n x 3) on, in or near the template: Y (I x n x 3, out).  APSM_ERR_GEOMETRY: fewer than
@@ -63,8 +79,14 @@ typedef struct apsm_warp_points_input {
     size_t J, I, n;
     const double *P0, *P, *X;
 } apsm_warp_points_input;
-APSM_API apsm_status apsm_warp_points(apsm_context *ctx, const apsm_warp_points_input *input,
-                                      double *Y) APSM_NODISCARD;
+APSM_API apsm_status apsm_warp_points_sized(apsm_context *ctx, const apsm_warp_points_input *input,
+                                            size_t size, double *Y) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_warp_points(apsm_context *ctx,
+                                                          const apsm_warp_points_input *input,
+                                                          double *Y)
+{
+    return apsm_warp_points_sized(ctx, input, sizeof *input, Y);
+}
 
 /* All borrowed. */
 typedef struct apsm_warp_settings {
@@ -85,8 +107,14 @@ typedef struct apsm_warp_settings {
  * NAME_ITS-NAME.  Each shape lies where its particles lie.  Tetrahedra that turn inside out are
  * told in a warning and listed in warp.json; *inverted (may be NULL) counts them.
  * APSM_ERR_GEOMETRY: the template's particles are not on its mesh. */
-APSM_API apsm_status apsm_warp_files(apsm_context *ctx, const apsm_warp_settings *settings,
-                                     size_t *inverted) APSM_NODISCARD;
+APSM_API apsm_status apsm_warp_files_sized(apsm_context *ctx, const apsm_warp_settings *settings,
+                                           size_t size, size_t *inverted) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_warp_files(apsm_context *ctx,
+                                                         const apsm_warp_settings *settings,
+                                                         size_t *inverted)
+{
+    return apsm_warp_files_sized(ctx, settings, sizeof *settings, inverted);
+}
 
 #ifdef __cplusplus
 }

@@ -39,13 +39,18 @@ enum { APSM_HAND_AUTO, APSM_HAND_SAME, APSM_HAND_OTHER };
 /* How much of the surface is there: told by openings, all, a part. */
 enum { APSM_EXTENT_AUTO, APSM_EXTENT_WHOLE, APSM_EXTENT_PART };
 
+/* Grows at its end, as all structs here do; 0 is the default. */
 typedef struct apsm_fit_options {
     int hand;
     int extent;
     bool aligned; /* the shape is in the model's world frame: no pose is searched for */
     bool force;   /* fit a stranger nevertheless */
 } apsm_fit_options;
-APSM_API apsm_fit_options apsm_fit_defaults(void); /* auto, auto, false, false */
+static inline apsm_fit_options apsm_fit_defaults(void) /* auto, auto, false, false */
+{
+    const apsm_fit_options defaults = { APSM_HAND_AUTO, APSM_EXTENT_AUTO, false, false };
+    return defaults;
+}
 
 typedef enum apsm_fit_verdict {
     APSM_FIT_GOOD,
@@ -95,27 +100,62 @@ typedef struct apsm_fit {
     size_t lost, swaps, folds;
     double off_surface; /* most, in h */
 } apsm_fit;
-APSM_API void apsm_fit_free(apsm_fit *fit);
+APSM_API void apsm_fit_free_sized(apsm_fit *fit, size_t size);
+static inline void apsm_fit_free(apsm_fit *fit)
+{
+    apsm_fit_free_sized(fit, sizeof *fit);
+}
+
+/* What a fit is asked for, and the place of its result, as large as the program knows them: the
+ * functions below fill this in. */
+typedef struct apsm_fit_call {
+    const apsm_fit_options *options;
+    size_t options_size;
+    apsm_fit *fit;
+    size_t fit_size;
+} apsm_fit_call;
 
 /* mesh (borrowed): in any pose; closed and clean (as groomed) where it is whole.  name is for
  * messages.  A stranger is no failure: see verdict.  fit is overwritten, not freed. */
-APSM_API apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model,
-                                      const char *name, const apsm_mesh *mesh,
-                                      const apsm_fit_options *options,
-                                      apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_surface_sized(apsm_context *ctx, const apsm_fit_model *model,
+                                            const char *name, const apsm_mesh *mesh,
+                                            const apsm_fit_call *call) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_fit_surface(apsm_context *ctx,
+                                                          const apsm_fit_model *model,
+                                                          const char *name, const apsm_mesh *mesh,
+                                                          const apsm_fit_options *options,
+                                                          apsm_fit *fit)
+{
+    const apsm_fit_call call = { options, sizeof *options, fit, sizeof *fit };
+    return apsm_fit_surface_sized(ctx, model, name, mesh, &call);
+}
 
 /* The same from n points (n x 3) on the surface, without order: a cloud, of all of it or a part.
  * Ten at least. */
-APSM_API apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model,
-                                     const char *name, size_t n, const double *x,
-                                     const apsm_fit_options *options, apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_points_sized(apsm_context *ctx, const apsm_fit_model *model,
+                                           const char *name, size_t n, const double *x,
+                                           const apsm_fit_call *call) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, const char *name, size_t n,
+                const double *x, const apsm_fit_options *options, apsm_fit *fit)
+{
+    const apsm_fit_call call = { options, sizeof *options, fit, sizeof *fit };
+    return apsm_fit_points_sized(ctx, model, name, n, x, &call);
+}
 
 /* From n landmarks alone: x (n x 3) on the shape, on_mean (n x 3) the same points on the model's
  * mean shape (in the world frame).  Three at least; four to tell a hand. */
-APSM_API apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model,
-                                        const char *name, size_t n, const double *on_mean,
-                                        const double *x, const apsm_fit_options *options,
-                                        apsm_fit *fit) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_landmarks_sized(apsm_context *ctx, const apsm_fit_model *model,
+                                              const char *name, size_t n, const double *on_mean,
+                                              const double *x,
+                                              const apsm_fit_call *call) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_fit_landmarks(
+    apsm_context *ctx, const apsm_fit_model *model, const char *name, size_t n,
+    const double *on_mean, const double *x, const apsm_fit_options *options, apsm_fit *fit)
+{
+    const apsm_fit_call call = { options, sizeof *options, fit, sizeof *fit };
+    return apsm_fit_landmarks_sized(ctx, model, name, n, on_mean, x, &call);
+}
 
 /* ---- files ---- */
 
@@ -129,7 +169,8 @@ typedef struct apsm_fit_settings {
     const char *labels, *reflect_match, *exclude; /* "" or NULL: none */
     const char *folder;                           /* where results go */
     bool overwrite;                               /* results of an earlier fit in folder */
-    apsm_fit_options options;
+    const apsm_fit_options *options;              /* NULL: the defaults */
+    size_t options_size;                          /* sizeof *options */
 } apsm_fit_settings;
 
 /* How many shapes ended how; failed: could not be read or groomed. */
@@ -141,8 +182,15 @@ typedef struct apsm_fit_totals {
  * (docs/formats.md).  One shape after the other is in memory for each thread.  A shape that is
  * refused or cannot be read is in the tables with its reason and does not end the call.
  * APSM_ERR_STATE: the folder holds something else. */
-APSM_API apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
-                                  apsm_fit_totals *totals) APSM_NODISCARD;
+APSM_API apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *settings,
+                                        size_t size, apsm_fit_totals *totals,
+                                        size_t totals_size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_fit_run(apsm_context *ctx,
+                                                      const apsm_fit_settings *settings,
+                                                      apsm_fit_totals *totals)
+{
+    return apsm_fit_run_sized(ctx, settings, sizeof *settings, totals, sizeof *totals);
+}
 
 #ifdef __cplusplus
 }

@@ -16,11 +16,10 @@
 extern "C" {
 #endif
 
-/* All borrowed during the call. */
+/* Beside apsm_run_settings: inputs and options as for a single part, folder is MODEL_DIR.  Each
+ * option holds for every part; resume and overwrite hold for the whole.  All borrowed during the
+ * call. */
 typedef struct apsm_joint_settings {
-    /* Inputs and options as for a single part.  folder is MODEL_DIR.  Each option holds for every
-     * part; resume and overwrite hold for the whole. */
-    apsm_run_settings run;
     /* "NAME=WHAT,NAME=WHAT,...", two parts at least.  WHAT is a POSIX extended regular expression
      * without commas, searched in the names of the shapes (what is left of a name when the match is
      * taken out names the subject), or for all parts the numbers of labels, joined by + where a
@@ -38,14 +37,29 @@ typedef struct apsm_joint_settings {
 
 /* Whether these settings ask for this job: there are parts, or the one input is a project with
  * several domains of which none was chosen ("domain") and that are not to be ignored ("ignore"). */
-APSM_API apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *settings,
-                                       bool *wanted) APSM_NODISCARD;
+APSM_API apsm_status apsm_joint_wanted_sized(apsm_context *ctx, const apsm_run_settings *run,
+                                             size_t run_size, const apsm_joint_settings *settings,
+                                             size_t size, bool *wanted) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_joint_wanted(apsm_context *ctx,
+                                                           const apsm_run_settings *run,
+                                                           const apsm_joint_settings *settings,
+                                                           bool *wanted)
+{
+    return apsm_joint_wanted_sized(ctx, run, sizeof *run, settings, sizeof *settings, wanted);
+}
 
 /* The whole job.  Subjects that miss a part are left out of the joint model, with a warning that
  * names them; their other parts still take part in those parts' models.  A folder that holds files,
  * but no joint model of ours, is refused. */
-APSM_API apsm_status apsm_joint_run(apsm_context *ctx,
-                                    const apsm_joint_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_joint_run_sized(apsm_context *ctx, const apsm_run_settings *run,
+                                          size_t run_size, const apsm_joint_settings *settings,
+                                          size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_joint_run(apsm_context *ctx,
+                                                        const apsm_run_settings *run,
+                                                        const apsm_joint_settings *settings)
+{
+    return apsm_joint_run_sized(ctx, run, sizeof *run, settings, sizeof *settings);
+}
 
 /* Whether the folder holds a joint model. */
 APSM_API bool apsm_joint_is(apsm_context *ctx, const char *folder);
@@ -57,8 +71,15 @@ APSM_API bool apsm_joint_is(apsm_context *ctx, const char *folder);
  * apsm_joint_settings, by the names of the model's parts, one at least; NULL: as the model was
  * made. Writes joint_fit.json, joint_fit.csv, and of each subject particles and meshes of all
  * parts (docs/formats.md). */
-APSM_API apsm_status apsm_joint_fit(apsm_context *ctx, const apsm_fit_settings *settings,
-                                    const char *parts, apsm_fit_totals *totals) APSM_NODISCARD;
+APSM_API apsm_status apsm_joint_fit_sized(apsm_context *ctx, const apsm_fit_settings *settings,
+                                          size_t size, const char *parts, apsm_fit_totals *totals,
+                                          size_t totals_size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_joint_fit(apsm_context *ctx,
+                                                        const apsm_fit_settings *settings,
+                                                        const char *parts, apsm_fit_totals *totals)
+{
+    return apsm_joint_fit_sized(ctx, settings, sizeof *settings, parts, totals, sizeof *totals);
+}
 
 #ifdef __cplusplus
 }

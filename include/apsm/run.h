@@ -101,7 +101,12 @@ typedef struct apsm_import {
 /* Makes a model of them in the run's folder, which holds none yet: nothing is groomed or optimised;
  * evaluated, certified and reported as one of our own, so that it can be fitted, tested, exported
  * and extended. */
-APSM_API apsm_status apsm_run_import(apsm_run *run, const apsm_import *input) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_import_sized(apsm_run *run, const apsm_import *input,
+                                           size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_run_import(apsm_run *run, const apsm_import *input)
+{
+    return apsm_run_import_sized(run, input, sizeof *input);
+}
 
 /* Whether text is a value of "unit": a word of a few letters, to show behind lengths. */
 APSM_API apsm_status apsm_run_check_unit(apsm_context *ctx, const char *text) APSM_NODISCARD;
@@ -160,8 +165,13 @@ APSM_API apsm_status apsm_run_report(apsm_run *run) APSM_NODISCARD;
 APSM_API apsm_status apsm_run_all(apsm_run *run) APSM_NODISCARD;
 /* The part of a company's process other than the first in apsm_run_all: settings as the first has
  * them, with its own shard.  It writes to its file in state/ alone. */
-APSM_API apsm_status apsm_run_help(apsm_context *ctx,
-                                   const apsm_run_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_help_sized(apsm_context *ctx, const apsm_run_settings *settings,
+                                         size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_run_help(apsm_context *ctx,
+                                                       const apsm_run_settings *settings)
+{
+    return apsm_run_help_sized(ctx, settings, sizeof *settings);
+}
 
 /* ---- results, of any job ----
  * Borrowed from the run: good until its next step or apsm_run_close.  Shapes are in the order of
@@ -198,10 +208,16 @@ typedef struct apsm_verification {
 /* Whether a model folder's files and inputs are what its manifest says, and the options in its
  * files agree.  Reads everything, writes nothing.  report gets one line for each disagreement, and
  * note one for what is unfinished. */
-APSM_API apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
-                                     void (*report)(void *user, const char *line),
-                                     void (*note)(void *user, const char *line), void *user,
-                                     apsm_verification *result) APSM_NODISCARD;
+APSM_API apsm_status apsm_run_verify_sized(apsm_context *ctx, const char *folder,
+                                           void (*report)(void *user, const char *line),
+                                           void (*note)(void *user, const char *line), void *user,
+                                           apsm_verification *result, size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_run_verify(apsm_context *ctx, const char *folder, void (*report)(void *user, const char *line),
+                void (*note)(void *user, const char *line), void *user, apsm_verification *result)
+{
+    return apsm_run_verify_sized(ctx, folder, report, note, user, result, sizeof *result);
+}
 
 #ifdef __cplusplus
 }

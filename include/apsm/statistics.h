@@ -32,16 +32,28 @@ typedef struct apsm_test_settings {
 
 /* Writes OF_ON.json and OF_ON.csv (one line a particle, mode, or the size) and logs what they say.
  * Subjects with unknown values are left out, and counted.  Nothing of the model changes. */
-APSM_API apsm_status apsm_statistics_test(apsm_context *ctx,
-                                          const apsm_test_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_test_sized(apsm_context *ctx,
+                                                const apsm_test_settings *settings,
+                                                size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_statistics_test(apsm_context *ctx,
+                                                              const apsm_test_settings *settings)
+{
+    return apsm_statistics_test_sized(ctx, settings, sizeof *settings);
+}
 
 /* Left and right of the same subjects, one side mirrored: directional and fluctuating asymmetry.
  * settings: of is the column of the sides (two categories), within that of the subjects; formula is
  * NULL.  Writes asymmetry_ON.json, asymmetry_ON_subjects.csv (a column of each subject's amount,
  * for further tests), and as apsm_statistics_test asymmetry_directional_ON and, if sides were
  * measured repeatedly, asymmetry_fluctuating_ON. */
-APSM_API apsm_status apsm_statistics_asymmetry(apsm_context *ctx,
-                                               const apsm_test_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_asymmetry_sized(apsm_context *ctx,
+                                                     const apsm_test_settings *settings,
+                                                     size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_statistics_asymmetry(apsm_context *ctx, const apsm_test_settings *settings)
+{
+    return apsm_statistics_asymmetry_sized(ctx, settings, sizeof *settings);
+}
 
 /* All borrowed; {0} and the first two are enough. */
 typedef struct apsm_measure_settings {
@@ -56,8 +68,14 @@ typedef struct apsm_measure_settings {
 /* Distances, angles, diameters, areas, volumes, thickness, defined once on the template, of every
  * shape, the mean, and the modes at two standard deviations.  Writes measurements.json and .csv,
  * measurements_model.csv, and with files measurements_files.csv. */
-APSM_API apsm_status apsm_statistics_measure(apsm_context *ctx,
-                                             const apsm_measure_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_measure_sized(apsm_context *ctx,
+                                                   const apsm_measure_settings *settings,
+                                                   size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_statistics_measure(apsm_context *ctx, const apsm_measure_settings *settings)
+{
+    return apsm_statistics_measure_sized(ctx, settings, sizeof *settings);
+}
 
 /* All borrowed; {0} and the first three are enough. */
 typedef struct apsm_norm_settings {
@@ -71,8 +89,14 @@ typedef struct apsm_norm_settings {
 
 /* How unusual a shape is among those of the model, given what is known of it: as a whole, mode by
  * mode, particle by particle.  Writes norm.json, norm.csv and for each file NAME_norm.csv. */
-APSM_API apsm_status apsm_statistics_norm(apsm_context *ctx,
-                                          const apsm_norm_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_norm_sized(apsm_context *ctx,
+                                                const apsm_norm_settings *settings,
+                                                size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status apsm_statistics_norm(apsm_context *ctx,
+                                                              const apsm_norm_settings *settings)
+{
+    return apsm_statistics_norm_sized(ctx, settings, sizeof *settings);
+}
 
 /* All borrowed; {0} and the first two are enough. */
 typedef struct apsm_predict_settings {
@@ -90,8 +114,14 @@ typedef struct apsm_predict_settings {
  * shape changes with the column.  Writes OF_prediction.json and .csv, and
  * OF_prediction_at_VALUE.ply.
  */
-APSM_API apsm_status apsm_statistics_predict(apsm_context *ctx,
-                                             const apsm_predict_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_predict_sized(apsm_context *ctx,
+                                                   const apsm_predict_settings *settings,
+                                                   size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_statistics_predict(apsm_context *ctx, const apsm_predict_settings *settings)
+{
+    return apsm_statistics_predict_sized(ctx, settings, sizeof *settings);
+}
 
 /* All borrowed, and needed. */
 typedef struct apsm_landmark_settings {
@@ -104,8 +134,14 @@ typedef struct apsm_landmark_settings {
 /* Points placed once, carried to every shape (in the frame of its input; with aligned in the
  * world), to the mean and to its modes at two standard deviations (in the world).  Writes
  * NAME.mrk.json for each and landmarks.csv. */
-APSM_API apsm_status
-apsm_statistics_landmarks(apsm_context *ctx, const apsm_landmark_settings *settings) APSM_NODISCARD;
+APSM_API apsm_status apsm_statistics_landmarks_sized(apsm_context *ctx,
+                                                     const apsm_landmark_settings *settings,
+                                                     size_t size) APSM_NODISCARD;
+static inline APSM_NODISCARD apsm_status
+apsm_statistics_landmarks(apsm_context *ctx, const apsm_landmark_settings *settings)
+{
+    return apsm_statistics_landmarks_sized(ctx, settings, sizeof *settings);
+}
 
 #ifdef __cplusplus
 }

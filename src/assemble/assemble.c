@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "assemble/job.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "folder/manifest_json.h"
 #include "folder/names.h"
@@ -251,13 +252,31 @@ static apsm_status run_locked(joint_job *job)
     return status;
 }
 
-apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *settings, bool *wanted)
+static apsm_status take_settings(apsm_context *ctx, const apsm_run_settings *run, size_t run_size,
+                                 const apsm_joint_settings *given, size_t size, joint_settings *s)
 {
-    const apsm_run_settings *s = &settings->run;
-    const joint_job job = { .ctx = ctx, .settings = settings };
+    static const char door[] = "apsm_joint_run";
+    apsm_joint_settings known = { 0 };
+    *s = (joint_settings){ 0 };
+    APSM_TRY(apsm_take_settings(ctx, door, run, run_size, &s->run, sizeof s->run));
+    APSM_TRY(apsm_take_settings(ctx, door, given, size, &known, sizeof known));
+    s->parts = known.parts;
+    s->align = known.align;
+    s->shared = known.shared;
+    return APSM_OK;
+}
+
+apsm_status apsm_joint_wanted_sized(apsm_context *ctx, const apsm_run_settings *run,
+                                    size_t run_size, const apsm_joint_settings *given, size_t size,
+                                    bool *wanted)
+{
+    joint_settings settings;
+    APSM_TRY(take_settings(ctx, run, run_size, given, size, &settings));
+    const apsm_run_settings *s = &settings.run;
+    const joint_job job = { .ctx = ctx, .settings = &settings };
     const char *ignore = joint_setting(&job, "ignore");
     apsm_project project = { 0 };
-    *wanted = settings->parts != NULL;
+    *wanted = settings.parts != NULL;
     if (*wanted || s->n_inputs != 1 || !apsm_is_project_file(s->inputs[0]) ||
         joint_setting(&job, "domain") || (ignore && source_list_has(ignore, "domains")))
         return APSM_OK;
@@ -267,13 +286,16 @@ apsm_status apsm_joint_wanted(apsm_context *ctx, const apsm_joint_settings *sett
     return APSM_OK;
 }
 
-apsm_status apsm_joint_run(apsm_context *ctx, const apsm_joint_settings *settings)
+apsm_status apsm_joint_run_sized(apsm_context *ctx, const apsm_run_settings *run, size_t run_size,
+                                 const apsm_joint_settings *given, size_t size)
 {
-    joint_job job = { .ctx = ctx, .settings = settings };
+    joint_settings settings;
+    APSM_TRY(take_settings(ctx, run, run_size, given, size, &settings));
+    joint_job job = { .ctx = ctx, .settings = &settings };
     apsm_status status = joint_parse(&job);
     if (status == APSM_OK) status = check_folder(&job);
     if (status == APSM_OK) status = joint_group(&job);
-    if (status == APSM_OK) status = settings->run.dry ? run_parts(&job) : run_locked(&job);
+    if (status == APSM_OK) status = settings.run.dry ? run_parts(&job) : run_locked(&job);
     joint_job_free(&job);
     return status;
 }

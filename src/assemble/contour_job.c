@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/contour.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "files/project_columns.h"
 #include "formats/mesh_io.h"
@@ -156,18 +158,21 @@ static apsm_status project_is_of_contours(apsm_context *ctx, const apsm_run_sett
     return APSM_OK;
 }
 
-apsm_status apsm_contours_wanted(apsm_context *ctx, const apsm_run_settings *s, bool *wanted)
+apsm_status apsm_contours_wanted_sized(apsm_context *ctx, const apsm_run_settings *given,
+                                       size_t size, bool *wanted)
 {
+    apsm_run_settings s = { 0 };
     *wanted = false;
-    if (s->n_inputs == 0) {
+    APSM_TRY(apsm_take_settings(ctx, "apsm_contours_wanted", given, size, &s, sizeof s));
+    if (s.n_inputs == 0) {
         bool ours = false;
-        if (s->folder) APSM_TRY(contour_folder_is_ours(ctx, s->folder, &ours));
+        if (s.folder) APSM_TRY(contour_folder_is_ours(ctx, s.folder, &ours));
         if (!ours) return APSM_OK;
         return apsm_fail(ctx, APSM_ERR_ARG, "%s: holds a model of contours; give its inputs again",
-                         s->folder);
+                         s.folder);
     }
-    if (apsm_is_project_file(s->inputs[0])) return project_is_of_contours(ctx, s, wanted);
-    return first_is_contour(ctx, s->inputs[0], wanted);
+    if (apsm_is_project_file(s.inputs[0])) return project_is_of_contours(ctx, &s, wanted);
+    return first_is_contour(ctx, s.inputs[0], wanted);
 }
 
 /* ---- reading ---- */
@@ -366,7 +371,7 @@ static apsm_status make(contour_job *j)
     return APSM_OK;
 }
 
-apsm_status apsm_contours_run(apsm_context *ctx, const apsm_run_settings *s)
+static apsm_status run_contours(apsm_context *ctx, const apsm_run_settings *s)
 {
     contour_job j = { .ctx = ctx,
                       .settings = s,
@@ -379,3 +384,5 @@ apsm_status apsm_contours_run(apsm_context *ctx, const apsm_run_settings *s)
     job_free(&j);
     return status;
 }
+
+APSM_BY_SIZE(apsm_contours_run, apsm_run_settings, run_contours)

@@ -9,6 +9,12 @@
 #include "joint/contact.h"
 #include "joint/pose_shape.h"
 
+/* What the job is asked for: of all parts, and of how they are one (apsm/joint.h). */
+typedef struct joint_settings {
+    apsm_run_settings run;
+    const char *parts, *align, *shared;
+} joint_settings;
+
 /* A part as the user names it.  Owned. */
 typedef struct joint_part {
     char *name;
@@ -26,7 +32,7 @@ typedef struct joint_subject {
 
 typedef struct joint_job {
     apsm_context *ctx;
-    const apsm_joint_settings *settings;
+    const joint_settings *settings;
     bool by_label;
     bool by_project; /* the parts are domains of the one input, a project */
     size_t n;        /* parts */

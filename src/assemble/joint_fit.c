@@ -10,8 +10,10 @@
 #include <string.h>
 
 #include "apsm/report.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "fit/fit_folder.h"
+#include "fit/outputs.h"
 #include "fit/parts.h"
 #include "fit/rigid.h"
 #include "fit/tail.h"
@@ -216,6 +218,7 @@ apsm_status joint_put_together(apsm_context *ctx, const joint_model *m, joint_su
 
 typedef struct fitting {
     const apsm_fit_settings *o;
+    apsm_fit_options options;
     joint_job job;
     joint_model m;
     size_t *part_of;            /* job.n: number of the model's part */
@@ -227,7 +230,7 @@ static apsm_status fit_part(apsm_context *ctx, const fitting *f, size_t d, const
                             int hand, apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
-    apsm_fit_options o = f->o->options;
+    apsm_fit_options o = f->options;
     APSM_TRY(fit_read_surface(ctx, &f->reading[d], c, &mesh, &o.extent));
     o.hand = c->reflect ? APSM_HAND_OTHER : hand;
     const apsm_status status = apsm_fit_surface(ctx, f->m.part[d], c->path, &mesh, &o, fit);
@@ -330,7 +333,7 @@ static apsm_status fit_parts(apsm_context *ctx, const fitting *f, size_t i)
         s->path[d] = c->path;
         s->given++;
         if (!apsm_is_folder(c->path)) APSM_TRY(apsm_sha256_file(ctx, c->path, s->sha256[d]));
-        APSM_TRY(fit_part(ctx, f, d, c, f->o->options.hand, &s->part[d]));
+        APSM_TRY(fit_part(ctx, f, d, c, f->options.hand, &s->part[d]));
         s->fitted[d] = s->part[d].J > 0;
         if (s->fitted[d]) continue;
         s->refused++;
@@ -415,7 +418,7 @@ static const char *parts_of(const joint_model *m, const char *given)
 }
 
 static apsm_status open_fitting(apsm_context *ctx, fitting *f, const char *parts,
-                                apsm_joint_settings *js, const char *set[][2])
+                                joint_settings *js, const char *set[][2])
 {
     const apsm_fit_settings *o = f->o;
     APSM_TRY(joint_model_load(ctx, o->model, &f->m));
@@ -423,7 +426,7 @@ static apsm_status open_fitting(apsm_context *ctx, fitting *f, const char *parts
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "%s: is a joint model; landmarks alone are fitted by models of one part",
                          o->model);
-    if (o->options.aligned)
+    if (f->options.aligned)
         return apsm_fail(
             ctx, APSM_ERR_UNSUPPORTED,
             "--aligned: the parts of a joint are searched for one by one; leave it out");
@@ -474,20 +477,22 @@ static void close_fitting(fitting *f)
     joint_model_free(&f->m);
 }
 
-apsm_status apsm_joint_fit(apsm_context *ctx, const apsm_fit_settings *settings, const char *parts,
-                           apsm_fit_totals *totals)
+apsm_status apsm_joint_fit_sized(apsm_context *ctx, const apsm_fit_settings *given, size_t size,
+                                 const char *parts, apsm_fit_totals *totals, size_t totals_size)
 {
-    if (!settings || !settings->model || !settings->folder || !settings->inputs || !totals)
-        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_joint_fit: an argument is NULL");
+    apsm_fit_settings known = { 0 }, *const settings = &known;
+    apsm_fit_totals counted = { 0 };
     fitting f = { .o = settings };
-    apsm_joint_settings js = { 0 };
+    joint_settings js = { 0 };
     const char *set[3][2];
-    *totals = (apsm_fit_totals){ 0 };
+    if (!totals) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_joint_fit: no place for the totals");
+    APSM_TRY(fit_take_settings(ctx, "apsm_joint_fit", given, size, settings, &f.options));
     apsm_status status = open_fitting(ctx, &f, parts, &js, set);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, f.job.subjects, fit_subject, &f, "fit");
     if (status == APSM_OK)
         status = joint_fit_write_tables(ctx, settings, &f.m, f.job.subjects, f.subject);
-    if (status == APSM_OK) count(ctx, &f, totals);
+    if (status == APSM_OK) count(ctx, &f, &counted);
+    apsm_give_sized(&counted, sizeof counted, totals, totals_size);
     close_fitting(&f);
     return status;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "apsm/version.h"
+#include "core/sized.h"
 #include "exchange/exporting.h"
 #include "folder/names.h"
 
@@ -148,7 +149,7 @@ static apsm_status write_export(exporting *e, const format_row *format)
     return out_folder_close(&e->folder, describe(e));
 }
 
-apsm_status apsm_export_model(apsm_context *ctx, const apsm_export_settings *settings)
+static apsm_status export_model(apsm_context *ctx, const apsm_export_settings *settings)
 {
     static const double two = 2;
     APSM_TRY(check_settings(ctx, settings));
@@ -165,3 +166,5 @@ apsm_status apsm_export_model(apsm_context *ctx, const apsm_export_settings *set
     dense_model_free(&e.dense);
     return status;
 }
+
+APSM_BY_SIZE(apsm_export_model, apsm_export_settings, export_model)

@@ -8,11 +8,13 @@
 
 #include <stdlib.h>
 
+#include "core/sized.h"
+
 #ifndef APSM_HDF5
-apsm_status apsm_read_statismo(apsm_context *ctx, const char *path, size_t J,
-                               apsm_foreign_model *model)
+apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
+                                     apsm_foreign_model *model, size_t size)
 {
-    (void)J, (void)model;
+    (void)J, (void)model, (void)size;
     return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                      "%s: this build has no HDF5; install libhdf5-dev and configure with "
                      "-DAPSM_HDF5=ON",
@@ -241,11 +243,12 @@ static void tell(apsm_context *ctx, const char *path, const dense_basis *b,
         apsm_log(ctx, APSM_LOG_WARNING, "%s: its noise variance of %g is left out", path, b->noise);
 }
 
-apsm_status apsm_read_statismo(apsm_context *ctx, const char *path, size_t J,
-                               apsm_foreign_model *model)
+apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
+                                     apsm_foreign_model *out, size_t size)
 {
     dense_basis b = { 0 };
-    *model = (apsm_foreign_model){ 0 };
+    apsm_foreign_model known = { 0 }, *const model = &known;
+    apsm_give_sized(&known, sizeof known, out, size);
     H5Eset_auto2(H5E_DEFAULT, NULL, NULL); /* failures are told by us */
     const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
     if (file < 0)
@@ -260,15 +263,18 @@ apsm_status apsm_read_statismo(apsm_context *ctx, const char *path, size_t J,
     if (status == APSM_OK) tell(ctx, path, &b, model);
     basis_free(&b);
     if (status != APSM_OK) apsm_foreign_model_free(model);
+    apsm_give_sized(&known, sizeof known, out, size);
     return status;
 }
 #endif
 
-void apsm_foreign_model_free(apsm_foreign_model *m)
+void apsm_foreign_model_free_sized(apsm_foreign_model *model, size_t size)
 {
-    for (size_t i = 0; m->meshes && i < m->I; i++) apsm_mesh_free(&m->meshes[i]);
-    free(m->meshes);
-    free(m->names);
-    free(m->P);
-    *m = (apsm_foreign_model){ 0 };
+    apsm_foreign_model m = { 0 };
+    if (!apsm_take_sized(model, size, &m, sizeof m)) return;
+    for (size_t i = 0; m.meshes && i < m.I; i++) apsm_mesh_free(&m.meshes[i]);
+    free(m.meshes);
+    free(m.names);
+    free(m.P);
+    memset(model, 0, size);
 }

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "apsm/formats.h"
+#include "core/sized.h"
 #include "exchange/exporting.h"
 #include "formats/vtk_grid.h"
 #include "geometry/bvh.h"
@@ -28,10 +29,13 @@ static apsm_status no_memory(const warping *w)
 }
 
 /* In pieces, so that W stays small. */
-apsm_status apsm_warp_points(apsm_context *ctx, const apsm_warp_points_input *in, double *Y)
+apsm_status apsm_warp_points_sized(apsm_context *ctx, const apsm_warp_points_input *given,
+                                   size_t size, double *Y)
 {
     enum { PIECE = 4096 };
-    if (!in || !in->P0 || !in->P || !in->X || !Y)
+    apsm_warp_points_input known = { 0 }, *const in = &known;
+    APSM_TRY(apsm_take_settings(ctx, "apsm_warp_points", given, size, in, sizeof known));
+    if (!in->P0 || !in->P || !in->X || !Y)
         return apsm_fail(ctx, APSM_ERR_ARG, "apsm_warp_points: an argument is NULL");
     for (size_t first = 0; first < in->n; first += PIECE) {
         const size_t m = in->n - first < PIECE ? in->n - first : PIECE;
@@ -246,8 +250,11 @@ static apsm_status check_settings(apsm_context *ctx, const apsm_warp_settings *s
     return check_template(ctx, s);
 }
 
-apsm_status apsm_warp_files(apsm_context *ctx, const apsm_warp_settings *settings, size_t *inverted)
+apsm_status apsm_warp_files_sized(apsm_context *ctx, const apsm_warp_settings *given, size_t size,
+                                  size_t *inverted)
 {
+    apsm_warp_settings known = { 0 }, *const settings = &known;
+    APSM_TRY(apsm_take_settings(ctx, "apsm_warp_files", given, size, settings, sizeof known));
     APSM_TRY(check_settings(ctx, settings));
     warping w = { .ctx = ctx,
                   .s = settings,

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "align/align.h"
+#include "core/sized.h"
 #include "evaluate/surface_distance.h"
 #include "files/files.h"
 #include "fit/compare.h"
@@ -401,15 +402,20 @@ static apsm_status compare(apsm_context *ctx, const apsm_compare_settings *o, co
     return status;
 }
 
-apsm_status apsm_models_compare(apsm_context *ctx, const apsm_compare_settings *settings,
-                                apsm_comparison *comparison)
+apsm_status apsm_models_compare_sized(apsm_context *ctx, const apsm_compare_settings *given,
+                                      size_t size, apsm_comparison *comparison,
+                                      size_t comparison_size)
 {
     compare_side side[2] = { { 0 }, { 0 } };
-    if (!settings || !settings->a || !settings->b || !comparison)
+    apsm_compare_settings settings = { 0 };
+    apsm_comparison result = { 0 };
+    APSM_TRY(
+        apsm_take_settings(ctx, "apsm_models_compare", given, size, &settings, sizeof settings));
+    if (!settings.a || !settings.b || !comparison)
         return apsm_fail(ctx, APSM_ERR_ARG, "apsm_models_compare: an argument is NULL");
-    *comparison = (apsm_comparison){ 0 };
-    apsm_status status = settings->folder ? compare_check_folder(ctx, settings) : APSM_OK;
-    if (status == APSM_OK) status = compare(ctx, settings, side, comparison);
+    apsm_status status = settings.folder ? compare_check_folder(ctx, &settings) : APSM_OK;
+    if (status == APSM_OK) status = compare(ctx, &settings, side, &result);
+    apsm_give_sized(&result, sizeof result, comparison, comparison_size);
     compare_side_free(&side[0]);
     compare_side_free(&side[1]);
     if (status == APSM_ERR_MEMORY) return apsm_fail(ctx, status, "compare: out of memory");

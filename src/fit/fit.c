@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/sized.h"
 #include "evaluate/surface_distance.h"
 #include "fit/landmarks.h"
 #include "fit/part.h"
@@ -14,12 +15,7 @@
 #include "groom/groom.h"
 #include "optimize/fidelity_shape.h"
 
-apsm_fit_options apsm_fit_defaults(void)
-{
-    return (apsm_fit_options){ APSM_HAND_AUTO, APSM_EXTENT_AUTO, false, false };
-}
-
-void apsm_fit_free(apsm_fit *fit)
+static void free_fit(apsm_fit *fit)
 {
     free(fit->local);
     free(fit->world);
@@ -34,6 +30,14 @@ void apsm_fit_free(apsm_fit *fit)
     apsm_mesh_free(&fit->mesh);
     apsm_mesh_free(&fit->cropped);
     *fit = (apsm_fit){ 0 };
+}
+
+void apsm_fit_free_sized(apsm_fit *fit, size_t size)
+{
+    apsm_fit known = { 0 };
+    if (!apsm_take_sized(fit, size, &known, sizeof known)) return;
+    free_fit(&known);
+    memset(fit, 0, size);
 }
 
 apsm_status fit_alloc(const apsm_fit_model *m, apsm_fit *out)
@@ -263,55 +267,81 @@ static apsm_status close_job(apsm_context *ctx, fit_job *job, apsm_status status
     return *line ? status : apsm_fail(ctx, status, "%s: %s", job->name, apsm_status_text(status));
 }
 
-apsm_status apsm_fit_surface(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                             const apsm_mesh *mesh, const apsm_fit_options *options, apsm_fit *fit)
+/* A call, with options and result as we know them. */
+typedef struct opened {
+    apsm_fit_options options;
+    apsm_fit fit;
+    fit_job job;
+} opened;
+
+/* The caller's result is an empty one until the call is closed. */
+static apsm_status open_call(apsm_context *ctx, const char *door, const apsm_fit_model *model,
+                             const char *name, const apsm_fit_call *call, opened *o)
 {
-    if (!model || !name || !mesh || !mesh->V || !mesh->F || !options || !fit)
-        return refuse_null(ctx, "apsm_fit_surface");
-    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
-    APSM_TRY(check_mesh(ctx, name, mesh));
-    fit_job job = { .m = model, .name = name, .mesh = mesh, .options = options, .out = fit };
-    apsm_status status = fit_alloc(model, fit);
-    if (status == APSM_OK)
-        status = is_part(mesh, options) ? fit_part(ctx, &job) : fit_whole(ctx, &job);
-    return close_job(ctx, &job, status);
+    *o = (opened){ .fit = { .runner_up = INFINITY, .mirror_ratio = INFINITY } };
+    if (!model || !name || !call || !call->fit || !call->options) return refuse_null(ctx, door);
+    apsm_give_sized(&o->fit, sizeof o->fit, call->fit, call->fit_size);
+    o->job = (fit_job){ .m = model, .name = name, .options = &o->options, .out = &o->fit };
+    return apsm_take_settings(ctx, door, call->options, call->options_size, &o->options,
+                              sizeof o->options);
 }
 
-apsm_status apsm_fit_points(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                            size_t n, const double *x, const apsm_fit_options *options,
-                            apsm_fit *fit)
+static apsm_status close_call(apsm_context *ctx, const apsm_fit_call *call, opened *o,
+                              apsm_status status)
+{
+    status = close_job(ctx, &o->job, status);
+    apsm_give_sized(&o->fit, sizeof o->fit, call->fit, call->fit_size);
+    return status;
+}
+
+apsm_status apsm_fit_surface_sized(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                                   const apsm_mesh *mesh, const apsm_fit_call *call)
+{
+    opened o;
+    if (!mesh || !mesh->V || !mesh->F) return refuse_null(ctx, "apsm_fit_surface");
+    APSM_TRY(open_call(ctx, "apsm_fit_surface", model, name, call, &o));
+    APSM_TRY(check_mesh(ctx, name, mesh));
+    o.job.mesh = mesh;
+    apsm_status status = fit_alloc(model, &o.fit);
+    if (status == APSM_OK)
+        status = is_part(mesh, &o.options) ? fit_part(ctx, &o.job) : fit_whole(ctx, &o.job);
+    return close_call(ctx, call, &o, status);
+}
+
+apsm_status apsm_fit_points_sized(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                                  size_t n, const double *x, const apsm_fit_call *call)
 {
     enum { least_points = 10 };
+    opened o;
     part_points p = { 0 };
-    if (!model || !name || !x || !options || !fit) return refuse_null(ctx, "apsm_fit_points");
-    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    if (!x) return refuse_null(ctx, "apsm_fit_points");
+    APSM_TRY(open_call(ctx, "apsm_fit_points", model, name, call, &o));
     if (n < least_points)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: %zu points are too few; %d at least", name, n,
                          least_points);
     for (size_t k = 0; k < 3 * n; k++)
         if (!isfinite(x[k]))
             return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: point %zu is not finite", name, k / 3);
-    fit_job job = { .m = model, .name = name, .options = options, .out = fit };
-    apsm_status status = fit_alloc(model, fit);
+    apsm_status status = fit_alloc(model, &o.fit);
     if (status == APSM_OK) status = part_points_of_cloud(n, x, &p);
     if (status == APSM_OK && p.n < least_points)
         status = apsm_fail(ctx, APSM_ERR_GEOMETRY,
                            "%s: only %zu of %zu points are different; %d at "
                            "least",
                            name, p.n, n, least_points);
-    if (status == APSM_OK) status = fit_points(ctx, &job, &p);
+    if (status == APSM_OK) status = fit_points(ctx, &o.job, &p);
     part_points_free(&p);
-    return close_job(ctx, &job, status);
+    return close_call(ctx, call, &o, status);
 }
 
-apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, const char *name,
-                               size_t n, const double *on_mean, const double *x,
-                               const apsm_fit_options *options, apsm_fit *fit)
+apsm_status apsm_fit_landmarks_sized(apsm_context *ctx, const apsm_fit_model *model,
+                                     const char *name, size_t n, const double *on_mean,
+                                     const double *x, const apsm_fit_call *call)
 {
     enum { MOST = 1000 };
-    if (!model || !name || !on_mean || !x || !options || !fit)
-        return refuse_null(ctx, "apsm_fit_landmarks");
-    *fit = (apsm_fit){ .runner_up = INFINITY, .mirror_ratio = INFINITY };
+    opened o;
+    if (!on_mean || !x) return refuse_null(ctx, "apsm_fit_landmarks");
+    APSM_TRY(open_call(ctx, "apsm_fit_landmarks", model, name, call, &o));
     if (n < 3 || n > MOST)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                          "%s: %zu landmarks; 3 at least, and beyond %d they are a cloud", name, n,
@@ -320,16 +350,15 @@ apsm_status apsm_fit_landmarks(apsm_context *ctx, const apsm_fit_model *model, c
         if (!isfinite(x[k]) || !isfinite(on_mean[k]))
             return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: landmark %zu is not finite", name,
                              k / 3);
-    fit_job job = { .m = model, .name = name, .options = options, .out = fit };
-    fit->partial = true;
-    apsm_status status = fit_alloc(model, fit);
-    if (status == APSM_OK) status = fit_landmark_particles(ctx, &job, n, on_mean, x);
-    if (status == APSM_OK) status = fit_frames(&job);
-    if (status == APSM_OK) status = fit_scores(&job);
+    o.fit.partial = true;
+    apsm_status status = fit_alloc(model, &o.fit);
+    if (status == APSM_OK) status = fit_landmark_particles(ctx, &o.job, n, on_mean, x);
+    if (status == APSM_OK) status = fit_frames(&o.job);
+    if (status == APSM_OK) status = fit_scores(&o.job);
     if (status == APSM_OK) {
-        fit->pose_residual = job.pose.residual;
-        fit->mirror_ratio = job.pose.mirror_ratio;
-        fit_judge_landmarks(&job);
+        o.fit.pose_residual = o.job.pose.residual;
+        o.fit.mirror_ratio = o.job.pose.mirror_ratio;
+        fit_judge_landmarks(&o.job);
     }
-    return close_job(ctx, &job, status);
+    return close_call(ctx, call, &o, status);
 }

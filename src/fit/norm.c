@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "core/random.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "fit/norm_job.h"
 #include "statistics/permutation_test.h"
@@ -389,7 +390,7 @@ static void norm_job_free(norm_job *w)
     model_folder_free(&w->m);
 }
 
-apsm_status apsm_statistics_norm(apsm_context *ctx, const apsm_norm_settings *settings)
+static apsm_status compare_with_norm(apsm_context *ctx, const apsm_norm_settings *settings)
 {
     norm_job w = { .ctx = ctx, .s = settings };
     apsm_status status = read_all(&w);
@@ -402,3 +403,5 @@ apsm_status apsm_statistics_norm(apsm_context *ctx, const apsm_norm_settings *se
     norm_job_free(&w);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_norm, apsm_norm_settings, compare_with_norm)

@@ -26,6 +26,10 @@ typedef struct fit_origin {
     char sha256[65];
     const apsm_fit_options *options;
 } fit_origin;
+/* Settings and options of a program, checked; door: whose they are (session.c). */
+apsm_status fit_take_settings(apsm_context *ctx, const char *door, const apsm_fit_settings *given,
+                              size_t size, apsm_fit_settings *settings, apsm_fit_options *options);
+
 void fit_origin_of(const apsm_fit_model *model, const char *path, const apsm_fit_options *options,
                    fit_origin *origin);
 

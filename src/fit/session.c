@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "apsm/particles.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "fit/fit_folder.h"
 #include "fit/outputs.h"
@@ -12,6 +13,7 @@
 
 typedef struct session {
     const apsm_fit_settings *settings;
+    apsm_fit_options options;
     apsm_fit_model *model;
     fit_origin origin;
     apsm_input_list list;
@@ -99,7 +101,7 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
                              fit_row *row, apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
-    apsm_fit_options options = s->settings->options;
+    apsm_fit_options options = s->options;
     APSM_TRY(hash_input(ctx, c->path, row->sha256));
     if (is_point_file(c->path))
         return s->landmarks.n > 0 ? fit_named(ctx, s, c->path, &options, fit)
@@ -257,7 +259,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(take_labels(ctx, s));
     APSM_TRY(open_folder(ctx, o));
-    fit_origin_of(s->model, o->model, &o->options, &s->origin);
+    fit_origin_of(s->model, o->model, &s->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);
     s->reading.groom = options->groom;
     s->rows = calloc(s->list.n, sizeof *s->rows);
@@ -290,19 +292,33 @@ static void count(apsm_context *ctx, const session *s, apsm_fit_totals *totals)
     }
 }
 
-apsm_status apsm_fit_run(apsm_context *ctx, const apsm_fit_settings *settings,
-                         apsm_fit_totals *totals)
+apsm_status fit_take_settings(apsm_context *ctx, const char *door, const apsm_fit_settings *given,
+                              size_t size, apsm_fit_settings *settings, apsm_fit_options *options)
 {
+    APSM_TRY(apsm_take_settings(ctx, door, given, size, settings, sizeof *settings));
+    if (!settings->model || !settings->folder || !settings->inputs)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: an argument is NULL", door);
+    *options = apsm_fit_defaults();
+    if (!settings->options) return APSM_OK;
+    return apsm_take_settings(ctx, door, settings->options, settings->options_size, options,
+                              sizeof *options);
+}
+
+apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *given, size_t size,
+                               apsm_fit_totals *totals, size_t totals_size)
+{
+    apsm_fit_settings known = { 0 }, *const settings = &known;
+    apsm_fit_totals counted = { 0 };
     session s = { .settings = settings };
-    if (!settings || !settings->model || !settings->folder || !settings->inputs || !totals)
-        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: an argument is NULL");
-    *totals = (apsm_fit_totals){ 0 };
+    if (!totals) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: no place for the totals");
+    APSM_TRY(fit_take_settings(ctx, "apsm_fit_run", given, size, settings, &s.options));
     apsm_status status = open_session(ctx, &s);
     if (status == APSM_OK) status = fit_write_mean(ctx, settings->folder, s.model);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");
     if (status == APSM_OK)
         status = fit_write_tables(ctx, settings->folder, &s.origin, s.list.n, s.rows);
-    if (status == APSM_OK) count(ctx, &s, totals);
+    if (status == APSM_OK) count(ctx, &s, &counted);
+    apsm_give_sized(&counted, sizeof counted, totals, totals_size);
     close_session(&s);
     return status;
 }

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "apsm/certify.h"
+#include "core/sized.h"
 #include "folder/certificate_json.h"
 #include "geometry/affine.h"
 #include "judge/certify.h"
@@ -21,11 +22,13 @@ static apsm_status certify(apsm_context *ctx, const apsm_certify_input *in,
     return status;
 }
 
-apsm_status apsm_certify_particles(apsm_context *ctx, const apsm_certify_input *in,
-                                   const char *path, size_t *certified)
+apsm_status apsm_certify_particles_sized(apsm_context *ctx, const apsm_certify_input *given,
+                                         size_t size, const char *path, size_t *certified)
 {
     apsm_cohort cohort = { 0 };
+    apsm_certify_input known = { 0 }, *const in = &known;
     *certified = 0;
+    APSM_TRY(apsm_take_settings(ctx, "apsm_certify_particles", given, size, in, sizeof known));
     if (in->I == 0 || in->template_index >= in->I || in->J <= APSM_NEIGHBOURS)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "certify: %zu shapes with %zu particles; at least %d particles are needed",

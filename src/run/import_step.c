@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "apsm/formats.h"
+#include "core/sized.h"
 #include "geometry/topology.h"
 #include "run/particles.h"
 #include "run/shapes.h"
@@ -142,9 +143,10 @@ static apsm_status import_arrays(apsm_run *run, apsm_import in)
     return status;
 }
 
-apsm_status apsm_run_import(apsm_run *run, const apsm_import *input)
+apsm_status apsm_run_import_sized(apsm_run *run, const apsm_import *given, size_t size)
 {
+    apsm_import input = { 0 };
     if (!run) return APSM_ERR_ARG;
-    return input && input->names && !input->paths ? import_arrays(run, *input)
-                                                  : import_all(run, input);
+    APSM_TRY(apsm_take_settings(run->ctx, "apsm_run_import", given, size, &input, sizeof input));
+    return input.names && !input.paths ? import_arrays(run, input) : import_all(run, &input);
 }

@@ -187,9 +187,11 @@ static apsm_status help(apsm_context *ctx, const apsm_run_settings *s,
     return status;
 }
 
-apsm_status apsm_run_help(apsm_context *ctx, const apsm_run_settings *settings)
+apsm_status apsm_run_help_sized(apsm_context *ctx, const apsm_run_settings *given, size_t size)
 {
-    if (!settings || !settings->company || settings->shard == 0) return APSM_ERR_ARG;
+    apsm_run_settings known = { 0 }, *const settings = &known;
+    APSM_TRY(apsm_take_settings(ctx, "apsm_run_help", given, size, settings, sizeof known));
+    if (!settings->company || settings->shard == 0) return APSM_ERR_ARG;
     static apsm_status (*const steps[])(apsm_run *) = { apsm_run_groom, apsm_run_initialize,
                                                         apsm_run_optimize, apsm_run_evaluate };
     const size_t plan = meet(settings->company, 0);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/sized.h"
 #include "folder/manifest_json.h"
 #include "run/input_check.h"
 #include "run/state.h"
@@ -370,13 +371,13 @@ static bool has_begun(const char *folder)
     return begun;
 }
 
-apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
-                            void (*report)(void *user, const char *line),
-                            void (*note)(void *user, const char *line), void *user,
-                            apsm_verification *result)
+apsm_status apsm_run_verify_sized(apsm_context *ctx, const char *folder,
+                                  void (*report)(void *user, const char *line),
+                                  void (*note)(void *user, const char *line), void *user,
+                                  apsm_verification *result, size_t size)
 {
-    verifying v = { ctx, folder, report, note, user, result, NULL };
-    *result = (apsm_verification){ 0 };
+    apsm_verification found = { 0 };
+    verifying v = { ctx, folder, report, note, user, &found, NULL };
     char *path = apsm_path_join(folder, RUN_MANIFEST);
     if (!path) return APSM_ERR_MEMORY;
     bool usable = false;
@@ -392,6 +393,7 @@ apsm_status apsm_run_verify(apsm_context *ctx, const char *folder,
     else
         status = verify_manifest(&v, path, &usable);
     if (status == APSM_OK && usable) status = verify_folder(&v);
+    apsm_give_sized(&found, sizeof found, result, size);
     free(path);
     return status;
 }

@@ -16,6 +16,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/sized.h"
 #include "files/files.h"
 #include "statistics/group_test.h"
 #include "statistics/results.h"
@@ -443,7 +444,7 @@ static apsm_status check_settings(apsm_context *ctx, const apsm_test_settings *s
                      "--within subject");
 }
 
-apsm_status apsm_statistics_asymmetry(apsm_context *ctx, const apsm_test_settings *settings)
+static apsm_status test_asymmetry(apsm_context *ctx, const apsm_test_settings *settings)
 {
     char formula[256];
     asymmetry a = { .ctx = ctx, .s = settings, .p = { NAN, NAN, NAN, NAN } };
@@ -462,3 +463,5 @@ apsm_status apsm_statistics_asymmetry(apsm_context *ctx, const apsm_test_setting
     asymmetry_free(&a);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_asymmetry, apsm_test_settings, test_asymmetry)

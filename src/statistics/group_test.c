@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/sized.h"
 #include "geometry/bvh.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
@@ -385,7 +386,7 @@ void group_test_free(group_test *t)
     model_folder_free(&t->m);
 }
 
-apsm_status apsm_statistics_test(apsm_context *ctx, const apsm_test_settings *settings)
+static apsm_status test_groups(apsm_context *ctx, const apsm_test_settings *settings)
 {
     group_test t = { .ctx = ctx, .s = settings };
     apsm_status status = group_test_read(&t);
@@ -399,3 +400,5 @@ apsm_status apsm_statistics_test(apsm_context *ctx, const apsm_test_settings *se
     group_test_free(&t);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_test, apsm_test_settings, test_groups)

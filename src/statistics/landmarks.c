@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "apsm/statistics.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "files/project_columns.h"
 #include "folder/model_folder.h"
@@ -190,7 +191,7 @@ static apsm_status place(placing *p)
     return status;
 }
 
-apsm_status apsm_statistics_landmarks(apsm_context *ctx, const apsm_landmark_settings *settings)
+static apsm_status place_landmarks(apsm_context *ctx, const apsm_landmark_settings *settings)
 {
     if (!settings->folder || !settings->file || !settings->out)
         return apsm_fail(ctx, APSM_ERR_ARG,
@@ -210,3 +211,5 @@ apsm_status apsm_statistics_landmarks(apsm_context *ctx, const apsm_landmark_set
     model_folder_free(&p.m);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_landmarks, apsm_landmark_settings, place_landmarks)

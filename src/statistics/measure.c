@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "apsm/statistics.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "folder/model_folder.h"
 #include "geometry/bvh.h"
@@ -450,7 +451,7 @@ static void measuring_free(measuring *w)
     model_folder_free(&w->m);
 }
 
-apsm_status apsm_statistics_measure(apsm_context *ctx, const apsm_measure_settings *settings)
+static apsm_status measure(apsm_context *ctx, const apsm_measure_settings *settings)
 {
     measuring w = { .ctx = ctx, .s = settings };
     apsm_status status = read_all(&w);
@@ -463,3 +464,5 @@ apsm_status apsm_statistics_measure(apsm_context *ctx, const apsm_measure_settin
     measuring_free(&w);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_measure, apsm_measure_settings, measure)

@@ -9,6 +9,7 @@
 #include "apsm/statistics.h"
 #include "core/number.h"
 #include "core/random.h"
+#include "core/sized.h"
 #include "files/files.h"
 #include "folder/model_folder.h"
 #include "folder/names.h"
@@ -451,7 +452,7 @@ static void predicting_free(predicting *w)
     model_folder_free(&w->m);
 }
 
-apsm_status apsm_statistics_predict(apsm_context *ctx, const apsm_predict_settings *settings)
+static apsm_status predict(apsm_context *ctx, const apsm_predict_settings *settings)
 {
     if (!settings) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_statistics_predict: no settings");
     predicting w = { .ctx = ctx, .s = settings };
@@ -465,3 +466,5 @@ apsm_status apsm_statistics_predict(apsm_context *ctx, const apsm_predict_settin
     predicting_free(&w);
     return status;
 }
+
+APSM_BY_SIZE(apsm_statistics_predict, apsm_predict_settings, predict)

@@ -25,4 +25,9 @@ diff "$folder/declared" "$folder/shown" >"$folder/difference" ||
 comm -23 "$folder/named" "$folder/declared" >"$folder/unmarked"
 [ ! -s "$folder/unmarked" ] ||
     { echo "FAILED: in a public header without APSM_API:"; cat "$folder/unmarked"; status=1; }
+# A struct that a program fills in or that is filled in for it may grow at its end: whoever takes one is told its size.
+sed -E 's@/\*.*\*/@@' include/apsm/*.h | tr '\n' ' ' | sed 's/[;{}]/\n/g' | grep 'APSM_API' |
+    grep -E 'apsm_[a-z_]*(settings|options|input|import|fit|totals|comparison|verification|foreign_model) \*' |
+    grep -vE 'apsm_[a-z_]+_sized\(|apsm_options \*|apsm_options_|apsm_volume' >"$folder/unsized"
+[ ! -s "$folder/unsized" ] || { echo "FAILED: taken without a size:"; cat "$folder/unsized"; status=1; }
 exit $status
