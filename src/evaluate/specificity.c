@@ -12,6 +12,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/deal.h"
 #include "core/random.h"
 #include "evaluate/blocks.h"
 #include "evaluate/metrics.h"
@@ -208,6 +209,15 @@ static void combine(const search *s, size_t M, double *specificity, double *erro
     }
 }
 
+/* The chunks, shared by the processes if there are several. */
+static apsm_status walk_all(apsm_context *ctx, search *s)
+{
+    const size_t chunks = chunks_of(s->samples);
+    APSM_TRY(apsm_own_for(ctx, chunks, NULL, one_chunk, s, "specificity"));
+    APSM_TRY(apsm_gather(ctx, chunks, NULL, s->modes * sizeof *s->mean, s->mean));
+    return apsm_gather(ctx, chunks, NULL, s->modes * sizeof *s->sum2, s->sum2);
+}
+
 static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, size_t modes,
                        double *specificity, double *error)
 {
@@ -223,7 +233,7 @@ static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, siz
         status = search_alloc(&s);
         if (status == APSM_OK) {
             fill(&s);
-            status = apsm_parallel_for(ctx, chunks_of(samples), one_chunk, &s, "specificity");
+            status = walk_all(ctx, &s);
         } else {
             apsm_fail(ctx, status, "out of memory for the specificity of %zu shapes",
                       from->model->I);
