@@ -95,7 +95,7 @@ static inline bool cohort_moves(const apsm_cohort *c, size_t i)
 size_t cohort_movers(const apsm_cohort *cohort);
 
 #define APSM_FIELD_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                        \
-    REAL(S, field_voxel, 0.16, 0.01, 1, "node spacing of the distance fields, in h")
+    REAL(S, field_voxel, 0.125, 0.01, 1, "node spacing of the distance fields, in h")
 typedef struct apsm_field_options {
     APSM_OPTION_FIELDS(APSM_FIELD_OPTIONS)
 } apsm_field_options;
