@@ -37,13 +37,13 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 apsm_verdict_options apsm_verdict_defaults(void)
 {
     return (apsm_verdict_options){ .slip = 1.9,
-                                   .slip_size = 0.02,
+                                   .slip_size = 0.01,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
                                    .off = 2.5,
                                    .off_excess = 5.0,
-                                   .size = 1.3,
+                                   .size = 1.4,
                                    .size_excess = 6.0,
                                    .against = 0.2,
                                    .told = 0.3 };
@@ -102,7 +102,7 @@ unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, bool sough
                                 const apsm_verdict_options *o)
 {
     const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
-    const bool told = !f || apsm_verdict_tells(f, APSM_ASPECT_POSE, o);
+    const bool told = !f || f->turn[0].evidence > least_pose;
     if (f && is_settled(f, &f->turn[0], usual, o)) return 0;
     if (sought && (told || turned)) return 0;
     return 1u << APSM_DOUBT_POSE;

@@ -51,11 +51,11 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip, slip_size;          /* both: 1.9 times the others', 0.02 h */
+    double slip, slip_size;          /* both: 1.9 times the others', 0.01 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
-    double size, size_excess;        /* both: 1.3 times the others' or less than that part, 6 */
+    double size, size_excess;        /* both: 1.4 times the others' or less than that part, 6 */
     double against; /* evidence against a pose or hand from where it is taken for wrong: 0.2 */
     double told;    /* evidence for it below which the surface cannot tell: 0.3 */
 } apsm_verdict_options;

@@ -341,7 +341,7 @@ static void sought_poses_have_to_be_told(void **state)
     const apsm_verdict_options o = apsm_verdict_defaults();
     apsm_findings f = { .agreement = 1.0 };
     f.turn[0].agreement = 0.9;
-    f.turn[0].evidence = 0.4;
+    f.turn[0].evidence = 0.6;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 0);
     f.turn[0].evidence = 0.1;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 1u << APSM_DOUBT_POSE);
