@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #include "formats/dicom.h"
+#include "formats/packbits.h"
 
 static void refuse_short(scan *s)
 {
@@ -18,24 +19,6 @@ static bool is_supported(const dicom *d)
 }
 
 /* ---- run lengths ---- */
-
-/* PackBits, as TIFF has it: n + 1 bytes as they are, or one byte 1 - n times. */
-static bool unpack_bits(const unsigned char *p, size_t size, unsigned char *out, size_t n,
-                        size_t step)
-{
-    size_t at = 0, have = 0;
-    while (have < n && at < size) {
-        const int head = (signed char)p[at++];
-        const size_t run = head >= 0 ? (size_t)head + 1 : (size_t)(1 - head);
-        if (head == -128) continue;
-        for (size_t k = 0; k < run && have < n; k++, have++) {
-            if (at + (head >= 0 ? k : 0) >= size) return false;
-            out[have * step] = p[at + (head >= 0 ? k : 0)];
-        }
-        at += head >= 0 ? run : 1;
-    }
-    return have == n;
-}
 
 /* Fragment f: after the table of offsets, one for each frame.  NULL if there is none. */
 static const unsigned char *find_fragment(const dicom *d, size_t f, size_t *size)
@@ -70,7 +53,7 @@ static unsigned char *unpack_frame(scan *s, const dicom *d, size_t f, size_t pix
         const size_t from = (size_t)scalar_bits(p + 4 + 4 * b, 4, false);
         const size_t next = b + 1 < bytes ? (size_t)scalar_bits(p + 8 + 4 * b, 4, false) : size;
         if (from > next || next > size ||
-            !unpack_bits(p + from, next - from, out + (bytes - 1 - b), pixels, bytes)) {
+            !packbits_unpack(p + from, next - from, out + (bytes - 1 - b), pixels, bytes)) {
             refuse_short(s);
             free(out);
             return NULL;

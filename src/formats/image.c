@@ -215,6 +215,9 @@ apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *b
         read_nrrd(&s, &m);
     } else if (path_ends_in(path, ".mha") || path_ends_in(path, ".mhd")) {
         read_metaimage(&s, &m);
+    } else if (path_ends_in(path, ".tif") || path_ends_in(path, ".tiff")) {
+        s = (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true };
+        read_tiff(&s, &m);
     } else {
         s = (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true };
         read_nifti(&s, &m);
@@ -224,9 +227,8 @@ apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *b
 
 static bool is_known(const char *path)
 {
-    static const char *const known[] = {
-        ".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr", ".mha", ".mhd"
-    };
+    static const char *const known[] = { ".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr",
+                                         ".mha",  ".mhd",  ".tif", ".tiff" };
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (path_ends_in(path, known[k])) return true;
     return false;
@@ -238,9 +240,9 @@ apsm_status apsm_read_volume(apsm_context *ctx, const char *path, apsm_volume *v
     size_t size;
     *volume = (apsm_volume){ 0 };
     if (!is_known(path))
-        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                         "%s: not an image format known here; use .nrrd, .nii, .nii.gz or .mha",
-                         path);
+        return apsm_fail(
+            ctx, APSM_ERR_UNSUPPORTED,
+            "%s: not an image format known here; use .nrrd, .nii, .nii.gz, .mha or .tif", path);
     APSM_TRY(input_file_read(ctx, path, &bytes, &size));
     const apsm_status status = volume_from_bytes(ctx, path, bytes, size, volume);
     free(bytes);

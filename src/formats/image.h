@@ -39,6 +39,7 @@ void image_note(scan *s, image *m, const char *format, ...) APSM_PRINTF(3, 4);
 void read_nifti(scan *s, image *m);
 void read_nrrd(scan *s, image *m);
 void read_metaimage(scan *s, image *m);
+void read_tiff(scan *s, image *m);
 
 /* "um", "mm", "m" ... in mm; 0 if it is none of them. */
 double unit_in_mm(word name);

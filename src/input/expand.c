@@ -38,8 +38,8 @@ typedef struct expansion {
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
 {
-    static const char *const volumes[] = { ".nrrd",   ".nhdr", ".nii", ".hdr",
-                                           ".nii.gz", ".mha",  ".mhd" };
+    static const char *const volumes[] = { ".nrrd", ".nhdr", ".nii", ".hdr", ".nii.gz",
+                                           ".mha",  ".mhd",  ".tif", ".tiff" };
     const bool mesh = mesh_is_known(path);
     bool volume = false;
     for (size_t k = 0; k < sizeof volumes / sizeof *volumes; k++)
@@ -119,10 +119,11 @@ static apsm_status refuse_empty(const expansion *e, const char *folder, size_t u
                          "%s: --pattern '%s' means none of the %zu shapes in this folder; try "
                          "'**/*.nii.gz' or '*/NAME.ply'",
                          folder, e->choice->pattern, unmatched);
-    return apsm_fail(e->ctx, APSM_ERR_IO,
-                     "%s: no shapes in this folder or below; it needs files ending in .ply, .stl, "
-                     ".obj, .vtk, .vtp, .nrrd, .nii, .nii.gz, .mha or .mhd, or a DICOM series",
-                     folder);
+    return apsm_fail(
+        e->ctx, APSM_ERR_IO,
+        "%s: no shapes in this folder or below; it needs files ending in .ply, .stl, "
+        ".obj, .vtk, .vtp, .nrrd, .nii, .nii.gz, .mha, .mhd or .tif, or a DICOM series",
+        folder);
 }
 
 static apsm_status add_folder(expansion *e, const char *folder, const char *name)

@@ -38,10 +38,6 @@ const char *foreign_remedy(const char *path)
         { ".img", "the voxels of a header; give its .hdr" },
         { ".raw", "voxels without a header; give its .mhd or .nhdr" },
         { ".zraw", "voxels without a header; give its .mhd" },
-        { ".tif",
-          "a stack of pictures without a place in space; save it as .nrrd or .nii.gz (Fiji does)" },
-        { ".tiff",
-          "a stack of pictures without a place in space; save it as .nrrd or .nii.gz (Fiji does)" },
         { ".png", slices },
         { ".jpg", slices },
         { ".jpeg", slices },
@@ -60,5 +56,5 @@ const char *foreign_remedy(const char *path)
             return known[k].text;
     }
     return "not a shape format; use .ply, .stl, .obj, .vtk, .vtp, .nrrd, .nii, .nii.gz, .mha, "
-           ".mhd or a DICOM file or folder";
+           ".mhd, .tif or a DICOM file or folder";
 }

@@ -13,7 +13,7 @@ extern "C" {
 
 typedef enum apsm_input_kind {
     APSM_INPUT_MESH,   /* .ply .stl .obj .vtk .vtp */
-    APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd */
+    APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd .tif .tiff */
     APSM_INPUT_DICOM   /* a folder holding one series, or a file with frames */
 } apsm_input_kind;
 

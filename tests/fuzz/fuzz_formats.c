@@ -26,8 +26,8 @@ static void read_dicom(apsm_context *ctx, const char *bytes, size_t size)
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static const char *const names[] = { "f.ply", "f.stl",  "f.obj", "f.vtk", "f.vtp",
-                                         "f.nii", "f.nrrd", "f.mha", "f.dcm" };
-    enum { MESHES = 5, DICOM = 8, FORMATS = 9 };
+                                         "f.nii", "f.nrrd", "f.mha", "f.dcm", "f.tif" };
+    enum { MESHES = 5, DICOM = 8, FORMATS = 10 };
     if (size < 2) return 0;
     const unsigned kind = data[0] % FORMATS;
     const char *const bytes = (const char *)data + 1;
