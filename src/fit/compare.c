@@ -42,7 +42,7 @@ static apsm_status open_file(apsm_context *ctx, const char *path, compare_side *
 
 static apsm_status open_folder(apsm_context *ctx, const char *path, compare_side *s)
 {
-    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES;
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED;
     APSM_TRY(model_folder_read(ctx, path, parts, &s->folder));
     if (s->folder.parts > 1)
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,

@@ -44,6 +44,7 @@ static apsm_status require_model(apsm_run *run)
 {
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "a job without a folder cannot grow");
+    APSM_TRY(manifest_refuse_joint(run));
     if (!stage_is_done(run, "evaluate"))
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: is no finished model; run `apsm evaluate %s`", run->folder,

@@ -177,6 +177,15 @@ refuse 1 "holds a joint model already" shapes -o joint $parts
 mkdir own && echo mine >own/scores.csv
 refuse 1 "no joint model of ours" shapes -o own $parts
 [ "$(cat own/scores.csv)" = mine ] || fail "a user's file was replaced"
+# What works on a model of one part says so of a joint, and changes nothing.
+find joint -type f -exec cksum {} + | sort >joint_before
+for verb in "add joint shapes" "exclude joint a" "compare joint joint/parts/cup" "export joint --model joint.apsm"; do
+    # shellcheck disable=SC2086
+    "$apsm" $verb >said 2>&1 && fail "$verb worked"
+    grep -Eq "parts a subject|joint of several parts" said || fail "$verb: $(tail -n 1 said)"
+done
+find joint -type f -exec cksum {} + | sort | cmp -s - joint_before || fail "a refused verb changed the joint"
+
 # A joint for other programs: the surfaces of all parts, and all particles.
 "$apsm" export joint --to csv -o tables >said 2>&1 || fail "export of a joint: $(tail -n 1 said)"
 particles=$(($(head -n 1 tables/particles.csv | tr ',' '\n' | wc -l) / 3))
