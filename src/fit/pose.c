@@ -39,8 +39,10 @@ static apsm_status open_search(const apsm_fit_model *m, const apsm_mesh *mesh, c
     APSM_TRY(apsm_cloud_sample(mesh, apsm_align_defaults().points, 0, 0, &s->cloud));
     apsm_cloud_find_cuts(mesh, &s->cloud);
     APSM_TRY(apsm_cloud_of_vertices(mesh, &s->cloud, &s->dense));
-    const size_t a = s->dense.n, b = m->dense.n;
-    s->work = malloc(apsm_icp_work_size(a > b ? a : b) * sizeof *s->work);
+    const size_t n[] = { s->dense.n, m->dense.n, s->cloud.n, m->cloud.n };
+    size_t most = 0; /* a small mesh has fewer vertices than points are drawn on it */
+    for (size_t k = 0; k < sizeof n / sizeof *n; k++) most = n[k] > most ? n[k] : most;
+    s->work = malloc(apsm_icp_work_size(most) * sizeof *s->work);
     s->moving = (apsm_surface){ bvh, &s->cloud };
     s->fixed = (apsm_surface){ m->cohort.shape[0].bvh, &m->cloud };
     return s->work ? APSM_OK : APSM_ERR_MEMORY;
