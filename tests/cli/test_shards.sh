@@ -105,6 +105,19 @@ same two
 ranks 2 "$apsm" run nowhere -o no 2>err && fail "2 ranks on nothing"
 grep -q "nowhere: no such" err || fail "ranks do not tell what is wrong: $(cat err)"
 
+# Fixed shapes: every rank has their files, none moves them.
+row() { printf '{"name": "%s", "shape_1": "in/%s.ply"%s}' "$1" "$1" "${2:-}"; }
+given() { printf ', "fixed": "yes", "local_particles_1": "one/particles/%s_local.particles"' "$1"; }
+printf '{"data": [%s, %s, %s, %s, %s]}' "$(row s0 "$(given s0)")" "$(row s1)" "$(row s2 "$(given s2)")" \
+    "$(row s3 "$(given s3)")" "$(row s4)" >fixed.swproj
+fixed=(--faces 1200 --quiet --threads 1 --stage1-epochs 1 --stage2-epochs 1 --fidelity-rounds 1)
+"$apsm" run fixed.swproj -o fixed_one "${fixed[@]}" 2>/dev/null || fail "fixed shapes"
+for n in 2 3; do
+    ranks $n "$apsm" run fixed.swproj -o fixed_$n "${fixed[@]}" 2>/dev/null || fail "fixed shapes, $n ranks"
+    diff -r -q -x manifest.json -x report.html fixed_one fixed_$n || fail "$n ranks change fixed shapes"
+done
+cmp one/particles/s2_local.particles fixed_3/particles/s2_local.particles || fail "ranks moved a fixed shape"
+
 # A rank dies at some moment, from the first to the last; the job ends, and goes on with another
 # number of ranks.
 kills=${KILLS:-5} ended=0

@@ -139,6 +139,28 @@ static apsm_status measure(void)
     return apsm_statistics_measure(ctx, &settings);
 }
 
+/* Two shapes with the particles of the model, and a third that is new, to first particles. */
+static apsm_status fixed(void)
+{
+    char project[TEST_PATH + 16], made[TEST_PATH + 8];
+    const char *const inputs[] = { project };
+    static const char *const set[][2] = { { "faces", "150" }, { "cuts", "keep" } };
+    snprintf(project, sizeof project, "%s/fixed.swproj", folder);
+    snprintf(made, sizeof made, "%s/fixed", folder);
+    const apsm_run_settings settings = { .folder = made,
+                                         .n_inputs = 1,
+                                         .inputs = inputs,
+                                         .n_set = sizeof set / sizeof set[0],
+                                         .set = set,
+                                         .overwrite = true };
+    apsm_run *run = NULL;
+    apsm_status status = apsm_run_open(ctx, &settings, &run);
+    if (status == APSM_OK) status = apsm_run_groom(run);
+    if (status == APSM_OK) status = apsm_run_initialize(run);
+    apsm_run_close(run);
+    return status;
+}
+
 /* The whole of a job without a folder: two bars as meshes, one as voxels. */
 static apsm_status add_shapes(apsm_run *run)
 {
@@ -239,6 +261,26 @@ STEP(job_in_memory)
 STEP(mend)
 
 /* The first time makes a folder, and so takes more. */
+static void fixed_reports_want_of_memory(void **state)
+{
+    (void)state;
+    char project[TEST_PATH + 16];
+    snprintf(project, sizeof project, "%s/fixed.swproj", folder);
+    FILE *f = fopen(project, "w");
+    assert_non_null(f);
+    fputs("{\"data\": [", f);
+    for (int i = 0; i < SHAPES; i++)
+        fprintf(f,
+                "%s{\"name\": \"s%d\", \"shape_1\": \"s%d.ply\", \"fixed\": \"%s\","
+                " \"local_particles_1\": \"model/particles/s%d_local.particles\"}",
+                i ? ", " : "", i, i, i == 1 ? "no" : "yes", i);
+    fputs("]}", f);
+    assert_int_equal(fclose(f), 0);
+    assert_int_equal(fixed(), APSM_OK);
+    fail_each("fixed", fixed);
+}
+
+/* The first time makes a folder, and so takes more. */
 static void measure_reports_want_of_memory(void **state)
 {
     (void)state;
@@ -290,6 +332,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(verify_reports_want_of_memory),
         cmocka_unit_test(measure_reports_want_of_memory),
         cmocka_unit_test(check_reports_want_of_memory),
+        cmocka_unit_test(fixed_reports_want_of_memory),
         cmocka_unit_test(job_in_memory_reports_want_of_memory),
         cmocka_unit_test(mend_reports_want_of_memory),
     };
