@@ -70,8 +70,7 @@ static PyObject *py_run_joint(PyObject *self, PyObject *args)
         return NULL;
     if (take_job(&j, &c)) {
         apsm_status status;
-        joint.run = j.settings;
-        Py_BEGIN_ALLOW_THREADS status = apsm_joint_run(c.ctx, &joint);
+        Py_BEGIN_ALLOW_THREADS status = apsm_joint_run(c.ctx, &j.settings, &joint);
         Py_END_ALLOW_THREADS result = call_none(&c, status);
     }
     free_job(&j, &c);
@@ -120,7 +119,8 @@ static apsm_status fit_files(call *c, const apsm_fit_settings *s, const char *pa
 static PyObject *py_fit_files(PyObject *self, PyObject *args)
 {
     (void)self;
-    apsm_fit_settings s = { .options = apsm_fit_defaults() };
+    apsm_fit_options options = apsm_fit_defaults();
+    apsm_fit_settings s = { .options = &options, .options_size = sizeof options };
     apsm_fit_totals n = { 0 };
     const char *parts;
     int aligned, force, overwrite, threads;
@@ -128,11 +128,11 @@ static PyObject *py_fit_files(PyObject *self, PyObject *args)
     call c = { 0 };
     if (!PyArg_ParseTuple(args, "sO!szzzzziipppiOO", &s.model, &PyList_Type, &inputs, &s.folder,
                           &s.landmarks, &s.labels, &s.reflect_match, &s.exclude, &parts,
-                          &s.options.hand, &s.options.extent, &aligned, &force, &overwrite,
-                          &threads, &c.log, &c.progress))
+                          &options.hand, &options.extent, &aligned, &force, &overwrite, &threads,
+                          &c.log, &c.progress))
         return NULL;
-    s.options.aligned = aligned != 0;
-    s.options.force = force != 0;
+    options.aligned = aligned != 0;
+    options.force = force != 0;
     s.overwrite = overwrite != 0;
     const char **paths = py_texts(inputs, &s.n_inputs);
     s.inputs = paths;
@@ -300,14 +300,17 @@ static PyObject *py_verify(PyObject *self, PyObject *args)
 static PyObject *py_report(PyObject *self, PyObject *args)
 {
     (void)self;
-    const char *folder;
+    apsm_run_settings settings = { 0 };
+    apsm_run *run = NULL;
     int threads;
     PyObject *result = NULL;
     call c = { 0 };
-    if (!PyArg_ParseTuple(args, "siO", &folder, &threads, &c.log)) return NULL;
+    if (!PyArg_ParseTuple(args, "siO", &settings.folder, &threads, &c.log)) return NULL;
     if (call_begin(&c, threads, 0)) {
         apsm_status status;
-        Py_BEGIN_ALLOW_THREADS status = apsm_report_write(c.ctx, folder);
+        Py_BEGIN_ALLOW_THREADS status = apsm_run_open(c.ctx, &settings, &run);
+        if (status == APSM_OK) status = apsm_run_report(run);
+        apsm_run_close(run);
         Py_END_ALLOW_THREADS result = call_none(&c, status);
     }
     call_end(&c);

@@ -42,6 +42,7 @@ awk -v p="$p" 'BEGIN { exit !(p < 0.01) }' || fail "sizes that differ by a fifth
 grep -q 'big minus small' model/statistics/group_size.csv || fail "no effect in the table"
 
 "$apsm" test model --subjects table.csv --formula '~ group' --on size --quiet || fail "exact"
+"$apsm" verify model >said 2>&1 || fail "a renewed report is not the model's: $(tail -n 1 said)"
 grep -q '"exact": true' model/statistics/group_size.json || fail "924 orders are not gone through"
 [ "$(number model/statistics/group_size.json permutations)" = 924 ] || fail "not 924 orders"
 

@@ -189,6 +189,7 @@ class Cohort(unittest.TestCase):
         apsm.exclude(folder, [n for n in self.model.names if n != apsm.load(folder).template][:1])
         self.assertEqual(len(apsm.load(folder).names), 5)
         self.assertTrue(os.path.getsize(apsm.report(folder)) > 100000)
+        self.assertEqual(apsm.verify(folder), [])
         with self.assertRaisesRegex(apsm.Error, "zzz"):
             apsm.exclude(folder, "zzz")
 
