@@ -329,7 +329,8 @@ static void load(scan *s, const nrrd *h, image *m)
     m->packing = as[h->encoding];
     if (h->file.length >= LONGEST_NAME || memchr(h->file.text, '%', h->file.length) ||
         (h->file.length >= 4 && memcmp(h->file.text, "LIST", 4) == 0)) {
-        scan_refuse(s, APSM_ERR_FORMAT, "its slices are in many files; save it in one");
+        scan_refuse(s, APSM_ERR_FORMAT,
+                    "its slices are in many files; open it (3D Slicer) and save it as one");
     } else if (h->file.length) {
         snprintf(name, sizeof name, "%.*s", (int)h->file.length, h->file.text);
         image_load_data(s, m, name);

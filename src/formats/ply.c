@@ -239,6 +239,10 @@ static void read_elements(scan *s, const header *h, soup *m)
         if (word_is(h->element[k].name, "vertex")) vertices = &h->element[k];
         if (word_is(h->element[k].name, "face")) faces = &h->element[k];
         m->lines += word_is(h->element[k].name, "edge") ? h->element[k].count : 0;
+        if (word_is(h->element[k].name, "tristrips") && h->element[k].count)
+            scan_refuse(s, APSM_ERR_FORMAT,
+                        "has strips of triangles, which are not read; save it with faces (MeshLab "
+                        "does)");
     }
     if (!vertices) scan_refuse(s, APSM_ERR_FORMAT, "has no element vertex; export it as a surface");
     const element *const last = faces > vertices ? faces : vertices;

@@ -266,6 +266,11 @@ static void damaged_ply_is_refused_with_its_line(void **state)
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
             "property float z\nend_header\n1 2 3\n",
             "point cloud");
+    refuses(f, "a.ply",
+            "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+            "property float z\nelement tristrips 1\nproperty list int int vertex_indices\n"
+            "end_header\n" PLY_POINTS "4 0 1 2 -1\n",
+            "strips of triangles");
 }
 
 static void other_damaged_formats_are_refused(void **state)
