@@ -15,7 +15,7 @@ typedef struct meta {
     double matrix[MOST_DIMENSIONS * MOST_DIMENSIONS];
     bool has_size, has_spacing, has_matrix, binary, compressed;
     double compressed_size, unit;
-    word file;
+    word file, orientation; /* orientation: three letters, or empty */
 } meta;
 
 static bool is_yes(word w)
@@ -79,6 +79,8 @@ static bool read_grid_line(scan *s, const header_line *l, meta *h)
     } else if (word_is(l->key, "DimSize")) {
         read_list(s, l, h, 1, h->size);
         h->has_size = true;
+    } else if (word_is(l->key, "AnatomicalOrientation")) {
+        h->orientation = l->value;
     } else if (word_is(l->key, "DistanceUnits")) {
         h->unit = unit_in_mm(l->value);
     } else {
@@ -127,6 +129,35 @@ static void read_lines(scan *s, meta *h, image *m)
                     any ? "DimSize" : "NDims");
 }
 
+/* The letter of the side that axis c runs to (from: that it comes from). */
+static char side_of(const double step[9], int c, bool from)
+{
+    static const char to[] = "LPS", back[] = "RAI";
+    int r = 0;
+    for (int k = 1; k < 3; k++)
+        if (fabs(step[3 * k + c]) > fabs(step[3 * r + c])) r = k;
+    return (step[3 * r + c] > 0.0) != from ? to[r] : back[r];
+}
+
+/* AnatomicalOrientation repeats the matrix in letters, which some programs mean as the sides that
+ * axes come from, others as those that they run to. */
+static void tell_orientation(scan *s, const meta *h, image *m)
+{
+    const word w = h->orientation;
+    bool from = w.length == 3, to = from;
+    char shown[WORD_SHOWN];
+    for (int c = 0; c < 3 && w.length == 3; c++) {
+        if (!strchr("RLAPIS", w.text[c])) return;
+        from = from && w.text[c] == side_of(m->step, c, true);
+        to = to && w.text[c] == side_of(m->step, c, false);
+    }
+    if (w.length == 3 && !from && !to)
+        image_note(s, m,
+                   "its AnatomicalOrientation %s is not that of its TransformMatrix, which was "
+                   "taken: check left and right",
+                   word_show(w, shown));
+}
+
 static void place(scan *s, const meta *h, image *m)
 {
     const size_t n = (size_t)h->dimensions;
@@ -149,6 +180,9 @@ static void place(scan *s, const meta *h, image *m)
     }
     if (!h->has_spacing)
         image_note(s, m, "its header has no ElementSpacing; voxels of 1 mm were taken");
+    if (h->unit < 1.0 || h->unit > 1.0)
+        image_note(s, m, "its lengths are in units of %g mm; turned into mm", h->unit);
+    tell_orientation(s, h, m);
 }
 
 static void check_sizes(scan *s, meta *h, image *m)
@@ -201,7 +235,9 @@ static void load(scan *s, const meta *h, image *m)
 
 void read_metaimage(scan *s, image *m)
 {
-    meta h = { .channels = 1, .binary = true, .unit = 1.0, .file = { "", 0 } };
+    meta h = {
+        .channels = 1, .binary = true, .unit = 1.0, .file = { "", 0 }, .orientation = { "", 0 }
+    };
     m->type = SCALAR_U8;
     read_lines(s, &h, m);
     if (scan_ok(s)) check_sizes(s, &h, m);

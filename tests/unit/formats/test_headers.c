@@ -321,6 +321,42 @@ static void every_metaimage_header_is_read(void **state)
     }
 }
 
+/* Of the 48 ways in which axes can run, the letters of the side that each comes from or runs to
+ * agree with the matrix, and all others are told. */
+static void orientations_that_disagree_are_told(void **state)
+{
+    static const char sides[] =
+        "RLAPIS"; /* letter 2 r: where LPS axis r comes from; + 1: runs to */
+    static const int axes[6][3] = { { 0, 1, 2 }, { 0, 2, 1 }, { 1, 0, 2 },
+                                    { 1, 2, 0 }, { 2, 0, 1 }, { 2, 1, 0 } };
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "o.mha");
+    for (int k = 0; k < 48; k++)
+        for (int said = 0; said < 4; said++) { /* from, to, one letter turned over, none */
+            double M[9] = { 0 };
+            char letters[4] = "", line[64] = "", text[512];
+            for (int c = 0; c < 3; c++) {
+                const int r = axes[k / 8][c], up = k >> c & 1;
+                M[3 * c + r] = up ? 1 : -1; /* MetaImage writes axis after axis */
+                letters[c] = sides[2 * r + ((said == 1) == up) -
+                                   (said == 2 && c == k % 3) * (((said == 1) == up) ? 1 : -1)];
+            }
+            if (said < 3) snprintf(line, sizeof line, "AnatomicalOrientation = %s\n", letters);
+            const int head = snprintf(
+                text, sizeof text,
+                "NDims = 3\nDimSize = 4 3 2\nElementSpacing = 1 1 1\nTransformMatrix = %g %g %g "
+                "%g %g %g %g %g %g\n%sElementType = MET_UCHAR\nElementDataFile = LOCAL\n",
+                M[0], M[1], M[2], M[3], M[4], M[5], M[6], M[7], M[8], line);
+            for (int i = 0; i < VOXELS; i++) text[head + i] = (char)value_of((size_t)i);
+            scratch_write(path, text, (size_t)head + VOXELS);
+            apsm_volume v;
+            assert_int_equal(apsm_read_volume(f->ctx, path, &v), APSM_OK);
+            if ((said == 2) != (v.notes && strstr(v.notes, "AnatomicalOrientation")))
+                fail_msg("%s: %s", text, v.notes ? v.notes : "no word");
+            apsm_volume_free(&v);
+        }
+}
+
 /* Two layers in which label 1 is one thing and another, as Slicer writes them. */
 static void layers_of_segments_are_kept_apart(void **state)
 {
@@ -350,6 +386,7 @@ int main(void)
         cmocka_unit_test(rounded_sforms_are_read),
         cmocka_unit_test(every_nrrd_header_is_read),
         cmocka_unit_test(every_metaimage_header_is_read),
+        cmocka_unit_test(orientations_that_disagree_are_told),
         cmocka_unit_test(layers_of_segments_are_kept_apart),
     };
     return cmocka_run_group_tests_name("headers", tests, setup, teardown);
