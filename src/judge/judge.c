@@ -17,6 +17,8 @@
 
 /* Cosine from which on a surface looks a given way. */
 static const double looks_the_same = 0.5;
+/* A particle has only gone round an edge if what looks the usual way is no farther, in h. */
+static const double round_edge = 0.6;
 
 /* Arrays of all shapes, I x J x ... */
 typedef struct judging {
@@ -163,21 +165,22 @@ static void find_reach(judging *g, size_t i)
     g->figure[REACH * g->I + i] = log(fmax(most, 0.05));
 }
 
-/* Whether no place within a spacing along the surface looks the way `usual` (common frame), from
+/* Whether no place near along the surface looks the way `usual` (common frame), from
  * where particle j is: else it has only gone round an edge. */
 static apsm_status is_beyond_edges(const judging *g, size_t i, size_t j, const double usual[3],
                                    apsm_geodesic_work *w, bool *beyond)
 {
     const apsm_shape *shape = &g->cohort->shape[i];
-    const double *p = g->P + 3 * (g->J * i + j), h = g->h / cbrt(apsm_affine_det(g->M + 16 * i));
+    const double *p = g->P + 3 * (g->J * i + j);
+    const double reach = round_edge * g->h / cbrt(apsm_affine_det(g->M + 16 * i));
     apsm_surface_point at;
     apsm_shape_look_up(shape, 1, p, &at, NULL, NULL);
-    APSM_TRY(apsm_geodesic_from(shape->geodesic, &at, h, w));
+    APSM_TRY(apsm_geodesic_from(shape->geodesic, &at, reach, w));
     *beyond = true;
     for (uint32_t v = 0; v < shape->mesh.nv && *beyond; v++) {
         double n[3];
-        if (!(vec3_distance2(shape->mesh.V + 3 * v, p) < h * h)) continue;
-        if (!(apsm_geodesic_vertex_distance(w, v) <= h)) continue;
+        if (!(vec3_distance2(shape->mesh.V + 3 * v, p) < reach * reach)) continue;
+        if (!(apsm_geodesic_vertex_distance(w, v) <= reach)) continue;
         apsm_affine_apply_normals(g->M + 16 * i, 1, shape->VN + 3 * v, n);
         *beyond = vec3_dot(n, usual) < looks_the_same;
     }
