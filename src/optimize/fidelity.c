@@ -125,7 +125,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     APSM_TRY(status);
     f->h = apsm_spacing(J, T, f->N6, NULL);
     list_triangles(f);
-    APSM_TRY(fidelity_smoothness(J, T, f->h, f->Q));
+    APSM_TRY(fidelity_smoothness(J, T, f->o.alone * f->h, f->Q));
     APSM_TRY(take_features(f));
     if (f->cohort->anchors.L > 0 && !f->cohort->anchors.hold)
         APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,
@@ -267,13 +267,6 @@ static double weight_of_known(const apsm_fidelity *f)
     return f->doubt * sqrt(f->doubt) * (1 - F) / F;
 }
 
-/* mu in (12) over the surfaces' weight: what they leave open is to be smooth. */
-static double weight_of_smooth(const apsm_fidelity *f)
-{
-    const apsm_fidelity_options *o = &f->o;
-    return f->doubt > 0 ? o->smooth + o->smooth_doubt * f->doubt : o->smooth_first;
-}
-
 /* Weights of a round from the mean diagonal of the surface terms. */
 static fidelity_weights weights_at(const round_task *t, size_t i, double diagonal)
 {
@@ -283,7 +276,7 @@ static fidelity_weights weights_at(const round_task *t, size_t i, double diagona
     const double share = (double)(t->round + 1) / (double)o->fidelity_rounds; /* of the rounds */
     const double known = diagonal * weight_of_known(t->f);
     return (fidelity_weights){ .stay = diagonal * o->stay + known * o->recall,
-                               .smooth = diagonal * weight_of_smooth(t->f),
+                               .smooth = diagonal * o->smooth,
                                .prior = known * o->prior,
                                .order = diagonal * o->order,
                                .contact = o->contact * share / o->floor,

@@ -16,7 +16,6 @@
 #include "optimize/fidelity_shape.h"
 
 static const double rough = 0.02; /* a_3, in radii */
-static const double own = 0.06;   /* e, in h */
 
 /* y (J x 3) in radii about the centre; the radius, 0 if all lie in one point. */
 static double normalise(size_t J, const double *T, double *y)
@@ -31,18 +30,18 @@ static double normalise(size_t J, const double *T, double *y)
     return sqrt(r2);
 }
 
-apsm_status fidelity_smoothness(size_t J, const double *T, double h, double *Q)
+apsm_status fidelity_smoothness(size_t J, const double *T, double e, double *Q)
 {
     double *y = malloc(3 * J * sizeof *y), *K = malloc(J * J * sizeof *K);
     apsm_status status = y && K ? APSM_OK : APSM_ERR_MEMORY;
     const double radius = status == APSM_OK ? normalise(J, T, y) : 1;
     if (!(radius > 0)) status = APSM_ERR_GEOMETRY;
     if (status == APSM_OK) {
-        const double e = own * h / radius;
+        const double own = e / radius;
         apsm_registration_covariance(J, y, K);
         memset(Q, 0, J * J * sizeof *Q);
         for (size_t j = 0; j < J; j++) {
-            K[j * J + j] += e * e;
+            K[j * J + j] += own * own;
             Q[j * J + j] = rough * rough;
         }
         status = apsm_cholesky(J, K);
