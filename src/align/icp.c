@@ -29,8 +29,6 @@
 #include "align/icp.h"
 
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "core/kernel.h"
@@ -153,49 +151,23 @@ static void match_fixed(const icp_job *job, const double M[16], const pairs *bef
     }
 }
 
-enum { LANES = 8 };
-
-/* The nearest so far, of the points of each lane. */
-typedef struct nearest_lanes {
-    double d2[LANES], l[LANES];
-} nearest_lanes;
-
-/* Squared distances of p, number k, to points l of Y (3 x n, a row a coordinate) of count lanes;
- * where they are smaller than least[l], they and k are noted, and where smaller than before in the
- * lane, they and l. */
-KERNEL_INLINE void look_at_lanes(size_t n, size_t l, size_t count, const double *restrict Y,
-                                 const double p[restrict 3], double k, double *restrict least,
-                                 double *restrict who, nearest_lanes *restrict nearest)
+/* d2[l] <- squared distance of p to point l of Y (3 x n, a row a coordinate); where that is
+ * smaller than least[l], it and the point's number k are noted.  Returns the least of d2. */
+APSM_KERNEL static double distances(size_t n, const double *restrict Y, const double p[restrict 3],
+                                    double k, double *restrict d2, double *restrict least,
+                                    double *restrict who)
 {
-#pragma omp simd
-    for (size_t i = 0; i < count; i++) {
-        const double x = Y[l + i] - p[0], y = Y[n + l + i] - p[1], z = Y[2 * n + l + i] - p[2];
+    double smallest = INFINITY;
+#pragma omp simd reduction(min : smallest)
+    for (size_t l = 0; l < n; l++) {
+        const double x = Y[l] - p[0], y = Y[n + l] - p[1], z = Y[2 * n + l] - p[2];
         const double d = x * x + y * y + z * z;
-        who[l + i] = d < least[l + i] ? k : who[l + i];
-        least[l + i] = d < least[l + i] ? d : least[l + i];
-        nearest->l[i] = d < nearest->d2[i] ? (double)l : nearest->l[i];
-        nearest->d2[i] = d < nearest->d2[i] ? d : nearest->d2[i];
+        who[l] = d < least[l] ? k : who[l];
+        least[l] = d < least[l] ? d : least[l];
+        d2[l] = d;
+        smallest = d < smallest ? d : smallest;
     }
-}
-
-/* The point of Y that is nearest to p, of equal ones the first, and its squared distance. */
-APSM_KERNEL static size_t distances(size_t n, const double *restrict Y, const double p[restrict 3],
-                                    double k, double *restrict least, double *restrict who,
-                                    double *d2)
-{
-    nearest_lanes nearest = { 0 };
-    size_t l = 0, best = 0;
-    for (size_t i = 0; i < LANES; i++) nearest.d2[i] = INFINITY;
-    for (; l + LANES <= n; l += LANES) look_at_lanes(n, l, LANES, Y, p, k, least, who, &nearest);
-    if (l < n) look_at_lanes(n, l, n - l, Y, p, k, least, who, &nearest);
-    *d2 = INFINITY;
-    for (size_t i = 0; i < LANES; i++) {
-        const size_t at = (size_t)nearest.l[i] + i;
-        if (nearest.d2[i] > *d2 || (nearest.d2[i] == *d2 && at > best)) continue;
-        *d2 = nearest.d2[i];
-        best = at;
-    }
-    return best;
+    return smallest;
 }
 
 /* Both directions at once, by the table of distances between the clouds. */
@@ -203,15 +175,17 @@ static void match_clouds(const icp_job *job, const double M[16], pairs *q)
 {
     const apsm_cloud *moving = job->moving->cloud, *fixed = job->fixed->cloud;
     const size_t n = job->n;
-    double *Y = job->work, *who = Y + 3 * n, *least = q->d2 + n;
+    double *Y = job->work, *row = Y + 3 * n, *who = row + n, *least = q->d2 + n;
     for (size_t l = 0; l < n; l++) {
         least[l] = INFINITY;
         who[l] = 0.0;
         for (size_t a = 0; a < 3; a++) Y[a * n + l] = fixed->x[3 * l + a];
     }
     for (size_t k = 0; k < n; k++) {
+        size_t l = 0;
         map(M, moving->x + 3 * k, q->p + 3 * k);
-        const size_t l = distances(n, Y, q->p + 3 * k, (double)k, least, who, &q->d2[k]);
+        q->d2[k] = distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
+        while (l + 1 < n && row[l] != q->d2[k]) l++;
         memcpy(q->y + 3 * k, fixed->x + 3 * l, 3 * sizeof *q->y);
         memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);
     }
@@ -576,7 +550,6 @@ static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], be
         if (!newton_step(job, now, lambda_least, z)) return false;
         t.n++;
         map_of_step(job, z, D);
-        if (getenv("DBG")) fprintf(stderr, "REST %d %g\n", i, step_length(job, now, D));
         if (step_length(job, now, D) < job->opt->tolerance) return true;
         extrapolate(&t, next);
         for (size_t a = 0; a < 7; a++) step[a] = next[a] - at[a];

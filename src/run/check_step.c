@@ -178,10 +178,12 @@ static double pass_seconds(double J)
     return 2.5e-3 + 8e-6 * J;
 }
 
-/* Normal equations in 2J unknowns, and the surfaces that are looked up. */
+/* Normal equations in 2J unknowns, where they are many of what is near; and the surfaces that are
+ * looked up. */
 static double round_seconds(const apsm_options *o)
 {
     const double unknowns = 2 * (double)o->optimize.particles;
+    if (unknowns > (double)o->optimize.fidelity.dense) return 0.01 + 1.3e-8 * unknowns * unknowns;
     return 0.007 + (double)o->optimize.fidelity.fidelity_points * unknowns * unknowns * 4e-11;
 }
 
