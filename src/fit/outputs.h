@@ -15,7 +15,7 @@ typedef struct fit_row {
     const char *name, *path; /* borrowed */
     char sha256[65];
     bool failed;
-    char *problem;    /* line of a failure, or the reason of a verdict; NULL: none */
+    char *problem;    /* line of a failure, or figures' reason; NULL: none */
     apsm_fit figures; /* without arrays but score */
 } fit_row;
 

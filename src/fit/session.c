@@ -20,6 +20,8 @@ typedef struct session {
     fit_reading reading;
     landmark_list landmarks; /* on the mean; none: point files are clouds */
     fit_row *rows;           /* list.n */
+    double *scores;          /* of the rows, at one place: kept one by one among what comes and goes
+                                they would leave holes in memory that no later shape fills */
 } session;
 
 /* ---- points ---- */
@@ -114,13 +116,9 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
 }
 
 /* Figures and scores stay for the tables; the rest goes. */
-static apsm_status keep_figures(apsm_fit *fit, fit_row *row)
+static void keep_figures(const apsm_fit *fit, double *score, fit_row *row)
 {
-    double *score = fit->score;
-    if (*fit->reason) {
-        row->problem = strdup(fit->reason);
-        if (!row->problem) return APSM_ERR_MEMORY;
-    }
+    memcpy(score, fit->score, fit->modes * sizeof *score);
     row->figures = *fit;
     fit_row *r = row;
     r->figures.local = r->figures.world = r->figures.original = NULL;
@@ -128,7 +126,7 @@ static apsm_status keep_figures(apsm_fit *fit, fit_row *row)
     r->figures.observed = r->figures.mesh_observed = NULL;
     r->figures.mesh = r->figures.cropped = (apsm_mesh){ 0 };
     r->figures.score = score;
-    return APSM_OK;
+    if (*fit->reason) row->problem = r->figures.reason;
 }
 
 static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -148,10 +146,8 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
         row->problem = strdup(*line ? line : apsm_status_text(status));
         return row->problem ? APSM_OK : APSM_ERR_MEMORY;
     }
-    status = keep_figures(&fit, row);
-    if (status == APSM_OK)
-        status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
-    if (row->figures.score == fit.score) fit.score = NULL; /* the row's now */
+    keep_figures(&fit, s->scores + i * s->model->model.modes, row);
+    status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
     apsm_fit_free(&fit);
     return status;
 }
@@ -263,16 +259,16 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     const apsm_options *options = apsm_fit_model_options(s->model);
     s->reading.groom = options->groom;
     s->rows = calloc(s->list.n, sizeof *s->rows);
-    return s->rows ? APSM_OK : APSM_ERR_MEMORY;
+    s->scores = calloc(s->list.n * s->model->model.modes + 1, sizeof *s->scores);
+    return s->rows && s->scores ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 static void close_session(session *s)
 {
-    for (size_t i = 0; s->rows && i < s->list.n; i++) {
-        free(s->rows[i].problem);
-        free(s->rows[i].figures.score);
-    }
+    for (size_t i = 0; s->rows && i < s->list.n; i++)
+        if (s->rows[i].failed) free(s->rows[i].problem);
     free(s->rows);
+    free(s->scores);
     landmark_list_free(&s->landmarks);
     apsm_labels_free(&s->reading.labels);
     apsm_input_list_free(&s->list);
