@@ -109,6 +109,12 @@ static void read_page(scan *s, const tiff *t, uint64_t at, page *p, uint64_t *ne
 
 /* ---- what can be read ---- */
 
+static void refuse_bits(scan *s, const page *p)
+{
+    scan_refuse(s, APSM_ERR_FORMAT, "has voxels of %llu bits; save it with 8 or 16 bits a voxel",
+                (unsigned long long)p->bits);
+}
+
 static void read_type(scan *s, const page *p, image *m)
 {
     static const struct {
@@ -122,8 +128,7 @@ static void read_type(scan *s, const page *p, image *m)
             m->type = known[k].type;
             return;
         }
-    scan_refuse(s, APSM_ERR_FORMAT, "has voxels of %llu bits; save it with 8 or 16 bits a voxel",
-                (unsigned long long)p->bits);
+    refuse_bits(s, p);
 }
 
 static void check_page(scan *s, const tiff *t, const page *p)
@@ -131,6 +136,7 @@ static void check_page(scan *s, const tiff *t, const page *p)
     const bool packed = p->compression == DEFLATED || p->compression == OLD_DEFLATED;
     if (p->samples != 1 || p->photometric == 2)
         scan_refuse(s, APSM_ERR_FORMAT, "has colours; save it with one label per voxel");
+    if (p->bits != 8 && p->bits != 16 && p->bits != 32) refuse_bits(s, p);
     if (p->tiled || p->predictor != 1 ||
         !(p->compression == PLAIN_STRIPS || p->compression == PACKBITS || packed))
         scan_refuse(s, APSM_ERR_UNSUPPORTED,

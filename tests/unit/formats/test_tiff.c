@@ -267,13 +267,15 @@ static void others_are_refused_by_name(void **state)
 {
     variant v = usual;
     v.text = fiji;
-    variant colours = v, packed = v, flat = v, frames = v, circle = v;
+    variant colours = v, packed = v, flat = v, frames = v, circle = v, bits = v;
     colours.samples = 3;
     packed.compression = 5;
     flat.pages = 1;
     flat.text = "";
     frames.text = "ImageJ=1.5\nimages=3\nchannels=3\nunit=mm\nspacing=2\n";
     circle.circle = true;
+    bits.bits = 1;
+    expect_refused(*state, &bits, "1 bits");
     expect_refused(*state, &colours, "colours");
     expect_refused(*state, &packed, "LZW");
     expect_refused(*state, &flat, "flat picture");
