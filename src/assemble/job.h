@@ -58,6 +58,11 @@ apsm_status joint_add_part(joint_job *job, const char *name, const char *what);
 apsm_status joint_group(joint_job *job);
 void joint_job_free(joint_job *job);
 
+/* ---- labels.c ---- */
+
+/* Of parts that are labels: takes those from subjects whose image does not have them. */
+apsm_status joint_find_labels(joint_job *job);
+
 /* ---- shared.c: settings->shared, in the folder, which is there ---- */
 apsm_status joint_share(joint_job *job);
 
