@@ -95,20 +95,16 @@ static posterior_model posterior_of_joint(const joint_model *m)
 }
 
 /* Means and deviations of the particles of missing parts to s->world and s->sd. */
-static apsm_status complete(const joint_model *m, joint_subject_fit *s)
+static apsm_status take_missing(const joint_model *m, const posterior_model *q, const double *error,
+                                joint_subject_fit *s)
 {
-    const posterior_model q = posterior_of_joint(m);
-    const size_t D = q.D, J = D / 3, M = q.M;
-    double *error =
-        malloc((J + D + 3 * D + M + M * M + posterior_particles_work_size(&q)) * sizeof *error);
-    if (!error) return APSM_ERR_MEMORY;
-    double *x = error + J, *block = x + D, *b = block + 3 * D, *B = b + M;
+    const size_t D = q->D, M = q->M;
+    double *x = malloc((4 * D + M + M * M + posterior_particles_work_size(q)) * sizeof *x);
+    if (!x) return APSM_ERR_MEMORY;
+    double *block = x + D, *b = block + 3 * D, *B = b + M;
     posterior_scores scores = { .b = b, .B = B };
-    for (size_t d = 0; d < m->n; d++)
-        for (size_t j = 0; j < m->folder.part[d].J; j++)
-            error[m->folder.part[d].first + j] = s->fitted[d] ? 0 : INFINITY;
     const apsm_status status =
-        posterior_of_particles(&q, s->world, error, &scores, x, block, B + M * M);
+        posterior_of_particles(q, s->world, error, &scores, x, block, B + M * M);
     for (size_t d = 0; d < m->n && status == APSM_OK; d++) {
         const model_part *p = &m->folder.part[d];
         if (s->fitted[d]) continue;
@@ -116,6 +112,23 @@ static apsm_status complete(const joint_model *m, joint_subject_fit *s)
         for (size_t j = p->first; j < p->first + p->J; j++)
             s->sd[j] = m->band[d] * sqrt((block[9 * j] + block[9 * j + 4] + block[9 * j + 8]) / 3);
     }
+    free(x);
+    return status;
+}
+
+static apsm_status complete(const joint_model *m, joint_subject_fit *s)
+{
+    const posterior_model q = posterior_of_joint(m);
+    const bool free_pose = joint_pose_is_free(m, s->fitted);
+    joint_posterior p = { 0 };
+    double *error = malloc(m->folder.J * sizeof *error);
+    apsm_status status = error ? joint_with_pose(m, free_pose, &q, &p) : APSM_ERR_MEMORY;
+    for (size_t d = 0; d < m->n && error; d++)
+        for (size_t j = 0; j < m->folder.part[d].J; j++)
+            error[m->folder.part[d].first + j] = s->fitted[d] ? 0 : INFINITY;
+    if (status == APSM_OK && free_pose) status = joint_find_pose(m, &p, q.M, error, s);
+    if (status == APSM_OK) status = take_missing(m, &p.q, error, s);
+    free(p.rows);
     free(error);
     return status;
 }

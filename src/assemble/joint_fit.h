@@ -5,6 +5,7 @@
 #include "assemble/job.h"
 #include "fit/fit_model.h"
 #include "fit/outputs.h"
+#include "fit/posterior.h"
 #include "fit/reading.h"
 
 #define JOINT_FIT_JSON   "joint_fit.json"
@@ -51,6 +52,23 @@ typedef struct joint_subject_fit {
 /* From the parts' fits to the rest: alignment, what is missing, scores, verdict. */
 apsm_status joint_put_together(apsm_context *ctx, const joint_model *m,
                                joint_subject_fit *s) APSM_NODISCARD;
+
+/* ---- joint_missing.c ---- */
+
+/* Whether the pose is to be found with the scores: a part is missing, and the others did not lay
+ * the world by themselves.  there: n. */
+bool joint_pose_is_free(const joint_model *m, const bool *there);
+/* q with modes of pose behind its own, if free; q's rows are copied.  Free rows. */
+typedef struct joint_posterior {
+    posterior_model q;
+    double *rows;
+} joint_posterior;
+apsm_status joint_with_pose(const joint_model *m, bool free, const posterior_model *q,
+                            joint_posterior *p) APSM_NODISCARD;
+/* Lays s's fitted parts where p (with `modes` of its own, then pose) says that they are: world and
+ * M. error (J): INFINITY where nothing is seen. */
+apsm_status joint_find_pose(const joint_model *m, const joint_posterior *p, size_t modes,
+                            const double *error, joint_subject_fit *s) APSM_NODISCARD;
 
 /* ---- joint_fit_write.c ---- */
 apsm_status joint_fit_write_subject(apsm_context *ctx, const char *folder, const joint_model *m,

@@ -84,20 +84,40 @@ static posterior_model posterior_of_shapes(const apsm_shape_model *s, size_t mod
 }
 
 /* Mean squared ratio of miss and deviation of part d, a coordinate, of a subject y without it. */
-static apsm_status ratio_of(const joint_model *m, const posterior_model *q, const double *y,
-                            size_t d, double *work, double *ratio)
+static apsm_status ratio_by(const joint_model *m, const posterior_model *q, const double *y,
+                            size_t d, double *ratio)
 {
+    double *work =
+        malloc((q->D / 3 + 4 * q->D + q->M + q->M * q->M + posterior_particles_work_size(q)) *
+               sizeof *work);
+    if (!work) return APSM_ERR_MEMORY;
     const model_part *p = &m->folder.part[d];
     const size_t J = q->D / 3;
     double *error = work, *x = error + J, *block = x + q->D, *b = block + 9 * J, *B = b + q->M;
     posterior_scores s = { .b = b, .B = B };
     for (size_t j = 0; j < J; j++) error[j] = j >= p->first && j < p->first + p->J ? INFINITY : 0;
-    APSM_TRY(posterior_of_particles(q, y, error, &s, x, block, B + q->M * q->M));
+    const apsm_status status = posterior_of_particles(q, y, error, &s, x, block, B + q->M * q->M);
     *ratio = 0;
-    for (size_t j = p->first; j < p->first + p->J; j++)
+    for (size_t j = p->first; j < p->first + p->J && status == APSM_OK; j++)
         *ratio += vec3_distance2(x + 3 * j, y + 3 * j) /
                   (block[9 * j] + block[9 * j + 4] + block[9 * j + 8]) / (double)p->J;
-    return APSM_OK;
+    free(work);
+    return status;
+}
+
+/* The same with the pose as free as it is without the part. */
+static apsm_status ratio_of(const joint_model *m, const posterior_model *q, const double *y,
+                            size_t d, double *ratio)
+{
+    joint_posterior p = { 0 };
+    bool *there = malloc(m->n * sizeof *there);
+    if (!there) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < m->n; k++) there[k] = k != d;
+    apsm_status status = joint_with_pose(m, joint_pose_is_free(m, there), q, &p);
+    if (status == APSM_OK) status = ratio_by(m, &p.q, y, d, ratio);
+    free(p.rows);
+    free(there);
+    return status;
 }
 
 typedef struct judging {
@@ -114,23 +134,17 @@ static apsm_status judge_subject(apsm_context *ctx, size_t k, int worker, void *
     const fit_calibration *c = &m->whole->calibration;
     const size_t I = m->folder.I, D = 3 * m->folder.J, i = k * I / g->judged;
     apsm_shape_model without = { 0 };
-    double *P = malloc(I * D * sizeof *P), *work = NULL;
+    double *P = malloc(I * D * sizeof *P);
     if (!P) return APSM_ERR_MEMORY;
     memcpy(P, m->folder.P, i * D * sizeof *P);
     memcpy(P + i * D, m->folder.P + (i + 1) * D, (I - 1 - i) * D * sizeof *P);
     apsm_status status = apsm_shape_model_fit(ctx, I - 1, D / 3, P, &without);
     const posterior_model q =
         posterior_of_shapes(&without, (size_t)c->modes, c->noise * m->whole->h * m->whole->h);
-    if (status == APSM_OK) {
-        work = malloc((D / 3 + D + 3 * D + q.M + q.M * q.M + posterior_particles_work_size(&q)) *
-                      sizeof *work);
-        if (!work) status = APSM_ERR_MEMORY;
-    }
     for (size_t d = 0; d < m->n && status == APSM_OK; d++)
-        status = ratio_of(m, &q, m->folder.P + i * D, d, work, &g->ratio[k * m->n + d]);
+        status = ratio_of(m, &q, m->folder.P + i * D, d, &g->ratio[k * m->n + d]);
     apsm_shape_model_free(&without);
     free(P);
-    free(work);
     return status;
 }
 
