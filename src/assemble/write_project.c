@@ -195,11 +195,28 @@ static apsm_status keep_source(const writing *w, apsm_project *project)
         status = store_constraints(w, project, i);
     if (status == APSM_OK) {
         json_object_del(source.root, "apsm");
-        if (json_object_update_missing(project->root, source.root) != 0) status = APSM_ERR_MEMORY;
+        json_object_del(source.root, "data");
+        if (json_object_update(project->root, source.root) != 0) status = APSM_ERR_MEMORY;
         json_decref(project->aside);
         project->aside = json_incref(source.aside);
     }
     apsm_project_free(&source);
+    return status;
+}
+
+/* What ShapeWorks' own optimisation goes on with: "32 48", particles of every domain. */
+static apsm_status set_optimize(const writing *w, apsm_project *project)
+{
+    enum { ROOM = 24 };
+    char *text = calloc(w->c->n * ROOM + 1, 1), domains[ROOM];
+    if (!text) return APSM_ERR_MEMORY;
+    for (size_t d = 0, at = 0; d < w->c->n; d++)
+        at += (size_t)snprintf(text + at, ROOM, "%s%zu", d ? " " : "", writing_particles(w, d));
+    snprintf(domains, sizeof domains, "%zu", w->c->n);
+    apsm_status status = apsm_project_set(project, "optimize", "number_of_particles", text);
+    if (status == APSM_OK)
+        status = apsm_project_set(project, "optimize", "domains_per_shape", domains);
+    free(text);
     return status;
 }
 
@@ -215,6 +232,7 @@ apsm_status joint_write_project(writing *w)
     for (size_t i = 0; i < w->c->I && status == APSM_OK; i++)
         status = describe_subject(w, i, x, &project);
     if (status == APSM_OK) status = keep_source(w, &project);
+    if (status == APSM_OK) status = set_optimize(w, &project);
     if (status == APSM_OK) status = apsm_project_write(w->job->ctx, path, &project);
     apsm_project_free(&project);
     free(x);
