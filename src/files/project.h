@@ -75,7 +75,7 @@ apsm_status apsm_project_fix_names(apsm_context *ctx, apsm_project *project) APS
 /* The same for a domain that is named; NULL: as above. */
 apsm_status apsm_project_read_domain(apsm_context *ctx, const char *path, const char *domain,
                                      apsm_project *project) APSM_NODISCARD;
-/* How many domains the first subject has an input of. */
+/* How many domains there are inputs of: those of the first of the subjects that have most. */
 size_t apsm_project_domains(const apsm_project *project);
 /* The name of the k-th of them (borrowed), in the order of the columns; NULL beyond the last. */
 const char *apsm_project_domain_name(const apsm_project *project, size_t k);

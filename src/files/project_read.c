@@ -208,9 +208,9 @@ static const char *domain_of_key(const char *key)
     return NULL;
 }
 
-const char *apsm_project_domain_name(const apsm_project *project, size_t k)
+/* The k-th domain of a row, or NULL. */
+static const char *domain_of_row(json_t *row, size_t k)
 {
-    json_t *row = project->n > 0 ? project->subjects[0].row : NULL;
     for (void *at = json_object_iter(row); at; at = json_object_iter_next(row, at)) {
         const char *domain = domain_of_key(json_object_iter_key(at));
         if (domain && *domain && k-- == 0) return domain;
@@ -218,10 +218,35 @@ const char *apsm_project_domain_name(const apsm_project *project, size_t k)
     return NULL;
 }
 
-size_t apsm_project_domains(const apsm_project *project)
+static size_t domains_of_row(json_t *row)
 {
     size_t n = 0;
-    while (apsm_project_domain_name(project, n)) n++;
+    while (domain_of_row(row, n)) n++;
+    return n;
+}
+
+/* A subject may miss a part: the first of those that have most says which there are. */
+static json_t *fullest_row(const apsm_project *project, size_t *domains)
+{
+    json_t *row = NULL;
+    *domains = 0;
+    for (size_t i = 0; i < project->n; i++) {
+        const size_t n = domains_of_row(project->subjects[i].row);
+        if (n > *domains) *domains = n, row = project->subjects[i].row;
+    }
+    return row;
+}
+
+const char *apsm_project_domain_name(const apsm_project *project, size_t k)
+{
+    size_t n;
+    return domain_of_row(fullest_row(project, &n), k);
+}
+
+size_t apsm_project_domains(const apsm_project *project)
+{
+    size_t n;
+    (void)fullest_row(project, &n);
     return n;
 }
 

@@ -235,14 +235,35 @@ static apsm_status no_shape(apsm_run *run, const apsm_project *p, size_t i)
                      shown(run, p), i + 1, s->name, p->domain);
 }
 
-static apsm_status list_paths(apsm_run *run, const apsm_project *p, const char **names,
-                              char **paths)
+/* Where one of several domains was chosen, a subject that has others misses it. */
+static bool misses_domain(const apsm_run *run, const apsm_project *p, size_t i)
 {
+    const char *key;
+    json_t *value;
+    if (!*apsm_run_text(run, "domain")) return false;
+    json_object_foreach(p->subjects[i].row, key, value)
+    {
+        const char *text = json_string_value(value);
+        if (text && *text && is_other_input(p, key)) return true;
+    }
+    return false;
+}
+
+static apsm_status list_paths(apsm_run *run, const apsm_project *p, const char **names,
+                              char **paths, size_t *n)
+{
+    *n = 0;
     for (size_t i = 0; i < p->n; i++) {
-        if (!p->subjects[i].shape) return no_shape(run, p, i);
-        names[i] = p->subjects[i].name;
-        paths[i] = apsm_project_path(p, p->subjects[i].shape);
-        if (!paths[i]) return APSM_ERR_MEMORY;
+        const apsm_subject *s = &p->subjects[i];
+        if (!s->shape && misses_domain(run, p, i)) {
+            apsm_log(run->ctx, APSM_LOG_WARNING, "%s: has no %s; it is left out", s->name,
+                     p->domain);
+            continue;
+        }
+        if (!s->shape) return no_shape(run, p, i);
+        names[*n] = s->name;
+        paths[*n] = apsm_project_path(p, s->shape);
+        if (!paths[(*n)++]) return APSM_ERR_MEMORY;
     }
     return APSM_OK;
 }
@@ -251,6 +272,7 @@ apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *l
 {
     const char **names = calloc(p->n + 1, sizeof *names);
     char **paths = calloc(p->n + 1, sizeof *paths);
+    size_t n = 0;
     apsm_status status = names && paths ? APSM_OK : APSM_ERR_MEMORY;
     if (status == APSM_OK && p->n == 0)
         status =
@@ -259,8 +281,8 @@ apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *l
                             "%s: names no shapes, or all are excluded; add rows to its data",
                             run->inputs[0])
                 : apsm_fail(run->ctx, APSM_ERR_ARG, "no inputs: give a folder, files or a project");
-    if (status == APSM_OK) status = list_paths(run, p, names, paths);
-    const apsm_input_choice choice = { .n = p->n,
+    if (status == APSM_OK) status = list_paths(run, p, names, paths, &n);
+    const apsm_input_choice choice = { .n = n,
                                        .inputs = (const char *const *)paths,
                                        .names = names,
                                        .exclude = apsm_run_text(run, "exclude"),

@@ -31,7 +31,7 @@ def project(rng):
         for d, part in zip(domains, "abc"):
             row[kind + d] = "in/n%d_%s.ply" % (i, part)
         for c in columns:
-            row[c] = rng.choice(["", "L", "4.5", "é", "two words"] + ([] if c.startswith(PATHS) else [True, 7]))
+            row[c] = rng.choice(["", "in/n0_a.ply"] if c.startswith(PATHS) else ["", "L", "4.5", "é", "two words", True, 7])
         if rng.random() < 0.3:
             row["alignment_" + domains[0]] = "1 0 0 5 0 1 0 6 0 0 1 7 0 0 0 1"
             row["alignment_global"] = "1 0 0 0 0 1 0 0 0 0 1 0"
@@ -127,8 +127,9 @@ for seed in seeds:
             what = "failed: %s" % done.stderr[-300:]
     if not what:
         what = lost(domains, kind, root, model)
-    if not what and subprocess.run([apsm, "check", model], cwd="/", capture_output=True, text=True).returncode != 0:
-        what = "check doubts what was written"
+    info = subprocess.run([apsm, "info", model], cwd="/", capture_output=True, text=True)
+    if not what and (info.returncode != 0 or "do not belong" in info.stdout or "absent" in info.stdout):
+        what = "info doubts what was written: %s" % info.stdout[-300:]
     if what:
         print("FAILED: project %d of domains %s: %s" % (seed, domains, what))
         failed = 1

@@ -105,6 +105,15 @@ expect 0 "do not belong together" info sub/m
 # ---- any project ----
 if command -v python3 >/dev/null; then
     python3 "$here/any_project.py" "$apsm" "$PWD" 10 || failed=1
+    rm -rf joints && mkdir -p joints/in
+    for i in 0 1 2 3 4 5; do
+        k=0
+        for part in a b c; do
+            "$synthetic" ellipsoid joints/in/n${i}_$part.ply level 2 index $(((i + 2 * k) % 6)) wobble 0.03 seed $((3 + k)) shift $((60 * k)) || exit 1
+            k=$((k + 1))
+        done
+    done
+    python3 "$here/any_joint.py" "$apsm" "$PWD/joints" 2 7 10 || failed=1
 else
     echo "SKIPPED: no python3, so no generated projects were tried"
 fi
