@@ -2,32 +2,11 @@
 # The program from shapes to a model: what is written, that it depends on nothing but shapes and
 # options, that an interrupted run goes on, and what happens with shapes that are hard or broken.
 # $1 is the program, $2 make_synthetic.
-set -u -m # -m: background jobs must not ignore SIGINT
-apsm=$1
-synthetic=$2
-folder=$(mktemp -d)
+set -m # background jobs must not ignore SIGINT
+. "$(dirname "$0")/head.sh"
 trap 'chmod -R u+w "$folder"; rm -rf "$folder"' EXIT
-cd "$folder" || exit 1
-failed=0
+limit=300
 quick=(-J 64 --faces 1500 --stage1-epochs 12 --stage2-epochs 8)
-
-fail() {
-    echo "FAILED: $*"
-    failed=1
-}
-
-# expect CODE WORDS ARGUMENT...: exit code, and words in what the program says (both streams).
-expect() {
-    local code=$1 words=$2
-    shift 2
-    "$apsm" "$@" >said 2>&1 </dev/null
-    local got=$?
-    if [ $got -ne "$code" ]; then
-        fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"
-    elif [ -n "$words" ] && ! grep -qF -- "$words" said; then
-        fail "apsm $*: does not say '$words': $(tail -n 3 said)"
-    fi
-}
 
 # silent about errors of the program's own making
 sound() {
@@ -150,8 +129,8 @@ mkdir handed
 for i in 0 1 2 3; do
     "$synthetic" bump handed/m$i.ply index $i wobble 0.04 seed 1 mirror $((i == 3)) || exit 1
 done
-for limit in "" "--memory 64M"; do
-    expect 0 "" run handed -o "free${limit:+_limit}" "${quick[@]}" --mirror-check fix $limit
+for memory in "" "--memory 64M"; do
+    expect 0 "" run handed -o "free${memory:+_limit}" "${quick[@]}" --mirror-check fix $memory
     grep -q "m3: looks mirrored" said || fail "m3 is not found to be mirrored"
 done
 for part in particles meshes groomed model.json evaluation.json certificate.json history.csv; do
