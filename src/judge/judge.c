@@ -113,8 +113,8 @@ static apsm_status predict_shape(apsm_context *ctx, size_t i, int worker, void *
     const apsm_status status = apsm_left_out_residual(g->I, J, g->Q, i, r, work);
     for (size_t k = 0; k < 3 * J && status == APSM_OK; k++) sum += r[k] * r[k];
     g->figure[OFF * g->I + i] = 0.5 * log(sum / (double)J / (g->h * g->h) + 1e-12);
-    apsm_slip_look(g->I, J, g->Q, i, g->N + 3 * J * i, g->h, g->patch,
-                   g->slipped + at_look(g, i, 0), work);
+    const apsm_slip_cohort all = { g->I, J, g->Q, g->h, g->patch };
+    apsm_slip_look(&all, i, g->N + 3 * J * i, g->slipped + at_look(g, i, 0), work);
     free(work);
     return status;
 }

@@ -78,16 +78,17 @@ size_t apsm_slip_work_size(size_t J)
     return (size_t)APSM_SLIP_LOOKS * 3 * J + apsm_left_out_work_size(J);
 }
 
-void apsm_slip_look(size_t I, size_t J, const double *P, size_t i, const double *N, double h,
-                    const apsm_patches patches[APSM_SLIP_LOOKS], double *slipped, double *work)
+void apsm_slip_look(const apsm_slip_cohort *c, size_t i, const double *N, double *slipped,
+                    double *work)
 {
+    const size_t J = c->J;
     double *rests = work + apsm_left_out_work_size(J);
-    apsm_left_out_rests(I, J, P, i, rests, work);
+    apsm_left_out_rests(c->I, J, c->P, i, rests, work);
     for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) {
         double *r = rests + 3 * J * k;
         for (size_t j = 0; j < J; j++)
             vec3_add_scaled(r + 3 * j, -vec3_dot(r + 3 * j, N + 3 * j), N + 3 * j);
-        mean_lengths(&patches[k], r, h, slipped + J * k);
+        mean_lengths(&c->patches[k], r, c->h, slipped + J * k);
     }
 }
 

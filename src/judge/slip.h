@@ -30,11 +30,18 @@ void apsm_patches_mean(const apsm_patches *patches, const double *x, double *mea
 /* Scratch in doubles. */
 size_t apsm_slip_work_size(size_t J);
 
+/* All shapes in one pose; borrowed. */
+typedef struct apsm_slip_cohort {
+    size_t I, J;                 /* I >= 3 */
+    const double *P;             /* I x J x 3 */
+    double h;                    /* spacing */
+    const apsm_patches *patches; /* APSM_SLIP_LOOKS */
+} apsm_slip_cohort;
+
 /* slipped (APSM_SLIP_LOOKS x J, out): how far, in h, the particles around each have gone along the
- * surface of shape i together, (J3b).  P: I x J x 3, I >= 3, in one pose; N (J x 3): the shape's
- * normals. work: scratch. */
-void apsm_slip_look(size_t I, size_t J, const double *P, size_t i, const double *N, double h,
-                    const apsm_patches patches[APSM_SLIP_LOOKS], double *slipped, double *work);
+ * surface of shape i together, (J3b).  N (J x 3): the shape's normals.  work: scratch. */
+void apsm_slip_look(const apsm_slip_cohort *c, size_t i, const double *N, double *slipped,
+                    double *work);
 
 /* times (J, out): of slipped over what is usual in the others, (J3c).  mean: scratch, J. */
 void apsm_slip_times(const apsm_patches *patches, const double *slipped, const double *usual,

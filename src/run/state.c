@@ -58,6 +58,7 @@ static apsm_status copy_state(const apsm_optimizer_state *from, apsm_optimizer_s
     apsm_optimizer_state copy = *from;
     copy.P = copy_doubles(from->I * from->J * 3, from->P);
     copy.mean = copy_doubles(from->J * 3, from->mean);
+    copy.part = NULL; /* a run is of one part */
     copy.own = from->own ? copy_doubles(from->own_size, from->own) : NULL;
     apsm_optimizer_state_free(to);
     *to = copy;
