@@ -56,6 +56,7 @@ static void choose(size_t most, const model_folder *m, ranked *list, bool *shown
 {
     const size_t outliers = most - most / 4, farthest = most / SHARE_OF_FARTHEST;
     size_t marked = mark(shown, m->template_index, 0);
+    for (size_t d = 0; d < m->parts; d++) marked = mark(shown, m->part[d].template_index, marked);
     for (size_t i = 0; i < m->I; i++) list[i] = (ranked){ distance_of(m, i), i };
     qsort(list, m->I, sizeof *list, farthest_first);
     for (size_t k = 0; k < farthest && list[k].distance > 0.0; k++)
@@ -70,7 +71,7 @@ static void choose(size_t most, const model_folder *m, ranked *list, bool *shown
 /* Shapes that are shown move to the front, the others to the project's end and away. */
 static void keep(const bool *shown, model_folder *m)
 {
-    const size_t n = 3 * m->J, t = m->template_index;
+    const size_t n = 3 * m->J;
     size_t to = 0;
     for (size_t i = 0; i < m->I; i++) {
         if (!shown[i]) continue;
@@ -79,7 +80,9 @@ static void keep(const bool *shown, model_folder *m)
         m->project.subjects[i] = subject;
         m->names[to] = m->names[i];
         memmove(m->P + to * n, m->P + i * n, n * sizeof *m->P);
-        if (i == t) m->template_index = to;
+        if (i == m->template_index) m->template_index = to;
+        for (size_t d = 0; d < m->parts; d++)
+            if (i == m->part[d].template_index) m->part[d].template_index = to;
         to++;
     }
     while (m->project.n > to) apsm_project_remove(&m->project, m->project.n - 1);

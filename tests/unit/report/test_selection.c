@@ -11,7 +11,7 @@
 
 #include "report/selection.h"
 
-enum { SHAPES = 90, J = 2, MOST = 16, TEMPLATE = 41, FAR = 77 };
+enum { SHAPES = 90, J = 2, MOST = 16, TEMPLATE = 41, OTHER = 60, FAR = 77 };
 
 static bool is_doubtful(size_t i, size_t every)
 {
@@ -26,7 +26,11 @@ static model_folder cohort(size_t every)
     assert_int_equal(apsm_project_init(NULL, ".", &m.project), APSM_OK);
     m.names = calloc(SHAPES, sizeof *m.names);
     m.P = calloc(SHAPES * 3 * J, sizeof *m.P);
-    assert_true(m.names && m.P);
+    m.parts = 2;
+    m.part = calloc(m.parts, sizeof *m.part);
+    assert_true(m.names && m.P && m.part);
+    m.part[0].template_index = TEMPLATE;
+    m.part[1].template_index = OTHER;
     for (size_t i = 0; i < SHAPES; i++) {
         char name[16];
         apsm_subject *s;
@@ -61,6 +65,8 @@ static void check_order(const model_folder *m)
         if (k > 0) assert_true(m->P[3 * J * k] > m->P[3 * J * (k - 1)]);
     }
     assert_string_equal(m->names[m->template_index], "s41");
+    assert_string_equal(m->names[m->part[0].template_index], "s41");
+    assert_string_equal(m->names[m->part[1].template_index], "s60");
     assert_int_equal(m->project.n, m->I);
 }
 
