@@ -36,7 +36,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 
 apsm_verdict_options apsm_verdict_defaults(void)
 {
-    return (apsm_verdict_options){ .slip = 1.9,
+    return (apsm_verdict_options){ .slip = 2.0,
                                    .slip_size = 0.01,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,

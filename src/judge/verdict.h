@@ -51,7 +51,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip, slip_size;          /* both: 1.9 times the others', 0.01 h */
+    double slip, slip_size;          /* both: 2 times the others', 0.01 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
