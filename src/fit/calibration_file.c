@@ -58,6 +58,10 @@ void fit_calibration_of(const apsm_fit_model *m, char hex[65])
 
 bool fit_calibration_makes_sense(const fit_calibration *c)
 {
+    double x[FIT_CALIBRATION];
+    memcpy(x, c, sizeof x);
+    for (size_t k = 0; k < FIT_CALIBRATION; k++)
+        if (!isfinite(x[k])) return false;
     return c->noise > 0 && c->smooth >= 0 && c->reach > 0 && c->modes >= 0 && c->mahalanobis > 0 &&
            c->residual >= 0;
 }
@@ -87,8 +91,9 @@ apsm_status fit_calibration_read(apsm_context *ctx, apsm_fit_model *m)
     char *path = apsm_path_join(m->path, FOLDER_CALIBRATION);
     if (!path) return APSM_ERR_MEMORY;
     fit_calibration_of(m, of);
+    apsm_status status = APSM_OK;
     if (apsm_file_exists(path)) {
-        const apsm_status status = apsm_json_read(ctx, path, &root);
+        status = apsm_json_read(ctx, path, &root);
         if (status == APSM_OK && take(root, of, &c))
             m->calibration = c;
         else
@@ -97,7 +102,7 @@ apsm_status fit_calibration_read(apsm_context *ctx, apsm_fit_model *m)
     }
     json_decref(root);
     free(path);
-    return APSM_OK;
+    return status == APSM_ERR_MEMORY ? status : APSM_OK;
 }
 
 /* ---- writing ---- */

@@ -151,7 +151,7 @@ static apsm_status calibrate_and_write(apsm_context *ctx, const char *path, apsm
     char of[65];
     fit_calibration_of(m, of);
     const apsm_status status = fit_model_prepare(ctx, m);
-    *made = status == APSM_OK;
+    *made = status == APSM_OK && fit_calibration_makes_sense(&m->calibration);
     if (*made) return fit_calibration_write(ctx, path, &m->calibration, of);
     return status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED ? status : APSM_OK;
 }
