@@ -169,14 +169,12 @@ static apsm_status make_prior(apsm_fit_model *m)
 /* A finished model has a larger say in one shape's fit than unfinished ones had in the cohort's. */
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
-    static const double fit_prior = 550, fit_stay = 0.02, fit_smooth = 1, fit_alone = 0.015;
+    static const double fit_prior = 550, fit_stay = 0.02;
     static const long fit_dense = 400; /* unknowns */
     apsm_fidelity_options o = m->options.optimize.fidelity;
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
     o.prior = fit_prior;
     o.stay = fit_stay;
-    o.smooth = fit_smooth;
-    o.alone = fit_alone;
     o.recall = 0;
     o.dense = fit_dense;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));

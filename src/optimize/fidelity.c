@@ -125,7 +125,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
     APSM_TRY(status);
     f->h = apsm_spacing(J, T, f->N6, NULL);
     list_triangles(f);
-    APSM_TRY(fidelity_smoothness(J, T, f->o.alone * f->h, f->Q));
+    APSM_TRY(fidelity_smoothness(J, T, f->Q));
     APSM_TRY(take_features(f));
     if (f->cohort->anchors.L > 0 && !f->cohort->anchors.hold)
         APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,

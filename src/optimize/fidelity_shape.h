@@ -57,8 +57,8 @@ typedef struct fidelity_weights {
     double noise;         /* standard deviation of a coordinate beside the modes */
 } fidelity_weights;
 
-/* Q (J x J, out) from the template's particles T; single ones may differ by e. */
-apsm_status fidelity_smoothness(size_t J, const double *T, double e, double *Q) APSM_NODISCARD;
+/* Q (J x J, out) from the template's particles T. */
+apsm_status fidelity_smoothness(size_t J, const double *T, double *Q) APSM_NODISCARD;
 
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {

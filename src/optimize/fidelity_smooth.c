@@ -15,10 +15,10 @@
 #include "linalg/linalg.h"
 #include "optimize/fidelity_shape.h"
 
-static const double rough = 0.02; /* a_3, in radii */
+static const double rough = 0.02, own = 0.005; /* a_3 and e, in radii */
 
-/* y (J x 3) in radii about the centre; the radius, 0 if all lie in one point. */
-static double normalise(size_t J, const double *T, double *y)
+/* y (J x 3) in radii about the centre; false if all lie in one point. */
+static bool normalise(size_t J, const double *T, double *y)
 {
     double centre[3] = { 0 }, r2 = 0;
     for (size_t x = 0; x < 3 * J; x++) centre[x % 3] += T[x] / (double)J;
@@ -27,17 +27,15 @@ static double normalise(size_t J, const double *T, double *y)
         r2 += y[x] * y[x] / (double)J;
     }
     for (size_t x = 0; x < 3 * J; x++) y[x] /= sqrt(r2);
-    return sqrt(r2);
+    return r2 > 0;
 }
 
-apsm_status fidelity_smoothness(size_t J, const double *T, double e, double *Q)
+apsm_status fidelity_smoothness(size_t J, const double *T, double *Q)
 {
     double *y = malloc(3 * J * sizeof *y), *K = malloc(J * J * sizeof *K);
     apsm_status status = y && K ? APSM_OK : APSM_ERR_MEMORY;
-    const double radius = status == APSM_OK ? normalise(J, T, y) : 1;
-    if (!(radius > 0)) status = APSM_ERR_GEOMETRY;
+    if (status == APSM_OK && !normalise(J, T, y)) status = APSM_ERR_GEOMETRY;
     if (status == APSM_OK) {
-        const double own = e / radius;
         apsm_registration_covariance(J, y, K);
         memset(Q, 0, J * J * sizeof *Q);
         for (size_t j = 0; j < J; j++) {
