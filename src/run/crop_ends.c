@@ -91,6 +91,14 @@ static void say_few(apsm_run *run, const groom_inputs *in, const apsm_common_end
                      ends->end[k].cut, in->list.n, name_of(in, ends->end[k].shortest));
 }
 
+static apsm_status say_none(apsm_run *run)
+{
+    if (run->options.cuts.cuts == APSM_CUTS_CROP)
+        apsm_log(run->ctx, APSM_LOG_WARNING,
+                 "no end looks cut off: nothing is cropped, although --cuts crop asks for it");
+    return APSM_OK;
+}
+
 /* ---- all shapes ---- */
 
 static apsm_status keep(apsm_run *run, const groom_inputs *in, const apsm_common_ends *ends,
@@ -143,7 +151,8 @@ apsm_status groom_crop_ends(apsm_run *run, groom_inputs *in, const apsm_alignmen
     const size_t n = in->list.n;
     *cropped = false;
     APSM_TRY(manifest_set_cropped(run, NULL));
-    if (run->options.cuts.cuts == APSM_CUTS_KEEP || alignment->cuts == 0) return APSM_OK;
+    if (run->options.cuts.cuts == APSM_CUTS_KEEP) return APSM_OK;
+    if (alignment->cuts == 0) return say_none(run);
     for (size_t i = 0; i < n; i++)
         if (in->report[i].openings > 0) return APSM_OK; /* open ends are ends, not lids */
     const apsm_mesh **meshes = calloc(n, sizeof *meshes);
@@ -157,7 +166,7 @@ apsm_status groom_crop_ends(apsm_run *run, groom_inputs *in, const apsm_alignmen
         if (ends.n < any.n) say_few(run, in, &any, enough);
     }
     free(meshes);
-    if (ends.n == 0) return APSM_OK;
+    if (ends.n == 0) return say_none(run);
     if (ends.most_loss > most_loss) return keep(run, in, &ends, "too little would be left");
     return crop(run, in, alignment, &ends, cropped);
 }

@@ -53,7 +53,7 @@ for i in 0 1 2 3 4 5 6; do
     "$synthetic" ellipsoid halves/s${i}_lo.ply index $i level 3 open .5 wobble 0.03 seed $i || exit 1
     "$synthetic" ellipsoid halves/s${i}_up.ply index $i level 3 open -.5 wobble 0.03 seed $i lift 0.05 || exit 1
 done
-excess() { awk -F, '$1 ~ /^s/ && $8 > $5 { s += $8 - $5 } END { print s + 0 }' "$1/contacts.csv"; }
+excess() { awk -F, '$1 ~ /^s[0-9]/ && $8 > $5 { s += $8 - $5 } END { print s + 0 }' "$1/contacts.csv"; }
 distance() { sed -n '/"surface_distance": {/,/"max"/s/.*"mean": \([0-9.e-]*\),.*/\1/p' "$1/evaluation.json" | head -n 1; }
 for w in 0 30; do
     "$apsm" run halves -o h$w --parts lo=_lo,up=_up --fill -J 32 --faces 1500 --contact $w --quiet >said 2>&1 || fail "halves: $(tail -n 2 said)"
