@@ -9,32 +9,9 @@
 #include <math.h>
 
 #include "apsm/formats.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 
 enum { NX = 4, NY = 3, NZ = 2, VOXELS = NX * NY * NZ };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
-    scratch_make(f->folder);
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
-    return 0;
-}
 
 static int value_of(size_t i)
 {

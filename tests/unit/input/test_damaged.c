@@ -12,34 +12,11 @@
 
 #include "apsm/formats.h"
 #include "core/random.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 #include "shapes.h"
 
 static uint64_t rounds = 60; /* of each file; `make test-fuzz` does more */
 enum { MOST_SECONDS = 5 };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
-    scratch_make(f->folder);
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
-    return 0;
-}
 
 /* Flips some bits, overwrites some bytes, or cuts the end off; returns the new size. */
 static size_t damage(apsm_random *rng, const char *bytes, size_t size, char *out)

@@ -8,34 +8,11 @@
 #include <math.h>
 
 #include "apsm/formats.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 
 enum { COLUMNS = 6, ROWS = 5, SLICES = 12 };
 static const double cos_a = 0.8, sin_a = 0.6; /* about the x axis */
 static const double first[3] = { -10.5, 20.0, 30.25 };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
-    scratch_make(f->folder);
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
-    return 0;
-}
 
 /* ---- a minimal writer: explicit VR, little endian ---- */
 typedef struct buffer {

@@ -9,34 +9,11 @@
 
 #include "apsm/formats.h"
 #include "geometry/topology.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 #include "shapes.h"
 
 static const char *const extensions[] = { ".ply", ".stl", ".obj", ".vtk", ".vtp" };
 enum { N_EXTENSIONS = 5 };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
-    scratch_make(f->folder);
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
-    return 0;
-}
 
 static apsm_status read_text(fixture *f, const char *name, const char *text, apsm_mesh *mesh)
 {

@@ -8,33 +8,10 @@
 #include <math.h>
 
 #include "apsm/formats.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 
 static const char *const extensions[] = { ".nrrd", ".nii", ".nii.gz", ".mha" };
 enum { N_EXTENSIONS = 4 };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
-
-static int setup(void **state)
-{
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
-    scratch_make(f->folder);
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
-    return 0;
-}
 
 /* A grid of 5 x 4 x 3 with some labels.  flip: det -1. */
 static apsm_volume make_volume(double angle, bool flip)
