@@ -51,18 +51,85 @@ static apsm_status open_for_check(apsm_context *ctx, const cli_args *args, apsm_
     return cli_open_run(ctx, args, settings, run);
 }
 
-apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+/* Problems told, each once: parts of a joint share some. */
+typedef struct telling {
+    cli_ui *ui;
+    size_t problems;
+    json_t *lines; /* a set */
+} telling;
+
+static void tell_problem(void *user, const char *line)
+{
+    telling *t = user;
+    if (json_object_get(t->lines, line)) return;
+    cli_say(t->ui, "%s", line);
+    t->problems++;
+    json_object_set_new_nocheck(t->lines, line, json_true()); /* names may hold any bytes */
+}
+
+static apsm_status check(apsm_context *ctx, const cli_args *args, telling *t)
 {
     apsm_run *run = NULL;
     size_t problems = 0;
     APSM_TRY(open_for_check(ctx, args, &run));
-    const apsm_status status = apsm_run_check(run, say_problem, ui, &problems);
+    const apsm_status status = apsm_run_check(run, tell_problem, t, &problems);
     apsm_run_close(run);
+    return status;
+}
+
+/* Each part of a joint, as `run` takes them: one domain of the project after the other. */
+static apsm_status check_domains(apsm_context *ctx, const cli_args *args, telling *t)
+{
+    apsm_project project = { 0 };
+    APSM_TRY(apsm_project_read(ctx, args->inputs[0], &project));
+    char key[] = "domain";
+    cli_args one = *args;
+    one.n_set = args->n_set + 1;
+    one.set = calloc(one.n_set, sizeof *one.set);
+    apsm_status status = one.set ? APSM_OK : APSM_ERR_MEMORY;
+    if (one.set && args->n_set > 0) memcpy(one.set, args->set, args->n_set * sizeof *one.set);
+    for (size_t k = 0; status == APSM_OK && k < apsm_project_domains(&project); k++) {
+        char *name = strdup(apsm_project_domain_name(&project, k));
+        if (!name) status = APSM_ERR_MEMORY;
+        if (name) {
+            one.set[args->n_set] = (cli_pair){ key, name };
+            cli_say(t->ui, "%s:", name);
+            status = check(ctx, &one, t);
+        }
+        free(name);
+    }
+    free(one.set);
+    apsm_project_free(&project);
+    return status;
+}
+
+static apsm_status is_joint(apsm_context *ctx, const cli_args *args, bool *joint)
+{
+    const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
+    if (!pairs) return APSM_ERR_MEMORY;
+    const apsm_run_settings settings = { .folder = ".",
+                                         .n_inputs = args->n_inputs,
+                                         .inputs = args->inputs,
+                                         .n_set = args->n_set,
+                                         .set = cli_pairs(args, pairs) };
+    const apsm_joint_settings parts = { 0 };
+    const apsm_status status = apsm_joint_wanted(ctx, &settings, &parts, joint);
+    free(pairs);
+    return status;
+}
+
+apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
+{
+    bool joint = false;
+    telling t = { .ui = ui, .lines = json_object() };
+    apsm_status status = t.lines ? is_joint(ctx, args, &joint) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = (joint ? check_domains : check)(ctx, args, &t);
+    json_decref(t.lines);
     if (status != APSM_OK) return status;
-    if (problems == 0) cli_say(ui, "no problems found");
-    return problems == 0 ? APSM_OK
-                         : apsm_fail(ctx, APSM_ERR_GEOMETRY, "%zu problem%s", problems,
-                                     problems == 1 ? "" : "s");
+    if (t.problems == 0) cli_say(ui, "no problems found");
+    return t.problems == 0 ? APSM_OK
+                           : apsm_fail(ctx, APSM_ERR_GEOMETRY, "%zu problem%s", t.problems,
+                                       t.problems == 1 ? "" : "s");
 }
 
 /* ---- verify ---- */

@@ -10,8 +10,7 @@
 
 typedef apsm_status (*step_fn)(apsm_run *);
 
-/* What was set, as the library takes it: in pairs (n_set, borrowing). */
-static const char *const (*cli_pairs(const cli_args *args, const char *(*pairs)[2]))[2]
+const char *const (*cli_pairs(const cli_args *args, const char *(*pairs)[2]))[2]
 {
     for (size_t k = 0; k < args->n_set; k++) {
         pairs[k][0] = args->set[k].key;

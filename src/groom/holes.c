@@ -261,6 +261,11 @@ static apsm_status close_loops(repair *r, const apsm_topology *t, uint32_t *from
 {
     const double area = apsm_mesh_area(&r->mesh);
     const size_t nv = r->mesh.nv; /* fans add vertices behind */
+    if (!(area > 0))
+        return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                         "%s: its faces have no area: they lie on a line or in a point; export the "
+                         "surface again",
+                         r->name);
     for (uint32_t v = 0; v < nv; v++) {
         if (from[v] == APSM_NONE) continue;
         const size_t n = walk_loop(&r->mesh, from, v, loop);

@@ -170,6 +170,25 @@ static apsm_status repaired(bool open, bool fill, bool inside_out, apsm_groom_re
     return status;
 }
 
+/* Two faces on one line enclose nothing and have no share to compare. */
+static void faces_on_a_line_are_refused(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_mesh mesh = shape_alloc(4, 2), out = { 0 };
+    static const uint32_t F[6] = { 0, 1, 2, 1, 3, 2 };
+    for (size_t v = 0; v < 4; v++) shape_set3(mesh.V + 3 * v, (double)v, 0.0, 0.0);
+    memcpy(mesh.F, F, sizeof F);
+    const apsm_groom_options opt = apsm_groom_defaults();
+    apsm_groom_report r = { 0 };
+    assert_int_equal(apsm_repair(ctx, "line", &mesh, &opt, &out, &r), APSM_ERR_GEOMETRY);
+    assert_non_null(strstr(apsm_error_text(ctx), "no area"));
+    assert_null(strstr(apsm_error_text(ctx), "nan"));
+    apsm_mesh_free(&mesh);
+    apsm_mesh_free(&out);
+    apsm_context_free(ctx);
+}
+
 static void large_opening_is_a_question(void **state)
 {
     (void)state;
@@ -575,6 +594,7 @@ int main(void)
         cmocka_unit_test(sound_mesh_is_left_alone),
         cmocka_unit_test(triangle_soup_is_welded),
         cmocka_unit_test(holes_are_closed),
+        cmocka_unit_test(faces_on_a_line_are_refused),
         cmocka_unit_test(large_opening_is_a_question),
         cmocka_unit_test(open_tubes_get_flat_ends),
         cmocka_unit_test(duplicate_and_degenerate_faces_go),

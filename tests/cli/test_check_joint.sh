@@ -1,0 +1,27 @@
+#!/bin/bash
+# check looks at every domain of a project, as run does: what is wrong is told once, and the exit code says so.
+#   test_check_joint.sh APSM MAKE_SYNTHETIC
+# shellcheck source=tests/cli/head.sh
+. "$(dirname "$0")/head.sh"
+"$synthetic" joint . count 3 angle 10 || exit 1
+project() {
+    printf '{"data": ['
+    for i in 0 1 2; do
+        [ $i = 0 ] || printf ', '
+        printf '{"name": "s%d", "shape_a": "shapes/s0%d_a.ply", "shape_b": "%s"}' $i $i "${1:-shapes/s0${i}_b.ply}"
+    done
+    printf ']}\n'
+}
+project >whole.swproj
+expect 0 "no problems found" check whole.swproj
+[ "$(grep -cx '[ab]:' said)" = 2 ] || fail "not both parts are named: $(cat said)"
+expect 0 "no problems found" check --domain b whole.swproj
+grep -q '^a:' said && fail "a part that was not asked for: $(cat said)"
+project shapes/nope.ply >gap.swproj
+expect 1 "s1: shape_b: shapes/nope.ply does not exist" check gap.swproj
+[ "$(grep -c 's1: shape_b' said)" = 1 ] || fail "told twice: $(cat said)"
+# Wrong only in the part that comes second.
+printf 'ply\n' >shapes/torn.ply
+project shapes/torn.ply >torn.swproj
+expect 1 "torn.ply" check torn.swproj
+exit $failed
