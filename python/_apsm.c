@@ -60,7 +60,8 @@ static bool add_shape(call *c, apsm_run *run, PyObject *tuple)
     if (!PyArg_ParseTuple(tuple, "spOO", &name, &reflect, &first, &faces)) return false;
     const apsm_status status = faces == Py_None ? add_volume(run, name, reflect, first)
                                                 : add_mesh(run, name, reflect, first, faces);
-    return !PyErr_Occurred() && call_fine(c, status);
+    /* call_fine gives Ctrl-C back: only at the end. */
+    return !PyErr_Occurred() && (status == APSM_OK || call_fine(c, status));
 }
 
 static PyObject *names_of(const apsm_run *run)
@@ -79,7 +80,7 @@ static PyObject *reasons_of(const apsm_run *run, size_t i)
     PyObject *list = PyList_New(0);
     const char *text;
     for (size_t k = 0; list && (text = apsm_run_review(run, i, k)); k++) {
-        PyObject *reason = PyUnicode_FromString(text);
+        PyObject *reason = py_text(text);
         if (!reason || PyList_Append(list, reason) != 0) Py_CLEAR(list);
         Py_XDECREF(reason);
     }
@@ -167,7 +168,8 @@ static PyObject *py_run(PyObject *self, PyObject *args)
     apsm_run_settings settings = { 0 };
     if (py_options(options, &set, &settings.n_set) && call_begin(&c, threads, 0)) {
         settings.set = (const char *const(*)[2])set;
-        if (call_fine(&c, apsm_run_open(c.ctx, &settings, &run)) && run_job(&c, run, shapes))
+        const apsm_status opened = apsm_run_open(c.ctx, &settings, &run);
+        if ((opened == APSM_OK || call_fine(&c, opened)) && run_job(&c, run, shapes))
             result = result_of(run);
         apsm_run_close(run);
     }
@@ -203,7 +205,7 @@ static PyObject *fit_result(const apsm_fit *f)
     PyObject *d = PyDict_New();
     const bool there = f->verdict != APSM_FIT_REFUSED;
     if (!d || !py_set(d, "verdict", PyUnicode_FromString(apsm_fit_verdict_text(f->verdict))) ||
-        !py_set(d, "reason", PyUnicode_FromString(f->reason)) ||
+        !py_set(d, "reason", py_text(f->reason)) ||
         !py_set(d, "mirrored", PyBool_FromLong(f->mirrored)) ||
         !py_set(d, "J", PyLong_FromSize_t(f->J))) {
         Py_XDECREF(d);

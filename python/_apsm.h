@@ -35,6 +35,7 @@ PyObject *call_none(call *c, apsm_status status);
 /* To be called once, by the thread that gets signals. */
 void call_main_thread_is_this(void);
 
+PyObject *py_text(const char *text);             /* str, also of cut or foreign UTF-8 */
 PyObject *py_doubles(const double *x, size_t n); /* bytes; None for NULL */
 PyObject *py_mesh(const apsm_mesh *mesh);        /* (bytes, bytes); None for NULL */
 /* A flat buffer of things of `size` bytes, a multiple of `group` of them; released by the caller.

@@ -60,8 +60,8 @@ static void on_log(void *user, apsm_log_level level, const char *text)
 {
     call *c = user;
     PyGILState_STATE gil = PyGILState_Ensure();
-    PyObject *result =
-        PyObject_CallFunction(c->log, "Os", level == APSM_LOG_WARNING ? Py_True : Py_False, text);
+    PyObject *result = PyObject_CallFunction(
+        c->log, "ON", level == APSM_LOG_WARNING ? Py_True : Py_False, py_text(text));
     if (!result) raised(c);
     Py_XDECREF(result);
     PyGILState_Release(gil);
@@ -114,8 +114,8 @@ bool call_fine(call *c, apsm_status status)
     PyObject *module = PyImport_ImportModule("apsm");
     PyObject *type = module ? PyObject_GetAttrString(module, "Error") : NULL;
     const char *line = apsm_error_text(c->ctx);
-    PyObject *args =
-        Py_BuildValue("(ss)", *line ? line : apsm_status_text(status), apsm_status_text(status));
+    PyObject *args = Py_BuildValue("(Ns)", py_text(*line ? line : apsm_status_text(status)),
+                                   apsm_status_text(status));
     if (type && args) PyErr_SetObject(type, args);
     Py_XDECREF(module);
     Py_XDECREF(type);
@@ -137,6 +137,11 @@ PyObject *call_none(call *c, apsm_status status)
 }
 
 /* ---- arrays ---- */
+
+PyObject *py_text(const char *text)
+{
+    return PyUnicode_DecodeUTF8(text, (Py_ssize_t)strlen(text), "replace");
+}
 
 PyObject *py_doubles(const double *x, size_t n)
 {

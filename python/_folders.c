@@ -265,7 +265,7 @@ static PyObject *py_compare(PyObject *self, PyObject *args)
 static void add_line(void *list, const char *line)
 {
     PyGILState_STATE gil = PyGILState_Ensure();
-    PyObject *text = PyUnicode_FromString(line);
+    PyObject *text = py_text(line);
     if (!text || PyList_Append(list, text) != 0) PyErr_Clear();
     Py_XDECREF(text);
     PyGILState_Release(gil);
@@ -286,7 +286,9 @@ static PyObject *py_verify(PyObject *self, PyObject *args)
     call c = { 0 };
     if (!PyArg_ParseTuple(args, "si", &folder, &threads)) return NULL;
     PyObject *lines = PyList_New(0);
-    if (lines && call_begin(&c, threads, 0)) {
+    if (!lines || !call_begin(&c, threads, 0)) {
+        Py_CLEAR(lines);
+    } else {
         apsm_status status;
         Py_BEGIN_ALLOW_THREADS status =
             apsm_run_verify(c.ctx, folder, add_line, no_line, lines, &found);

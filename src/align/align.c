@@ -444,6 +444,7 @@ static bool is_sought(const aligner *a, size_t i)
 static void find_unfit(aligner *a)
 {
     size_t ambiguous = 0;
+    a->out->oriented = a->oriented;
     for (size_t i = 0; i < a->n; i++) ambiguous += a->out->ambiguous[i] = is_ambiguous(a, i);
     for (size_t i = 0; i < a->n; i++) a->out->sought[i] = is_sought(a, i);
     for (size_t i = 0; i < a->n; i++)

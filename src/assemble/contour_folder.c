@@ -100,6 +100,28 @@ static apsm_status compare(const contour_job *j, const json_t *before)
     return status;
 }
 
+/* Whether all files are what they were when the job ended. */
+static apsm_status check_outputs(const contour_job *j, json_t *outputs)
+{
+    const char *name;
+    json_t *record;
+    json_object_foreach(outputs, name, record)
+    {
+        const char *was = json_string_value(json_array_get(record, 2));
+        char hex[65], *path = contour_path(j, name);
+        if (!path) return no_memory(j);
+        const bool same =
+            was && apsm_sha256_file(j->ctx, path, hex) == APSM_OK && strcmp(hex, was) == 0;
+        free(path);
+        if (!same)
+            return apsm_fail(j->ctx, APSM_ERR_STATE,
+                             "%s/%s: removed or changed since it was written; put it back, or "
+                             "start anew with --overwrite",
+                             j->folder, name);
+    }
+    return APSM_OK;
+}
+
 static apsm_status settle(const contour_job *j, const json_t *before, bool *done)
 {
     const apsm_run_settings *s = j->settings;
@@ -111,7 +133,7 @@ static apsm_status settle(const contour_job *j, const json_t *before, bool *done
     if (s->resume) {
         APSM_TRY(compare(j, before));
         *done = json_is_true(json_object_get(contours, "finished"));
-        return APSM_OK;
+        return *done ? check_outputs(j, json_object_get(before, "outputs")) : APSM_OK;
     }
     if (s->overwrite) return APSM_OK;
     return apsm_fail(j->ctx, APSM_ERR_STATE,
@@ -126,7 +148,7 @@ apsm_status contour_begin_folder(const contour_job *j, bool *done)
     json_t *before = NULL;
     *done = false;
     APSM_TRY(apsm_make_folder(j->ctx, j->folder));
-    APSM_TRY(apsm_list_files(j->ctx, j->folder, false, &files));
+    APSM_TRY(apsm_list_files(j->ctx, j->folder, true, &files));
     const size_t n = files.n;
     apsm_file_list_free(&files);
     if (n > 0) {

@@ -67,7 +67,7 @@ bool fit_calibration_makes_sense(const fit_calibration *c)
 }
 
 /* false: it is no calibration of this model. */
-static bool take(const json_t *root, const char *of, fit_calibration *c)
+static bool take(const json_t *root, const char *of, size_t modes, fit_calibration *c)
 {
     double x[FIT_CALIBRATION];
     const char *made_of = json_string_value(json_object_get(root, "of"));
@@ -80,7 +80,7 @@ static bool take(const json_t *root, const char *of, fit_calibration *c)
         x[k] = json_number_value(number);
     }
     memcpy(c, x, sizeof x);
-    return fit_calibration_makes_sense(c);
+    return fit_calibration_makes_sense(c) && c->modes <= (double)modes;
 }
 
 apsm_status fit_calibration_read(apsm_context *ctx, apsm_fit_model *m)
@@ -94,7 +94,7 @@ apsm_status fit_calibration_read(apsm_context *ctx, apsm_fit_model *m)
     apsm_status status = APSM_OK;
     if (apsm_file_exists(path)) {
         status = apsm_json_read(ctx, path, &root);
-        if (status == APSM_OK && take(root, of, &c))
+        if (status == APSM_OK && take(root, of, m->model.modes, &c))
             m->calibration = c;
         else
             apsm_log(ctx, APSM_LOG_INFO, "%s: is not of this model as it is now; calibrated again",

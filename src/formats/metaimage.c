@@ -82,7 +82,7 @@ static bool read_grid_line(scan *s, const header_line *l, meta *h)
     } else if (word_is(l->key, "AnatomicalOrientation")) {
         h->orientation = l->value;
     } else if (word_is(l->key, "DistanceUnits")) {
-        h->unit = unit_in_mm(l->value);
+        if (!word_is(l->value, "?")) h->unit = unit_in_mm(l->value); /* ?: not known */
     } else {
         return false;
     }

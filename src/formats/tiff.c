@@ -30,6 +30,8 @@ typedef struct page {
 /* What ImageJ says. */
 typedef struct imagej {
     double slices, several, spacing, unit; /* several: channels times frames; unit in mm, or 0 */
+    double c[2];                           /* what is meant is c[0] + c[1] times what is stored, */
+    bool straight;                         /* if so */
 } imagej;
 
 typedef struct tiff {
@@ -242,7 +244,8 @@ static double unit_of(word name)
 
 static imagej read_description(scan *s, word text)
 {
-    imagej j = { .slices = 0, .several = 1 };
+    /* a spacing of 1 is not written */
+    imagej j = { .slices = 0, .several = 1, .spacing = 1, .c = { 0, 1 } };
     if (text.length < 7 || memcmp(text.text, "ImageJ=", 7) != 0) return j;
     while (text.length && text.text[text.length - 1] == '\0') text.length--;
     scan lines = scan_begin(s->ctx, s->path, text.text, text.length);
@@ -252,6 +255,12 @@ static imagej read_description(scan *s, word text)
         if (word_is(l.key, "images")) j.slices = number_of(l.value);
         if (word_is(l.key, "spacing")) j.spacing = fabs(number_of(l.value));
         if (word_is(l.key, "unit")) j.unit = unit_of(l.value);
+        if ((word_is(l.key, "yunit") || word_is(l.key, "zunit")) &&
+            fabs(unit_of(l.value) - j.unit) > 0.0)
+            j.unit = 0.0; /* said only where it is another one: none for all */
+        if (word_is(l.key, "cf")) j.straight = word_is(l.value, "0");
+        if (word_is(l.key, "c0")) j.c[0] = number_of(l.value);
+        if (word_is(l.key, "c1")) j.c[1] = number_of(l.value);
         if (word_is(l.key, "channels") || word_is(l.key, "frames")) j.several *= number_of(l.value);
     }
     return j;
@@ -340,6 +349,10 @@ void read_tiff(scan *s, image *m)
                     "is a flat picture; give all slices as one stack (Fiji: Images to Stack), or "
                     "leave it out with --exclude");
     if (scan_ok(s)) place(s, &t, &j, m);
+    if (j.straight && fabs(j.c[1]) > 0.0) { /* signed voxels, which ImageJ stores 32768 higher */
+        m->intercept = j.c[0];
+        m->slope = j.c[1];
+    }
     m->n[0] = (size_t)t.first.width;
     m->n[1] = (size_t)t.first.height;
     m->n[2] = pages;

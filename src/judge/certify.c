@@ -309,10 +309,10 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
                   .out = certificate };
     const bool enough = certificate->shape && certificate->doubts && g.N6;
     apsm_status status = enough ? judge_against(ctx, &g, cohort->template_index) : APSM_ERR_MEMORY;
-    certificate->h = g.h;
     if (status == APSM_OK) status = judge_by_others(ctx, &g);
     if (status == APSM_OK) status = doubt_template(ctx, &g);
     certificate->reference = g.t;
+    certificate->h = g.h; /* of that shape */
     if (status == APSM_OK) status = add_notes(cohort, notes, certificate);
     apsm_neighbourhoods_free(&g.reference);
     free(g.TN);

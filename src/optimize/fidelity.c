@@ -320,8 +320,8 @@ static apsm_status solve_f32(size_t n, fidelity_work *w)
 
 static apsm_status solve(size_t n, fidelity_work *w)
 {
-    if (w->sparse) return solve_f32(n, w);
-    APSM_TRY(apsm_cholesky(n, w->H));
+    if (w->sparse && solve_f32(n, w) == APSM_OK) return APSM_OK;
+    APSM_TRY(apsm_cholesky(n, w->H)); /* also where single precision took H for indefinite */
     for (size_t x = 0; x < n; x++) w->g[x] = -w->g[x];
     apsm_cholesky_solve(n, w->H, 1, w->g);
     return APSM_OK;

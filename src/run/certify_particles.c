@@ -22,6 +22,21 @@ static apsm_status certify(apsm_context *ctx, const apsm_certify_input *in,
     return status;
 }
 
+/* Normals are made before anything else looks at the faces. */
+static apsm_status check_meshes(apsm_context *ctx, const apsm_certify_input *in)
+{
+    if (!in->names || !in->P || !in->meshes)
+        return apsm_fail(ctx, APSM_ERR_ARG, "apsm_certify_particles: an argument is missing");
+    for (size_t i = 0; i < in->I; i++)
+        for (size_t k = 0; k < 3 * in->meshes[i].nf; k++)
+            if (in->meshes[i].F[k] >= in->meshes[i].nv)
+                return apsm_fail(ctx, APSM_ERR_ARG,
+                                 "%s: a face names a vertex that is not there; vertices are "
+                                 "counted from 0 on",
+                                 in->names[i]);
+    return APSM_OK;
+}
+
 apsm_status apsm_certify_particles_sized(apsm_context *ctx, const apsm_certify_input *given,
                                          size_t size, const char *path, size_t *certified)
 {
@@ -33,6 +48,7 @@ apsm_status apsm_certify_particles_sized(apsm_context *ctx, const apsm_certify_i
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "certify: %zu shapes with %zu particles; at least %d particles are needed",
                          in->I, in->J, APSM_NEIGHBOURS + 1);
+    APSM_TRY(check_meshes(ctx, in));
     double *M = malloc(16 * in->I * sizeof *M);
     if (!M) return apsm_fail(ctx, APSM_ERR_MEMORY, "certify: out of memory");
     for (size_t i = 0; i < in->I; i++) apsm_affine_identity(M + 16 * i);

@@ -14,16 +14,38 @@
 
 enum { LEAST_SHAPES = 3 };
 
+/* Files are written under them: none may lead elsewhere, and no two to the same. */
+static apsm_status check_names(apsm_run *run, const apsm_import *in)
+{
+    enum { MOST = 200 };
+    for (size_t i = 0; in->names && i < in->I; i++) {
+        const char *name = in->names[i] ? in->names[i] : "";
+        bool fine = *name && strlen(name) <= MOST;
+        for (const char *c = name; *c; c++)
+            fine = fine && (unsigned char)*c >= 32 && *c != 127 && *c != '/';
+        if (!fine)
+            return apsm_fail(run->ctx, APSM_ERR_ARG,
+                             "a shape's name has to be 1 to %d bytes without control characters "
+                             "and slashes",
+                             MOST);
+        for (size_t k = 0; k < i; k++)
+            if (strcmp(in->names[k], name) == 0)
+                return apsm_fail(run->ctx, APSM_ERR_ARG,
+                                 "%s: two shapes have this name; rename one", name);
+    }
+    return APSM_OK;
+}
+
 static apsm_status check_input(apsm_run *run, const apsm_import *in)
 {
+    if (run_is_in_memory(run))
+        return apsm_fail(run->ctx, APSM_ERR_STATE, "an import needs a folder");
     if (!in || !in->names || !in->P || !in->meshes || !in->to_world || !in->paths ||
         in->template_index >= in->I)
         return apsm_fail(run->ctx, APSM_ERR_ARG, "apsm_run_import: an argument is missing");
     if (in->I < LEAST_SHAPES)
         return apsm_fail(run->ctx, APSM_ERR_ARG, "%zu shapes make no model; %d do", in->I,
                          LEAST_SHAPES);
-    if (run_is_in_memory(run))
-        return apsm_fail(run->ctx, APSM_ERR_STATE, "an import needs a folder");
     if (run->project.n > 0 || run->has_manifest)
         return apsm_fail(run->ctx, APSM_ERR_STATE,
                          "%s: holds a model already; import into another folder", run->folder);
@@ -148,5 +170,7 @@ apsm_status apsm_run_import_sized(apsm_run *run, const apsm_import *given, size_
     apsm_import input = { 0 };
     if (!run) return APSM_ERR_ARG;
     APSM_TRY(apsm_take_settings(run->ctx, "apsm_run_import", given, size, &input, sizeof input));
-    return input.names && !input.paths ? import_arrays(run, input) : import_all(run, &input);
+    APSM_TRY(check_names(run, &input));
+    const bool of_arrays = input.names && !input.paths && !run_is_in_memory(run);
+    return of_arrays ? import_arrays(run, input) : import_all(run, &input);
 }

@@ -230,7 +230,8 @@ static void expect_refused(fixture *f, const variant *v, const char *word)
 
 static void what_is_not_told_is_not_guessed(void **state)
 {
-    static const char *const texts[] = { "", "by hand", "ImageJ=1.5\nimages=3\nunit=mm\n",
+    static const char *const texts[] = { "", "by hand",
+                                         "ImageJ=1.5\nimages=3\nunit=mm\nspacing=0\n",
                                          "ImageJ=1.5\nimages=3\nspacing=2\n",
                                          "ImageJ=1.5\nunit=pixel\nspacing=2\n" };
     for (size_t k = 0; k < sizeof texts / sizeof *texts; k++) {
