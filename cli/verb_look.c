@@ -54,13 +54,14 @@ static apsm_status open_for_check(apsm_context *ctx, const cli_args *args, apsm_
 /* Problems told, each once: parts of a joint share some. */
 typedef struct telling {
     cli_ui *ui;
-    size_t problems;
+    size_t given, problems;
     json_t *lines; /* a set */
 } telling;
 
 static void tell_problem(void *user, const char *line)
 {
     telling *t = user;
+    t->given++;
     if (json_object_get(t->lines, line)) return;
     cli_say(t->ui, "%s", line);
     t->problems++;
@@ -71,9 +72,12 @@ static apsm_status check(apsm_context *ctx, const cli_args *args, telling *t)
 {
     apsm_run *run = NULL;
     size_t problems = 0;
+    const size_t before = t->given;
     APSM_TRY(open_for_check(ctx, args, &run));
     const apsm_status status = apsm_run_check(run, tell_problem, t, &problems);
     apsm_run_close(run);
+    const size_t given = t->given - before;
+    if (problems > given) t->problems += problems - given; /* those that the log has told */
     return status;
 }
 
