@@ -7,6 +7,7 @@
 #include "apsm/formats.h"
 #include "core/sized.h"
 #include "geometry/topology.h"
+#include "run/memory.h"
 #include "run/particles.h"
 #include "run/shapes.h"
 #include "session/guard.h"
@@ -17,17 +18,9 @@ enum { LEAST_SHAPES = 3 };
 /* Files are written under them: none may lead elsewhere, and no two to the same. */
 static apsm_status check_names(apsm_run *run, const apsm_import *in)
 {
-    enum { MOST = 200 };
     for (size_t i = 0; in->names && i < in->I; i++) {
         const char *name = in->names[i] ? in->names[i] : "";
-        bool fine = *name && strlen(name) <= MOST;
-        for (const char *c = name; *c; c++)
-            fine = fine && (unsigned char)*c >= 32 && *c != 127 && *c != '/';
-        if (!fine)
-            return apsm_fail(run->ctx, APSM_ERR_ARG,
-                             "a shape's name has to be 1 to %d bytes without control characters "
-                             "and slashes",
-                             MOST);
+        APSM_TRY(run_check_name(run, name));
         for (size_t k = 0; k < i; k++)
             if (strcmp(in->names[k], name) == 0)
                 return apsm_fail(run->ctx, APSM_ERR_ARG,

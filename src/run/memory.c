@@ -18,8 +18,7 @@ static apsm_status bad(const apsm_run *run, const char *name, const char *what)
     return apsm_fail(run->ctx, APSM_ERR_ARG, "%s: %s", name, what);
 }
 
-/* Names as of files: results could be written under them. */
-static apsm_status check_name(const apsm_run *run, const char *name)
+apsm_status run_check_name(const apsm_run *run, const char *name)
 {
     enum { MOST = 200 };
     json_t *const text = json_string(name); /* NULL: not UTF-8 */
@@ -27,11 +26,16 @@ static apsm_status check_name(const apsm_run *run, const char *name)
     bool fine = text && *name && strlen(name) <= MOST;
     for (const char *c = name; *c; c++)
         fine = fine && (unsigned char)*c >= 32 && *c != 127 && *c != '/';
-    if (!fine)
-        return apsm_fail(run->ctx, APSM_ERR_ARG,
-                         "a shape's name has to be 1 to %d bytes of UTF-8 without control "
-                         "characters and slashes",
-                         MOST);
+    if (fine) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_ARG,
+                     "a shape's name has to be 1 to %d bytes of UTF-8 without control characters "
+                     "and slashes",
+                     MOST);
+}
+
+static apsm_status check_name(const apsm_run *run, const char *name)
+{
+    APSM_TRY(run_check_name(run, name));
     for (size_t k = 0; k < run->n_given; k++)
         if (strcmp(run->given[k].name, name) == 0)
             return bad(run, name, "a shape of this name is there already");

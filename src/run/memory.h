@@ -4,6 +4,8 @@
 
 #include "run/groom_inputs.h"
 
+/* Names as of files: results are written under them. */
+apsm_status run_check_name(const apsm_run *run, const char *name);
 /* As groom_inputs_list: the shapes as cases, in the order of their names. */
 apsm_status memory_list(apsm_run *run, groom_inputs *in);
 /* As apsm_input_read: a copy of shape i of that list. */

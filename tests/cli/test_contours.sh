@@ -77,6 +77,11 @@ expect 1 "other contours, or they have changed" run in -o m -J 48 --resume
 cp kept.vtk in/s2.vtk
 expect 0 "5 of 5" run in -o m -J 48 --overwrite
 expect 0 "agree" verify m
+cp -r whole hurt && echo >>hurt/scores.csv
+expect 1 "scores.csv" run in -o hurt -J 48 --resume
+mkdir -p curves/contours && cp in/s0.vtk curves/contours/mean.vtk
+expect 1 "is not empty" run in -o curves -J 48
+cmp -s in/s0.vtk curves/contours/mean.vtk || fail "curves of the user were replaced"
 mkdir mine && echo 1 >mine/notes.txt
 expect 1 "is not empty" run in -o mine -J 48 --overwrite
 expect 1 "has no meaning" run in -o q --gamma 1

@@ -62,6 +62,9 @@ cp -r model stale && sed -i 's/"noise": .*/"noise": 0.5,/; s/"of": "./"of": "x/'
 "$apsm" fit stale new/whole.ply -o stale_fit >said 2>&1 || fail "stale: $(cat said)"
 grep -q "calibration.json: is not of this model as it is now; calibrated again" said || fail "stale: $(cat said)"
 same_fit stale_fit || fail "a stale calibration was taken"
+cp -r model edited && sed -i 's/"modes": [0-9]*/"modes": 9999/' edited/calibration.json
+"$apsm" fit edited new/whole.ply -o edited_fit >said 2>&1 || fail "edited: $(cat said)"
+same_fit edited_fit || fail "a calibration of more modes than the model has was taken"
 
 rm alone/report.html && "$apsm" report alone -q >said && cmp -s alone/report.html file/report.html &&
     fail "two folders have one title"

@@ -105,6 +105,14 @@ class Cohort(unittest.TestCase):
         self.assertEqual({s["name"]: s["verdict"] == "certified" for s in judged["per_shape"]}, m.certified)
         with self.assertRaisesRegex(ValueError, "no shape 'z'"):
             apsm.certify({n: m.world_mesh(n) for n in m.names}, m.particles, template="z")
+        meshes = {n: m.world_mesh(n) for n in m.names}
+        vertices, faces = meshes[m.names[1]]
+        beyond = dict(meshes, **{m.names[1]: (vertices, [[a, b, len(vertices)] for a, b, _ in faces.tolist()])})
+        with self.assertRaisesRegex(apsm.Error, m.names[1]):
+            apsm.certify(beyond, m.particles)
+        outside = {("../" + n if i == 0 else n): meshes[n] for i, n in enumerate(m.names)}
+        with self.assertRaisesRegex(apsm.Error, "slashes"):
+            apsm.save(self.path("outside"), outside, m.particles)
         with self.assertRaisesRegex(ValueError, "shapes, particles, 3"):
             apsm.save(self.path("short"), {n: m.world_mesh(n) for n in m.names}, [0.0] * 21)
 

@@ -219,6 +219,27 @@ static void units_are_turned_into_mm(void **state)
     }
 }
 
+/* ImageJ leaves a spacing of 1 out, and stores signed voxels 32768 higher. */
+static void what_imagej_leaves_out_is_known(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "stack.tif");
+    apsm_volume got;
+    double M[16];
+    variant v = usual;
+    v.bits = 16;
+    v.text = "ImageJ=1.5\nimages=3\nunit=mm\ncf=0\nc0=3.0\nc1=2.0\n";
+    write_tiff(path, &v);
+    assert_int_equal(apsm_read_volume(f->ctx, path, &got), APSM_OK);
+    apsm_volume_index_to_lps(&got, M);
+    assert_true(fabs(M[10] - 1.0) < 1e-12);
+    for (int z = 0, i = 0; z < NZ; z++)
+        for (int y = 0; y < NY; y++)
+            for (int x = 0; x < NX; x++, i++)
+                assert_int_equal(got.label[i], 3 + 2 * value_of(x, y, z));
+    apsm_volume_free(&got);
+}
+
 static void expect_refused(fixture *f, const variant *v, const char *word)
 {
     const char *const path = scratch_path(f->folder, "bad.tif");
@@ -230,10 +251,12 @@ static void expect_refused(fixture *f, const variant *v, const char *word)
 
 static void what_is_not_told_is_not_guessed(void **state)
 {
-    static const char *const texts[] = { "", "by hand",
+    static const char *const texts[] = { "",
+                                         "by hand",
                                          "ImageJ=1.5\nimages=3\nunit=mm\nspacing=0\n",
                                          "ImageJ=1.5\nimages=3\nspacing=2\n",
-                                         "ImageJ=1.5\nunit=pixel\nspacing=2\n" };
+                                         "ImageJ=1.5\nunit=pixel\nspacing=2\n",
+                                         "ImageJ=1.5\nunit=mm\nspacing=2\nzunit=micron\n" };
     for (size_t k = 0; k < sizeof texts / sizeof *texts; k++) {
         variant v = usual;
         v.text = texts[k];
@@ -293,6 +316,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(every_kind_of_stack_is_read, setup, teardown),
+        cmocka_unit_test_setup_teardown(what_imagej_leaves_out_is_known, setup, teardown),
         cmocka_unit_test_setup_teardown(units_are_turned_into_mm, setup, teardown),
         cmocka_unit_test_setup_teardown(what_is_not_told_is_not_guessed, setup, teardown),
         cmocka_unit_test_setup_teardown(others_are_refused_by_name, setup, teardown),
