@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "assemble/job.h"
+#include "core/number.h"
 #include "options/options.h"
 
 enum { MODES_MOST = 5, APART_MOST = 3, KINDS = 3 };
@@ -180,7 +181,7 @@ void joint_made_name(const joint_figures *f, size_t made, char name[JOINT_MADE_L
     snprintf(name, JOINT_MADE_LENGTH, "mean of the cohort");
     if (made == 0) return;
     const joint_modes of = find_made(f, made, &k, &sd);
-    snprintf(name, JOINT_MADE_LENGTH, "%s %zu %+gsd", kinds[of].name, k + 1, sd);
+    apsm_print(name, JOINT_MADE_LENGTH, "%s %zu %+gsd", kinds[of].name, k + 1, sd);
 }
 
 /* Poses and shapes apart, one of them at b along row `mode` of its model. */

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "assemble/job.h"
+#include "core/number.h"
 #include "folder/names.h"
 
 typedef struct judging {
@@ -133,25 +134,33 @@ static json_t *json_verdict(const judging *g, size_t i, bool *certified)
 
 /* ---- the model's joints ---- */
 
-/* "mode 1 -2sd closes the space between a and b", a note for each: [{shape, aspect, text}]; poses
- * and shapes alone are counted. */
+/* "mode 1 -2sd closes the space between a and b". */
+static json_t *json_closes(const judging *g, size_t made, size_t a, size_t b, double depth)
+{
+    char name[JOINT_MADE_LENGTH], deep[APSM_NUMBER_LENGTH];
+    joint_made_name(g->f, made, name);
+    apsm_print(deep, sizeof deep, "%.3g", depth);
+    return json_pack("{s:s, s:s, s:o}", "shape", name, "aspect", "joint space", "text",
+                     json_sprintf("closes the space between %s and %s: %s deep, more than twice "
+                                  "what any subject has",
+                                  g->job->part[a].name, g->job->part[b].name, deep));
+}
+
+/* A note for each: [{shape, aspect, text}]; poses and shapes alone are counted.  NULL without
+ * memory. */
 static json_t *json_notes(const judging *g)
 {
     json_t *notes = json_array();
     for (size_t made = 0; made < g->f->made; made++)
         for (size_t a = 0, pair = 0; a < g->c->n; a++)
             for (size_t b = a + 1; b < g->c->n; b++, pair++) {
-                char name[JOINT_MADE_LENGTH];
                 if (!joint_made_closes(g->c, g->f, made, pair) || joint_made_is_apart(g->f, made))
                     continue;
-                joint_made_name(g->f, made, name);
-                json_array_append_new(
-                    notes,
-                    json_pack("{s:s, s:s, s:o}", "shape", name, "aspect", "joint space", "text",
-                              json_sprintf("closes the space between %s and %s: %.3g deep, more "
-                                           "than twice what any subject has",
-                                           g->job->part[a].name, g->job->part[b].name,
-                                           g->f->spaces[made * g->f->pairs + pair].depth)));
+                const double depth = g->f->spaces[made * g->f->pairs + pair].depth;
+                if (json_array_append_new(notes, json_closes(g, made, a, b, depth))) {
+                    json_decref(notes);
+                    return NULL;
+                }
             }
     return notes;
 }

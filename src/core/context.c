@@ -3,11 +3,11 @@
 #include <math.h>
 #include <omp.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/deal.h"
+#include "core/number.h"
 
 enum { ERROR_LENGTH = 1024 };
 
@@ -132,7 +132,7 @@ void apsm_log(apsm_context *ctx, apsm_log_level level, const char *format, ...)
     char text[ERROR_LENGTH];
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    apsm_vprint(text, sizeof text, format, args);
     va_end(args);
     if (ctx->is_task)
         keep_line(ctx, level, text);
@@ -159,7 +159,7 @@ apsm_status apsm_fail(apsm_context *ctx, apsm_status status, const char *format,
         char text[ERROR_LENGTH];
         va_list args;
         va_start(args, format);
-        vsnprintf(text, sizeof text, format, args);
+        apsm_vprint(text, sizeof text, format, args);
         va_end(args);
         keep_one_line(text);
         memcpy(ctx->error, text, sizeof text);

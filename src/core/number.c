@@ -20,6 +20,23 @@ void apsm_numbers_end(locale_t before)
     freelocale(c);
 }
 
+int apsm_vprint(char *text, size_t size, const char *format, va_list args)
+{
+    const locale_t before = apsm_numbers_begin();
+    const int length = vsnprintf(text, size, format, args);
+    apsm_numbers_end(before);
+    return length;
+}
+
+int apsm_print(char *text, size_t size, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    const int length = apsm_vprint(text, size, format, args);
+    va_end(args);
+    return length;
+}
+
 void apsm_format_number(double x, char text[APSM_NUMBER_LENGTH])
 {
     const locale_t before = apsm_numbers_begin();

@@ -1,10 +1,10 @@
 /* What is wrong with a project, one line a problem. */
 #include <math.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "files/io.h"
 #include "files/particles_file.h"
 #include "files/project_columns.h"
@@ -24,7 +24,7 @@ static void tell(checking *c, const char *format, ...)
     char line[1024];
     va_list args;
     va_start(args, format);
-    vsnprintf(line, sizeof line, format, args);
+    apsm_vprint(line, sizeof line, format, args);
     va_end(args);
     c->problems++;
     c->report(c->user, line);

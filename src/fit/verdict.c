@@ -3,8 +3,8 @@
  * have.  Wide bounds refuse, narrower ones ask for a look. */
 #include <math.h>
 #include <stdarg.h>
-#include <stdio.h>
 
+#include "core/number.h"
 #include "correspond/certificate.h"
 #include "fit/parts.h"
 #include "fit/tail.h"
@@ -36,7 +36,7 @@ void fit_worsen(apsm_fit_verdict *worst, char reason[APSM_FIT_REASON], apsm_fit_
 {
     if (verdict <= *worst) return;
     *worst = verdict;
-    vsnprintf(reason, APSM_FIT_REASON, format, args);
+    apsm_vprint(reason, APSM_FIT_REASON, format, args);
 }
 
 void fit_object(apsm_fit *out, apsm_fit_verdict verdict, const char *format, ...)

@@ -1,7 +1,8 @@
 #include "folder/mode_trust_json.h"
 
 #include <jansson.h>
-#include <stdio.h>
+
+#include "core/number.h"
 
 json_t *mode_trust_json(size_t modes, const apsm_mode_trust *trust)
 {
@@ -28,10 +29,10 @@ bool mode_trust_line(const json_t *modes, size_t k, char *line, size_t size)
     const json_t *mode = json_array_get(modes, k);
     const char *text = json_string_value(json_object_get(mode, "text"));
     if (!text) return false;
-    snprintf(line, size,
-             "mode %zu: %.1f %% of the variance (by chance %.1f %%), cosine %.2f when shapes are "
-             "drawn again: %s",
-             k + 1, 100 * number(mode, "share"), 100 * number(mode, "chance"),
-             number(mode, "cosine"), text);
+    apsm_print(line, size,
+               "mode %zu: %.1f %% of the variance (by chance %.1f %%), cosine %.2f when shapes are "
+               "drawn again: %s",
+               k + 1, 100 * number(mode, "share"), 100 * number(mode, "chance"),
+               number(mode, "cosine"), text);
     return true;
 }

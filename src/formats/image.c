@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "core/number.h"
 #include "formats/inflate.h"
 #include "formats/input_file.h"
 #include "formats/labels_of.h"
@@ -23,7 +24,7 @@ void image_note(scan *s, image *m, const char *format, ...)
     va_list args;
     if (!scan_ok(s)) return;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    apsm_vprint(text, sizeof text, format, args);
     va_end(args);
     s->status = apsm_volume_note(s->ctx, s->path, &m->volume, "%s", text);
 }

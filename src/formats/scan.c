@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <strings.h>
 
+#include "core/number.h"
 #include "files/io.h"
 
 scan scan_begin(apsm_context *ctx, const char *path, const char *bytes, size_t size)
@@ -25,7 +26,7 @@ void scan_fail(scan *s, const char *format, ...)
     va_list args;
     if (!scan_ok(s)) return;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    apsm_vprint(text, sizeof text, format, args);
     va_end(args);
     s->status = apsm_fail(s->ctx, APSM_ERR_FORMAT, "%s: %s %zu: %s", s->path,
                           s->binary ? "byte" : "line", s->binary ? s->at : s->line, text);
@@ -37,7 +38,7 @@ void scan_refuse(scan *s, apsm_status status, const char *format, ...)
     va_list args;
     if (!scan_ok(s)) return;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    apsm_vprint(text, sizeof text, format, args);
     va_end(args);
     s->status = apsm_fail(s->ctx, status, "%s: %s", s->path, text);
 }

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
+
 apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *volume,
                              const char *format, ...)
 {
@@ -13,7 +15,7 @@ apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_volume *v
     char text[LONGEST];
     va_list args;
     va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
+    apsm_vprint(text, sizeof text, format, args);
     va_end(args);
     apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", path, text);
     const size_t before = volume->notes ? strlen(volume->notes) : 0;

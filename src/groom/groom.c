@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "geometry/vec3.h"
 #include "groom/repair.h"
 
@@ -29,7 +30,7 @@ static void add(line *l, const char *format, ...)
     const char *comma = l->n ? "; " : "";
     l->n += (size_t)snprintf(l->text + l->n, sizeof l->text - l->n, "%s", comma);
     va_start(args, format);
-    l->n += (size_t)vsnprintf(l->text + l->n, sizeof l->text - l->n, format, args);
+    l->n += (size_t)apsm_vprint(l->text + l->n, sizeof l->text - l->n, format, args);
     va_end(args);
     if (l->n >= sizeof l->text) l->n = sizeof l->text - 1;
 }

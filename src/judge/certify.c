@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "core/deal.h"
+#include "core/number.h"
 #include "core/robust.h"
 #include "optimize/correspondence_loss.h"
 
@@ -445,7 +446,7 @@ static void say(sentence *s, const char *format, ...)
     if (s->used > 0) s->used += (size_t)snprintf(s->text + s->used, sizeof s->text - s->used, "; ");
     if (s->used >= sizeof s->text) s->used = sizeof s->text - 1;
     va_start(args, format);
-    s->used += (size_t)vsnprintf(s->text + s->used, sizeof s->text - s->used, format, args);
+    s->used += (size_t)apsm_vprint(s->text + s->used, sizeof s->text - s->used, format, args);
     va_end(args);
     if (s->used >= sizeof s->text) s->used = sizeof s->text - 1;
 }

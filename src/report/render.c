@@ -5,10 +5,10 @@
 
 #include <jansson.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "core/sized.h"
 #include "folder/model_folder.h"
 #include "geometry/vec3.h"
@@ -402,25 +402,25 @@ static apsm_status name_modes(apsm_context *ctx, const sheet *s)
     picture_style style = { .pixels = pixels, .align = PICTURE_CENTRE };
     memcpy(style.colour, soft, 3);
     for (size_t k = 0; k < COLUMNS_OF_MODES; k++) {
-        snprintf(text, sizeof text, sds[k] == 0 ? "mean" : "%+.0f sd", sds[k]);
+        apsm_print(text, sizeof text, sds[k] == 0 ? "mean" : "%+.0f sd", sds[k]);
         APSM_TRY(
             picture_text(ctx, p, tile_x(s, k) + s->width / 2, pixels / 2, s->width, &style, text));
     }
     style.align = PICTURE_LEFT;
     memcpy(style.colour, ink, 3);
     for (size_t k = 0; k < s->modes; k++) {
-        snprintf(text, sizeof text, "Mode %zu, %.3g %% of the variance", k + 1,
-                 total > 0 ? 100 * s->m->model.variance[k] / total : 0);
+        apsm_print(text, sizeof text, "Mode %zu, %.3g %% of the variance", k + 1,
+                   total > 0 ? 100 * s->m->model.variance[k] / total : 0);
         APSM_TRY(
             picture_text(ctx, p, pixels, tile_y(s, COLUMNS_OF_MODES * k), s->width, &style, text));
     }
     const size_t wide = p->width / 3, y = p->height - 2 * pixels - pixels / 2;
     put_scale(p, wide, y - pixels, wide, pixels / 2 + 2);
     memcpy(style.colour, soft, 3);
-    snprintf(text, sizeof text, "%.3g inward", -s->reach);
+    apsm_print(text, sizeof text, "%.3g inward", -s->reach);
     APSM_TRY(picture_text(ctx, p, wide, y, wide, &style, text));
     style.align = PICTURE_RIGHT;
-    snprintf(text, sizeof text, "+%.3g outward", s->reach);
+    apsm_print(text, sizeof text, "+%.3g outward", s->reach);
     return picture_text(ctx, p, 2 * wide, y, wide, &style, text);
 }
 

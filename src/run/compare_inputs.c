@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
+
 /* No organ varies by so much: a unit does. */
 static const double other_unit = 5, other_voxels = 4;
 
@@ -90,9 +92,9 @@ static void compare_values(const comparing *c, double limit, const char *larger,
         const double ratio = c->value[i] / middle;
         if (!(c->value[i] > 0) || (ratio < limit && ratio > 1 / limit)) continue;
         const double factor = rounded(ratio > 1 ? ratio : 1 / ratio);
-        snprintf(line, sizeof line, "%s: about %.*f times %s than the others%s",
-                 c->in->list.cases[i].name, factor < 100 ? 1 : 0, factor,
-                 ratio > 1 ? larger : smaller, remark);
+        apsm_print(line, sizeof line, "%s: about %.*f times %s than the others%s",
+                   c->in->list.cases[i].name, factor < 100 ? 1 : 0, factor,
+                   ratio > 1 ? larger : smaller, remark);
         c->tell(c->user, line);
     }
 }

@@ -1,10 +1,10 @@
 #include "run/groomed.h"
 
 #include <jansson.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "run/turned.h"
 #include "session/session.h"
 
@@ -151,27 +151,29 @@ static int add_mask_notes(json_t *notes, const char *name, const apsm_groom_repo
     if (r->border)
         failed |= add_note(notes, name, "its mask touches the image's border and was closed there");
     if ((double)r->dropped_voxels > 0.01 * given) {
-        snprintf(text, sizeof text, "%zu smaller part%s of its mask dropped, %.2g %% of its voxels",
-                 r->dropped_parts, r->dropped_parts == 1 ? "" : "s",
-                 100.0 * (double)r->dropped_voxels / given);
+        apsm_print(text, sizeof text,
+                   "%zu smaller part%s of its mask dropped, %.2g %% of its voxels",
+                   r->dropped_parts, r->dropped_parts == 1 ? "" : "s",
+                   100.0 * (double)r->dropped_voxels / given);
         failed |= add_note(notes, name, text);
     }
     if ((double)r->filled_voxels > 0.01 * voxels) {
-        snprintf(text, sizeof text, "cavities filled, %.2g %% of its voxels",
-                 100.0 * (double)r->filled_voxels / voxels);
+        apsm_print(text, sizeof text, "cavities filled, %.2g %% of its voxels",
+                   100.0 * (double)r->filled_voxels / voxels);
         failed |= add_note(notes, name, text);
     }
     if (r->opened_voxels > 0) {
-        snprintf(text, sizeof text, "opened by a radius of %.4g: %.2g %% of its voxels cut off",
-                 r->opening, 100.0 * (double)r->opened_voxels / voxels);
+        apsm_print(text, sizeof text, "opened by a radius of %.4g: %.2g %% of its voxels cut off",
+                   r->opening, 100.0 * (double)r->opened_voxels / voxels);
         failed |= add_note(notes, name, text);
     }
     if (r->closed_voxels + r->cut_voxels > 0) {
-        snprintf(text, sizeof text,
-                 "handles or gaps narrower than %.4g closed: %.2g %% of its voxels filled, %.2g %% "
-                 "cut",
-                 2.0 * r->closing, 100.0 * (double)r->closed_voxels / voxels,
-                 100.0 * (double)r->cut_voxels / voxels);
+        apsm_print(
+            text, sizeof text,
+            "handles or gaps narrower than %.4g closed: %.2g %% of its voxels filled, %.2g %% "
+            "cut",
+            2.0 * r->closing, 100.0 * (double)r->closed_voxels / voxels,
+            100.0 * (double)r->cut_voxels / voxels);
         failed |= add_note(notes, name, text);
     }
     return failed;
@@ -186,15 +188,15 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
         failed |= add_lines(notes, name, in->notes[i]);
         failed |= add_mask_notes(notes, name, &in->report[i]);
         if (in->report[i].largest_cap > 0.01) {
-            snprintf(text, sizeof text,
-                     "an opening was closed with a lid of %.2g %% of the surface",
-                     100.0 * in->report[i].largest_cap);
+            apsm_print(text, sizeof text,
+                       "an opening was closed with a lid of %.2g %% of the surface",
+                       100.0 * in->report[i].largest_cap);
             failed |= add_note(notes, name, text);
         }
         if (!(in->cropped[i] > 0.0)) continue;
-        snprintf(text, sizeof text,
-                 "cropped to what all shapes hold: %.2g %% of its surface taken away",
-                 100.0 * in->cropped[i]);
+        apsm_print(text, sizeof text,
+                   "cropped to what all shapes hold: %.2g %% of its surface taken away",
+                   100.0 * in->cropped[i]);
         failed |= add_note(notes, name, text);
     }
     return failed;

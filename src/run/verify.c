@@ -2,10 +2,10 @@
  * read, nothing written; what disagrees is told in one line each. */
 #include <jansson.h>
 #include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "core/sized.h"
 #include "folder/manifest_json.h"
 #include "run/input_check.h"
@@ -28,7 +28,7 @@ typedef struct verifying {
 static void say(const verifying *v, line_fn to, const char *format, va_list args)
 {
     char line[1024];
-    vsnprintf(line, sizeof line, format, args);
+    apsm_vprint(line, sizeof line, format, args);
     to(v->user, line);
 }
 

@@ -91,6 +91,12 @@ static void a_decimal_comma_changes_nothing(void **state)
     assert_true(apsm_parse_number("2.25", 4, &x));
     assert_true(x == 2.25);
     assert_false(apsm_parse_number("2,25", 4, &x));
+    apsm_print(text, sizeof text, "%.2f mm", 0.25);
+    assert_string_equal(text, "0.25 mm");
+    apsm_context *ctx = apsm_context_new();
+    apsm_fail(ctx, APSM_ERR_FORMAT, "is %.1f times as large", 2.5);
+    assert_string_equal(apsm_error_text(ctx), "is 2.5 times as large");
+    apsm_context_free(ctx);
 
     const double points[6] = { 1.5, -2.25, 1e-7, 0, 12345.678, 3 };
     folder_path(state, "p.particles", path);
