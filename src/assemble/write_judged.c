@@ -6,7 +6,6 @@
 
 #include "files/files.h"
 #include "folder/evaluation_json.h"
-#include "folder/mode_trust_json.h"
 #include "folder/names.h"
 
 /* Of a part, or of all: the template is left out, since it is its own reconstruction. */
@@ -126,24 +125,11 @@ static json_t *json_spaces(const writing *w)
 
 static apsm_status write_evaluation(writing *w)
 {
-    const apsm_evaluation *e = &w->f->evaluation;
-    json_t *root = json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:o, s:o}",
-        "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
-        (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
-        apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
-        "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
-        (json_int_t)e->left_out, "template", writing_subject(w, w->f->like[0]), "surface_distance",
-        json_surface(w), "landmarks", joint_landmarks(w->job, w->c), "joint_spaces", json_spaces(w),
-        "variances", apsm_json_vector(e->modes, e->variance), "modes",
-        mode_trust_json(e->modes, e->trust), "compactness",
-        apsm_json_vector(e->n_compactness, e->compactness), "generalization",
-        apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
-        apsm_json_vector(e->n_generalization, e->generalization_error), "specificity",
-        apsm_json_vector(e->n_specificity, e->specificity), "specificity_standard_error",
-        apsm_json_vector(e->n_specificity, e->specificity_error));
-    return writing_json(w, FOLDER_EVALUATION, root);
+    json_t *spaces = json_spaces(w);
+    if (!spaces) return APSM_ERR_MEMORY;
+    return writing_json(w, FOLDER_EVALUATION,
+                        evaluation_json(&w->f->evaluation, writing_subject(w, w->f->like[0]),
+                                        json_surface(w), joint_landmarks(w->job, w->c), spaces));
 }
 
 static apsm_status write_fields(writing *w)

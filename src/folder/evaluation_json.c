@@ -87,18 +87,18 @@ static json_t *json_landmarks(const evaluation_told *t)
 
 /* ---- the files ---- */
 
-static json_t *json_evaluation(const evaluation_told *t)
+json_t *evaluation_json(const apsm_evaluation *e, const char *template_name, json_t *surface,
+                        json_t *landmarks, json_t *joint_spaces)
 {
-    const apsm_evaluation *e = t->figures;
     return json_pack(
-        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, "
-        "s:o}",
+        "{s:s, s:i, s:I, s:I, s:s, s:s, s:I, s:I, s:s, s:o, s:o, s:o*, s:o, s:o, s:o, s:o, s:o, "
+        "s:o, s:o}",
         "format", FORMAT_EVALUATION, "version", EVALUATION_VERSION, "particles",
         (json_int_t)e->particles, "shapes", (json_int_t)e->shapes, "definition",
         apsm_definition_name(e->definition), "definition_text", apsm_definition_text(e->definition),
         "specificity_samples", (json_int_t)e->samples, "generalization_shapes",
-        (json_int_t)e->left_out, "template", t->names[t->template_index], "surface_distance",
-        json_surface(t), "landmarks", json_landmarks(t), "variances",
+        (json_int_t)e->left_out, "template", template_name, "surface_distance", surface,
+        "landmarks", landmarks, "joint_spaces", joint_spaces, "variances",
         apsm_json_vector(e->modes, e->variance), "modes", mode_trust_json(e->modes, e->trust),
         "compactness", apsm_json_vector(e->n_compactness, e->compactness), "generalization",
         apsm_json_vector(e->n_generalization, e->generalization), "generalization_standard_error",
@@ -109,7 +109,8 @@ static json_t *json_evaluation(const evaluation_told *t)
 
 apsm_status evaluation_json_write(apsm_context *ctx, const char *path, const evaluation_told *told)
 {
-    json_t *root = json_evaluation(told);
+    json_t *root = evaluation_json(told->figures, told->names[told->template_index],
+                                   json_surface(told), json_landmarks(told), NULL);
     const apsm_status status = apsm_json_write(ctx, path, root);
     json_decref(root);
     return status;

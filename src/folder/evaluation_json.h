@@ -13,7 +13,13 @@
 /* mean, median, p95, p99 and max; NULL without memory. */
 json_t *evaluation_json_distance(const apsm_distance_summary *distance);
 
-/* What is told; all borrowed. */
+/* All of evaluation.json.  Takes what it is given: surface distances, landmarks (null for none;
+ * both NULL: without memory, and so is the answer) and the spaces of a joint (NULL: of one part).
+ */
+json_t *evaluation_json(const apsm_evaluation *e, const char *template_name, json_t *surface,
+                        json_t *landmarks, json_t *joint_spaces);
+
+/* What is told of one part; all borrowed. */
 typedef struct evaluation_told {
     const apsm_evaluation *figures;
     const char *const *names; /* of the shapes */
