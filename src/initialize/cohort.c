@@ -146,12 +146,14 @@ size_t cohort_movers(const apsm_cohort *c)
 
 /* ---- several parts ---- */
 
+enum { LEAST_PARTICLES = 7 }; /* one and its neighbours */
+
 /* Whether the same subjects are in all parts, the same of them fixed, and the same the template. */
 static bool fit_together(size_t n, const apsm_cohort *parts, const size_t *J)
 {
     bool fit = n > 0;
     for (size_t d = 0; d < n; d++) {
-        fit = fit && J[d] > 0 && !parts[d].part && parts[d].I == parts[0].I &&
+        fit = fit && J[d] >= LEAST_PARTICLES && !parts[d].part && parts[d].I == parts[0].I &&
               parts[d].template_index == parts[0].template_index;
         for (size_t i = 0; fit && i < parts[0].I; i++)
             fit = cohort_moves(&parts[d], i) == cohort_moves(&parts[0], i);
@@ -165,7 +167,8 @@ static apsm_status take_parts(apsm_context *ctx, size_t n, apsm_cohort *parts, c
     if (!fit_together(n, parts, J))
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "parts of a cohort need the same subjects, template and fixed subjects, "
-                         "and particles each");
+                         "and at least %d particles each",
+                         (int)LEAST_PARTICLES);
     c->I = parts[0].I;
     c->template_index = parts[0].template_index;
     c->first = calloc(n + 1, sizeof *c->first);

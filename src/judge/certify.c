@@ -357,16 +357,22 @@ static bool needs_review(const cohort_certificate *c, size_t i)
     return !c->shape[i].certified || c->doubts[i];
 }
 
+/* Slips were looked for, too. */
+static bool is_whole(const cohort_certificate *c)
+{
+    return c->judged && c->judgement.looks > 0;
+}
+
 const char *certify_verdict_of(const cohort_certificate *c, size_t i)
 {
-    return needs_review(c, i) ? "needs review" : c->judged ? "certified" : "not judged";
+    return needs_review(c, i) ? "needs review" : is_whole(c) ? "certified" : "not judged";
 }
 
 const char *certify_verdict(const cohort_certificate *c)
 {
     for (size_t i = 0; i < c->I; i++)
         if (needs_review(c, i)) return "needs review";
-    return c->judged ? "certified" : "not judged";
+    return is_whole(c) ? "certified" : "not judged";
 }
 
 /* A surface that is nearly its own mirror image, or nearly the same when turned. */
@@ -389,6 +395,7 @@ const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect asp
     const bool by_itself = aspect == APSM_ASPECT_SURFACE || aspect == APSM_ASPECT_NEIGHBOURS;
     if (review) return "review";
     if (is_untold(c, i, aspect)) return "cannot be told";
+    if (aspect == APSM_ASPECT_SLIP && c->judged && !is_whole(c)) return "not looked for";
     return by_itself || c->judged ? "pass" : "not judged";
 }
 
@@ -579,6 +586,11 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
                  "fewer than %d shapes: whether they belong, lie and correspond as the others do "
                  "cannot be judged",
                  (int)APSM_LEAST_JUDGED);
+    else if (!is_whole(c))
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%zu particles are too few to look for slips of regions: nothing is certified; give "
+                 "12 or more (-J)",
+                 c->judgement.J);
     apsm_log(ctx, APSM_LOG_INFO,
              "verdict: %s (%zu of %zu shapes certified, %.1f %% of particles "
              "mismatched at 1.5/2.0)",

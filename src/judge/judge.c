@@ -138,7 +138,8 @@ static void take_slip(const judging *g, size_t i, const double *more, double *sc
     apsm_findings *f = &g->out->shape[i];
     double *times = g->out->slip + g->J * i;
     size_t look = 0;
-    for (size_t k = 1; k < APSM_SLIP_LOOKS; k++)
+    if (g->out->looks == 0) return;
+    for (size_t k = 1; k < g->out->looks; k++)
         if (more[k * g->I + i] > more[look * g->I + i]) look = k;
     const size_t at = at_look(g, i, look);
     apsm_slip_times(&g->patch[look], g->slipped + at, g->usually + at, times, scratch);
@@ -351,9 +352,9 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
     const size_t I = cohort->I, n = I * J;
     const size_t doubles =
         n * (3 * 4 + 4 * APSM_FORM_SCALES + 3 + 2 * APSM_SLIP_LOOKS) + I * (16 + FIGURES + 1);
-    *out = (apsm_judgement){ .I = I, .J = J };
+    *out = (apsm_judgement){ .I = I, .J = J, .looks = apsm_slip_looks(I, J) };
     out->shape = calloc(I, sizeof *out->shape);
-    out->slip = malloc(n * sizeof *out->slip);
+    out->slip = calloc(n, sizeof *out->slip);
     out->uncovered = malloc(n * sizeof *out->uncovered);
     out->opposed = calloc(n, sizeof *out->opposed);
     double *all = malloc(doubles * sizeof *all);

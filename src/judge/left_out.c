@@ -120,9 +120,23 @@ static size_t take_out(size_t n, size_t dim, double *Y, double *w, double *r)
     return n + 1;
 }
 
+/* Of the others, those whose deviations are taken out. */
+static size_t shapes_out(size_t I, size_t J)
+{
+    const size_t most = J / 2 < MOST ? J / 2 : MOST;
+    return I - 1 < most ? I - 1 : most;
+}
+
+size_t apsm_left_out_degrees(size_t I, size_t J)
+{
+    size_t d = 0;
+    while (d < APSM_LEFT_OUT_DEGREES && 2 * (shapes_out(I, J) + 3 * monomials[d + 1]) <= 3 * J) d++;
+    return d;
+}
+
 void apsm_left_out_rests(size_t I, size_t J, const double *P, size_t i, double *rests, double *work)
 {
-    const size_t dim = 3 * J, most = J / 2 < MOST ? J / 2 : MOST, n = I - 1 < most ? I - 1 : most;
+    const size_t dim = 3 * J, n = shapes_out(I, J), degrees = apsm_left_out_degrees(I, J);
     double *m = work, *r = m + dim, *Y = r + dim, *w = Y + ROWS * dim;
     size_t rows = 0, k = 0;
     gather(I, dim, P, i, n, m, Y);
@@ -132,8 +146,7 @@ void apsm_left_out_rests(size_t I, size_t J, const double *P, size_t i, double *
         rows = take_out(rows, dim, Y, w, r);
     }
     memset(rests, 0, APSM_LEFT_OUT_DEGREES * dim * sizeof *rests);
-    for (size_t d = 0; d < APSM_LEFT_OUT_DEGREES; d++) {
-        if (2 * (n + 3 * monomials[d + 1]) > dim) return;
+    for (size_t d = 0; d < degrees; d++) {
         for (; k < monomials[d + 1]; k++)
             for (size_t a = 0; a < 3; a++) {
                 deform(J, m, k, a, Y + rows * dim);

@@ -17,9 +17,13 @@ size_t apsm_left_out_work_size(size_t J);
 apsm_status apsm_left_out_residual(size_t I, size_t J, const double *P, size_t i, double *r,
                                    double *work) APSM_NODISCARD;
 
+/* How many of the degrees below can be looked at: coordinates must be twice as many as what could
+ * explain them.  0 with 7 to 10 particles, and with 11 and more than 5 shapes. */
+size_t apsm_left_out_degrees(size_t I, size_t J);
+
 /* rests (APSM_LEFT_OUT_DEGREES x J x 3, out): what neither the others (at most 64, and half as many
  * as there are particles) nor deformations by polynomials of the first, second, third degree
- * explain; 0 where they could explain half of everything.  P, work: as above.  O(J (I + 60)^2). */
+ * explain; 0 beyond apsm_left_out_degrees.  P, work: as above.  O(J (I + 60)^2). */
 void apsm_left_out_rests(size_t I, size_t J, const double *P, size_t i, double *rests,
                          double *work);
 

@@ -73,6 +73,11 @@ static void mean_lengths(const apsm_patches *p, const double *r, double h, doubl
     }
 }
 
+size_t apsm_slip_looks(size_t I, size_t J)
+{
+    return apsm_left_out_degrees(I, J);
+}
+
 size_t apsm_slip_work_size(size_t J)
 {
     return (size_t)APSM_SLIP_LOOKS * 3 * J + apsm_left_out_work_size(J);

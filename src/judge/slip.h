@@ -38,6 +38,9 @@ typedef struct apsm_slip_cohort {
     const apsm_patches *patches; /* APSM_SLIP_LOOKS */
 } apsm_slip_cohort;
 
+/* How many of them are possible: the first so many. */
+size_t apsm_slip_looks(size_t I, size_t J);
+
 /* slipped (APSM_SLIP_LOOKS x J, out): how far, in h, the particles around each have gone along the
  * surface of shape i together, (J3b).  N (J x 3): the shape's normals.  work: scratch. */
 void apsm_slip_look(const apsm_slip_cohort *c, size_t i, const double *N, double *slipped,

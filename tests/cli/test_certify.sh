@@ -36,6 +36,14 @@ grep -q 'needs a mesh for each shape' log || fail "certify without meshes says: 
 grep -q '"verdict": *"not judged"' three/certificate.json || fail "three shapes are judged"
 grep -q 'fewer than 5 shapes' log || fail "not said that three shapes cannot be judged: $(cat log)"
 
+# Slips are looked for with 12 particles or more; with fewer that is said, and nothing is certified.
+# shellcheck disable=SC2086
+for J in 11 12; do "$apsm" run s?.ply -o "few$J" ${few/32/$J} 2>"log$J" || fail "run of $J: $(cat "log$J")"; done
+grep -q '"slip": *"not looked for"' few11/certificate.json || fail "slips of 11 particles pass"
+grep -q '"certified": *0' few11/certificate.json || fail "11 particles are certified"
+grep -q 'too few to look for slips' log11 || fail "not said that slips are not looked for: $(cat log11)"
+grep -q '"slip": *"pass"' few12/certificate.json || fail "slips of 12 particles do not pass: $(cat log12)"
+
 # Long bones on which psm, unscaled, leaves the ends of all shapes out: certify says so of each.
 "$make_synthetic" femur long count 5 seed 0 >/dev/null || exit 1
 "$apsm" run long/shapes -o slips --method psm -J 32 --psm-iterations-per-split 60 \

@@ -213,7 +213,7 @@ function fillHeader() {
     el("div", { class: `verdict ${fine ? "good" : "bad"}` },
       el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
       el("div", {},
-        el("strong", {}, c.verdict === "not judged" ? "Too few shapes to be judged by each other: nothing is certified. " : fine
+        el("strong", {}, c.verdict === "not judged" ? "Too few shapes, or particles, to be judged by each other: nothing is certified. " : fine
           ? c.shapes === 1 ? "The shape is certified. " : `All ${c.shapes} shapes are certified. `
           : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
         c.verdict === "not judged" ? "" : fine ? `Particles correspond: ${countsText()}.`
