@@ -83,9 +83,10 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
         "agreement", json_agreement(f->agreement), "agreement_turned",
         json_agreement(f->turn[0].agreement), "agreement_mirrored",
         json_agreement(f->turn[1].agreement), "evidence_pose", json_known(f->turn[0].evidence),
-        "evidence_hand", json_known(f->turn[1].evidence), "slip_times", json_known(f->slip + unknown), "slip",
-        json_known(f->slip_size + unknown), "slipped", json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped),
-        "reach_excess", f->reach_excess, "reach", f->reach, "farthest", f->farthest, "beyond",
+        "evidence_hand", json_known(f->turn[1].evidence), "slip_times",
+        json_known(f->slip + unknown), "slip", json_known(f->slip_size + unknown), "slipped",
+        json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped), "reach_excess", f->reach_excess,
+        "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
         f->size, "off", f->off, "off_excess", f->off_excess);
 }

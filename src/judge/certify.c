@@ -587,10 +587,11 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
                  "cannot be judged",
                  (int)APSM_LEAST_JUDGED);
     else if (!is_whole(c))
-        apsm_log(ctx, APSM_LOG_WARNING,
-                 "%zu particles are too few to look for slips of regions: nothing is certified; give "
-                 "12 or more (-J)",
-                 c->judgement.J);
+        apsm_log(
+            ctx, APSM_LOG_WARNING,
+            "%zu particles are too few to look for slips of regions: nothing is certified; give "
+            "12 or more (-J)",
+            c->judgement.J);
     apsm_log(ctx, APSM_LOG_INFO,
              "verdict: %s (%zu of %zu shapes certified, %.1f %% of particles "
              "mismatched at 1.5/2.0)",

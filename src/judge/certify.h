@@ -30,13 +30,13 @@ apsm_status certify_parts(apsm_context *ctx, const apsm_cohort *cohort, size_t J
                           cohort_certificate *certificate);
 void certify_free(cohort_certificate *certificate);
 
-/* "certified", "needs review" or "not judged" (too few shapes, or particles, to look for every fault):
- * of one shape, of all. */
+/* "certified", "needs review" or "not judged" (too few shapes, or particles, to look for every
+ * fault): of one shape, of all. */
 const char *certify_verdict_of(const cohort_certificate *certificate, size_t i);
 const char *certify_verdict(const cohort_certificate *certificate);
 
-/* "pass", "review", "cannot be told" (pose, hand), "not judged" or "not looked for" (slips, with too
- * few particles): one aspect of one shape. */
+/* "pass", "review", "cannot be told" (pose, hand), "not judged" or "not looked for" (slips, with
+ * too few particles): one aspect of one shape. */
 const char *certify_grade(const cohort_certificate *certificate, size_t i, apsm_aspect aspect);
 /* How likely more than a tenth of a shape's particles are over two spacings off; NAN: not told. */
 double certify_probability(const cohort_certificate *certificate, size_t i);

@@ -33,7 +33,7 @@ typedef struct apsm_findings {
 typedef struct apsm_judgement {
     size_t I, J;
     double h;
-    size_t looks;         /* for slips, of APSM_SLIP_LOOKS; 0: too few particles, no slip is known */
+    size_t looks; /* for slips, of APSM_SLIP_LOOKS; 0: too few particles, no slip is known */
     apsm_findings *shape; /* I */
     double *slip;         /* I x J: of the patch around each particle, over what is usual there */
     double *uncovered;    /* I x J: how far the surface reaches beyond, in h beyond what is usual */
