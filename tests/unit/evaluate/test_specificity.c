@@ -7,24 +7,10 @@
 #include <string.h>
 
 #include "cohorts.h"
+#include "context_fixture.h"
 #include "golden.h"
 
 enum { MOST = 64 };
-static apsm_context *ctx;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return (ctx = apsm_context_new()) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
-
 static void measure(size_t I, size_t J, const double *P, apsm_definition definition, size_t samples,
                     double *spec, double *error)
 {

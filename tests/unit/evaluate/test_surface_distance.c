@@ -7,23 +7,11 @@
 #include <string.h>
 
 #include "cohorts.h"
+#include "context_fixture.h"
 #include "golden.h"
 #include "shapes.h"
 
-static apsm_context *ctx;
-
-static int set_up(void **state)
-{
-    (void)state;
-    return (ctx = apsm_context_new()) ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
+#include "golden_mesh.h"
 
 static void shift(apsm_mesh *mesh, double x, double y, double z)
 {
@@ -40,23 +28,11 @@ static apsm_surface_distance compare(const apsm_mesh *shape, const apsm_mesh *re
     return d;
 }
 
-static apsm_mesh golden_mesh(const json_t *m, size_t nv, size_t nf)
-{
-    apsm_mesh mesh = shape_alloc(nv, nf);
-    double *V = golden_member(m, "V", 3 * nv), *F = golden_member(m, "F", 3 * nf);
-    memcpy(mesh.V, V, 3 * nv * sizeof *V);
-    for (size_t k = 0; k < 3 * nf; k++) mesh.F[k] = (uint32_t)F[k];
-    free(V);
-    free(F);
-    return mesh;
-}
-
 static void agrees_with_golden(void **state)
 {
     (void)state;
     json_t *root = golden_load("metrics"), *s = golden_get(root, "surface_distance");
-    apsm_mesh A = golden_mesh(golden_get(s, "A"), 42, 80),
-              B = golden_mesh(golden_get(s, "B"), 42, 80);
+    apsm_mesh A = golden_mesh(golden_get(s, "A")), B = golden_mesh(golden_get(s, "B"));
     double *to_b = golden_member(s, "A_vertices_to_B", 42);
     double *to_a = golden_member(s, "B_vertices_to_A", 42);
     double pull[42], push[42];

@@ -11,6 +11,8 @@
 #include "golden.h"
 #include "shapes.h"
 
+#include "golden_mesh.h"
+
 typedef struct fixture {
     apsm_mesh mesh;
     apsm_topology topology;
@@ -84,17 +86,6 @@ static double path_length(fixture *x, const apsm_surface_point *p, const apsm_su
     golden_close("path starts", 3, X, a, 1e-12);
     golden_close("path ends", 3, X + 3 * (n - 1), b, 1e-12);
     return length_of(n, X);
-}
-
-static apsm_mesh golden_mesh(const json_t *c)
-{
-    json_t *V = golden_get(c, "V"), *F = golden_get(c, "F");
-    apsm_mesh mesh = shape_alloc(json_array_size(V), json_array_size(F));
-    golden_fill(V, mesh.V);
-    double *f = golden_array(F, 3 * mesh.nf);
-    for (size_t i = 0; i < 3 * mesh.nf; i++) mesh.F[i] = (uint32_t)f[i];
-    free(f);
-    return mesh;
 }
 
 /* The closest face and barycentric weights, by looking at all faces (points lie on the mesh). */

@@ -10,16 +10,7 @@
 #include "initialize/farthest_point.h"
 #include "shapes.h"
 
-static apsm_mesh golden_mesh(const json_t *c)
-{
-    json_t *V = golden_get(c, "V"), *F = golden_get(c, "F");
-    apsm_mesh mesh = shape_alloc(json_array_size(V), json_array_size(F));
-    golden_fill(V, mesh.V);
-    double *f = golden_array(F, 3 * mesh.nf);
-    for (size_t i = 0; i < 3 * mesh.nf; i++) mesh.F[i] = (uint32_t)f[i];
-    free(f);
-    return mesh;
-}
+#include "golden_mesh.h"
 
 /* All shortest paths along edges, by relaxing until nothing changes. */
 static double *edge_distances(const apsm_mesh *m)

@@ -9,27 +9,12 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "context_fixture.h"
 #include "core/random.h"
 #include "model/mode_sign.h"
 #include "model/mode_trust.h"
 
 enum { I = 40, J = 90, PLANTED = 2 };
-
-static apsm_context *ctx;
-
-static int set_up(void **state)
-{
-    (void)state;
-    ctx = apsm_context_new();
-    return ctx ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
 
 /* Ellipsoids of axes 5 (1 + a), 3 (1 + b), 2 with noise; `sample` moves the particles, shapes stay.
  */

@@ -7,25 +7,10 @@
 
 #include <cmocka.h>
 
+#include "context_fixture.h"
 #include "core/random.h"
 #include "golden.h"
 #include "model/shape_model.h"
-
-static apsm_context *ctx;
-
-static int set_up(void **state)
-{
-    (void)state;
-    ctx = apsm_context_new();
-    return ctx ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
 
 static double *random_particles(size_t count, uint64_t index)
 {

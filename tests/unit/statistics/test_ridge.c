@@ -10,27 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "context_fixture.h"
 #include "core/random.h"
 #include "linalg/linalg.h"
 #include "statistics/ridge.h"
 
 enum { N = 40, V = 6, MANY = 90 };
-static apsm_context *ctx;
-
-static int set_up(void **state)
-{
-    (void)state;
-    ctx = apsm_context_new();
-    return ctx ? 0 : -1;
-}
-
-static int tear_down(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
-
 static void draw(apsm_random *rng, size_t n, double *x)
 {
     for (size_t k = 0; k < n; k++) x[k] = apsm_random_normal(rng);
