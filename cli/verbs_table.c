@@ -8,11 +8,10 @@
 static const cli_verb_info verbs[] = {
     { CLI_RUN, "run", "INPUT... -o MODEL_DIR",
       "the whole job: groom, initialize, optimize, evaluate",
-      "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, DICOM folders), "
-      "meshes (PLY, STL, OBJ, VTK, VTP), contours (VTK, VTP), folders of them, or a project "
-      "(.swproj, .xlsx). An "
-      "interrupted "
-      "run goes on with --resume, and every step can be repeated on its own.",
+      "Makes a shape model of the inputs: segmentations (NRRD, NIfTI, MetaImage, .mgz, TIFF, "
+      "DICOM folders), meshes (PLY, STL, OBJ, OFF, VTK, VTP, GIFTI, FreeSurfer's), contours (VTK, "
+      "VTP), folders of them, or a project (.swproj, .xlsx). An interrupted run goes on with "
+      "--resume, and every step can be repeated on its own.",
       .out = "a model folder", .call = apsm_cli_run },
     { CLI_GROOM, "groom", "INPUT... -o MODEL_DIR", "inputs to clean, aligned meshes",
       "Reads the inputs, makes one closed mesh of each, chooses the template and aligns all to it. "

@@ -15,7 +15,8 @@
 extern "C" {
 #endif
 
-/* PLY, STL, OBJ, legacy VTK, VTP.  Polygons are cut into triangles, coinciding points (STL)
+/* PLY, STL, OBJ, OFF, legacy VTK, VTP, GIFTI, FreeSurfer: see docs/formats.md.  Those that say they
+ * are in RAS come out in LPS.  Polygons are cut into triangles, coinciding points (STL)
  * merged; nothing else is changed.  mesh is overwritten, and {0} on failure. */
 APSM_API apsm_status apsm_read_mesh(apsm_context *ctx, const char *path,
                                     apsm_mesh *mesh) APSM_NODISCARD;
@@ -50,10 +51,11 @@ APSM_API apsm_status apsm_write_mesh_points(apsm_context *ctx, const char *path,
                                             const double *P) APSM_NODISCARD;
 
 /* A segmentation: NIfTI-1 and 2 (.nii, .nii.gz, .hdr with .img), NRRD (.nrrd, .nhdr, Slicer's
- * .seg.nrrd with names and layers), MetaImage (.mha, .mhd); in LPS and mm whatever the file says.
- * Whole numbers are labels; a real-valued image with others comes as volume->value.  Where a header
- * contradicts itself or lacks what matters, the rule of docs/formats.md decides, and the volume's
- * notes say so.  volume is overwritten, and {0} on failure. */
+ * .seg.nrrd with names and layers), MetaImage (.mha, .mhd), TIFF stacks, FreeSurfer's .mgh and
+ * .mgz, Analyze 7.5; in LPS and mm whatever the file says. Whole numbers are labels; a real-valued
+ * image with others comes as volume->value.  Where a header contradicts itself or lacks what
+ * matters, the rule of docs/formats.md decides, and the volume's notes say so.  volume is
+ * overwritten, and {0} on failure. */
 APSM_API apsm_status apsm_read_volume(apsm_context *ctx, const char *path,
                                       apsm_volume *volume) APSM_NODISCARD;
 /* The same from a folder that holds one DICOM series or one DICOM segmentation (SEG), or from one

@@ -207,32 +207,56 @@ apsm_status image_finish(scan *s, image *m, apsm_volume *volume)
     return s->status;
 }
 
+/* ---- formats ---- */
+
+typedef void (*reader)(scan *, image *);
+
+static reader reader_of(const char *path, bool *binary)
+{
+    static const struct {
+        const char *extension;
+        reader read;
+        bool binary;
+    } known[] = { { ".nrrd", read_nrrd, false },     { ".nhdr", read_nrrd, false },
+                  { ".mha", read_metaimage, false }, { ".mhd", read_metaimage, false },
+                  { ".nii", read_nifti, true },      { ".nii.gz", read_nifti, true },
+                  { ".hdr", read_nifti, true },      { ".tif", read_tiff, true },
+                  { ".tiff", read_tiff, true },      { ".mgh", read_mgh, true },
+                  { ".mgz", read_mgh, true },        { ".mgh.gz", read_mgh, true } };
+    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
+        if (path_ends_in(path, known[k].extension)) {
+            *binary = known[k].binary;
+            return known[k].read;
+        }
+    return NULL;
+}
+
+bool volume_is_known(const char *path)
+{
+    bool binary;
+    return reader_of(path, &binary) != NULL;
+}
+
+static apsm_status refuse_extension(apsm_context *ctx, const char *path)
+{
+    return apsm_fail(
+        ctx, APSM_ERR_UNSUPPORTED,
+        "%s: not an image format known here; use .nrrd, .nii, .nii.gz, .mha, .mgz or .tif", path);
+}
+
 apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
                               apsm_volume *volume)
 {
-    scan s = scan_begin(ctx, path, bytes, size);
+    bool binary = true;
+    const reader read = reader_of(path, &binary);
     image m = { .layers = 1, .slope = 1.0 };
-    if (path_ends_in(path, ".nrrd") || path_ends_in(path, ".nhdr")) {
-        read_nrrd(&s, &m);
-    } else if (path_ends_in(path, ".mha") || path_ends_in(path, ".mhd")) {
-        read_metaimage(&s, &m);
-    } else if (path_ends_in(path, ".tif") || path_ends_in(path, ".tiff")) {
-        s = (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true };
-        read_tiff(&s, &m);
-    } else {
-        s = (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true };
-        read_nifti(&s, &m);
-    }
+    scan s = binary
+                 ? (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true }
+                 : scan_begin(ctx, path, bytes, size);
+    *volume = (apsm_volume){ 0 };
+    if (!read) return refuse_extension(ctx, path);
+    read(&s, &m);
     return image_finish(&s, &m, volume);
-}
-
-static bool is_known(const char *path)
-{
-    static const char *const known[] = { ".nrrd", ".nhdr", ".nii", ".nii.gz", ".hdr",
-                                         ".mha",  ".mhd",  ".tif", ".tiff" };
-    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
-        if (path_ends_in(path, known[k])) return true;
-    return false;
 }
 
 apsm_status apsm_read_volume(apsm_context *ctx, const char *path, apsm_volume *volume)
@@ -240,10 +264,7 @@ apsm_status apsm_read_volume(apsm_context *ctx, const char *path, apsm_volume *v
     char *bytes;
     size_t size;
     *volume = (apsm_volume){ 0 };
-    if (!is_known(path))
-        return apsm_fail(
-            ctx, APSM_ERR_UNSUPPORTED,
-            "%s: not an image format known here; use .nrrd, .nii, .nii.gz, .mha or .tif", path);
+    if (!volume_is_known(path)) return refuse_extension(ctx, path);
     APSM_TRY(input_file_read(ctx, path, &bytes, &size));
     const apsm_status status = volume_from_bytes(ctx, path, bytes, size, volume);
     free(bytes);

@@ -40,7 +40,10 @@ void read_nifti(scan *s, image *m);
 void read_nrrd(scan *s, image *m);
 void read_metaimage(scan *s, image *m);
 void read_tiff(scan *s, image *m);
+void read_mgh(scan *s, image *m);
 
+/* Whether the extension is that of an image. */
+bool volume_is_known(const char *path);
 /* "um", "mm", "m" ... in mm; 0 if it is none of them. */
 double unit_in_mm(word name);
 

@@ -22,7 +22,15 @@ static reader reader_of(const char *path)
                   { ".stl", read_stl },
                   { ".obj", read_obj },
                   { ".vtk", read_legacy_vtk },
-                  { ".vtp", read_vtp } };
+                  { ".vtp", read_vtp },
+                  { ".off", read_off },
+                  { ".gii", read_gifti },
+                  { ".white", read_freesurfer },
+                  { ".pial", read_freesurfer },
+                  { ".pial.T1", read_freesurfer },
+                  { ".pial.T2", read_freesurfer },
+                  { ".smoothwm", read_freesurfer },
+                  { ".surf", read_freesurfer } };
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (path_ends_in(path, known[k].extension)) return known[k].read;
     return NULL;
@@ -36,7 +44,8 @@ bool mesh_is_known(const char *path)
 static apsm_status refuse_extension(apsm_context *ctx, const char *path)
 {
     return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                     "%s: '%s' is not a mesh format known here; use .ply, .stl, .obj, .vtk or .vtp",
+                     "%s: '%s' is not a mesh format known here; use .ply, .stl, .obj, .vtk, .vtp, "
+                     ".off or .gii",
                      path, path_extension(path));
 }
 
@@ -85,7 +94,9 @@ apsm_status mesh_from_bytes(apsm_context *ctx, const char *path, const char *byt
     soup m = { 0 };
     *mesh = (apsm_mesh){ 0 };
     if (!read) return refuse_extension(ctx, path);
-    read(&s, &m);
+    if (size > 1 && (memcmp(bytes, "\xff\xfe", 2) == 0 || memcmp(bytes, "\xfe\xff", 2) == 0))
+        scan_refuse(&s, APSM_ERR_FORMAT, "is text in UTF-16; save it as UTF-8");
+    if (scan_ok(&s)) read(&s, &m);
     if (read == read_stl) soup_merge_points(&s, &m);
     refuse_no_faces(&s, &m);
     soup_triangulate(&s, &m);

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 
 #include "formats/header_line.h"
-#include "formats/image.h"
+#include "formats/several.h"
 
 enum { MOST_DIMENSIONS = 4, LONGEST_NAME = 1024 };
 
@@ -207,15 +207,32 @@ static void check_sizes(scan *s, meta *h, image *m)
     image_simple(m);
 }
 
+/* "LIST", and lines with names; or a pattern. */
+static void load_several(scan *s, const meta *h, image *m)
+{
+    several files = { .names = { s->bytes + s->at, scan_left(s) }, .skip = h->header_size };
+    files.pattern = several_is_pattern(h->file);
+    if (files.pattern) files.names = h->file;
+    if (!h->binary || h->compressed)
+        scan_refuse(s, APSM_ERR_UNSUPPORTED,
+                    "its slices are in many files, as text or compressed; save it as one file (3D "
+                    "Slicer does)");
+    else
+        several_load(s, m, &files);
+}
+
 static void load(scan *s, const meta *h, image *m)
 {
     char name[LONGEST_NAME];
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
-    if (h->file.length >= LONGEST_NAME || memchr(h->file.text, '%', h->file.length) ||
-        (h->file.length >= 4 && memcmp(h->file.text, "LIST", 4) == 0)) {
-        scan_refuse(s, APSM_ERR_FORMAT,
-                    "its slices are in many files; open it (3D Slicer) and save it as one");
+    if (several_files(h->file)) {
+        load_several(s, h, m);
+        return;
+    }
+    if (h->file.length >= LONGEST_NAME) {
+        scan_refuse(s, APSM_ERR_FORMAT, "names a data file of more than %d bytes; rename it",
+                    LONGEST_NAME - 1);
     } else if (!word_is_any_case(h->file, "LOCAL")) {
         snprintf(name, sizeof name, "%.*s", (int)h->file.length, h->file.text);
         image_load_data(s, m, name);

@@ -1,4 +1,5 @@
-/* NIfTI-1 and NIfTI-2, plain or in gzip (whatever the name says), and pairs of .hdr and .img.
+/* NIfTI-1 and NIfTI-2, plain or in gzip (whatever the name says), and pairs of .hdr and .img; and
+ * Analyze 7.5, whose header NIfTI-1 was made from, without a place in space.
  *
  * Where a voxel is: by the sform if its code is set, else by the qform if its code is set, else by
  * the voxel sizes alone, whose axes are then taken for right, anterior, superior.  Lengths are in
@@ -11,10 +12,11 @@
 #include "formats/input_file.h"
 
 enum { HEAD_1 = 348, HEAD_2 = 540 };
+enum { REGULAR = 38, ORIENT = 252 }; /* bytes of Analyze 7.5 */
 
 typedef struct nifti {
     const unsigned char *head;
-    bool second, big_endian, pair;
+    bool second, big_endian, pair, analyze;
     int64_t dim[8];
     int type;
     double pixdim[8], offset, slope, intercept;
@@ -48,11 +50,17 @@ static void recognise(scan *s, nifti *h)
         return;
     }
     const char *const magic = (const char *)h->head + (h->second ? 4 : 344);
-    h->pair = memcmp(magic, "ni", 2) == 0;
-    if (memcmp(magic, "n+", 2) != 0 && !h->pair)
+    const bool single = memcmp(magic, "n+", 2) == 0, pair = memcmp(magic, "ni", 2) == 0;
+    h->analyze =
+        !h->second && !single && !pair && h->head[REGULAR] == 'r' && path_ends_in(s->path, ".hdr");
+    h->pair = pair || h->analyze;
+    if (!single && !h->pair)
         scan_refuse(s, APSM_ERR_FORMAT,
-                    "is an Analyze image or a damaged NIfTI-1 file, which does not tell left from "
-                    "right; convert it to NIfTI");
+                    "its header is damaged, or not that of NIfTI; copy or export it again");
+    if (h->analyze && h->head[ORIENT] > 0 && h->head[ORIENT] < 6)
+        scan_refuse(s, APSM_ERR_UNSUPPORTED,
+                    "is an Analyze image with slices that are not transverse; convert it to NIfTI "
+                    "(`nib-convert IN.img OUT.nii.gz`)");
 }
 
 static double unit_of(int code)
@@ -80,6 +88,10 @@ static void read_fields(nifti *h)
     }
     for (size_t k = 0; k < 12; k++) h->srow[k] = real_at(h, 280 + 4 * k, 400 + 8 * k);
     h->unit = unit_of(h->second ? (int)code_at(h, 0, 500) & 7 : h->head[123] & 7);
+    if (h->analyze) { /* other things are in their places */
+        h->qform = h->sform = 0;
+        h->unit = 1.0;
+    }
 }
 
 /* ---- sizes and types ---- */
@@ -172,10 +184,12 @@ static grid grid_of_qform(const nifti *h)
     return g;
 }
 
+/* Of Analyze the first axis is taken to run to the left. */
 static grid grid_of_sizes(const nifti *h)
 {
     grid g = { .step = { 0 } };
     for (int c = 0; c < 3; c++) g.step[4 * c] = fabs(h->pixdim[c + 1]);
+    if (h->analyze) g.step[0] = -g.step[0];
     return g;
 }
 
@@ -215,7 +229,11 @@ static void tell_conflicts(scan *s, const nifti *h, image *m, const grid *taken)
                    "its sform makes voxels of %.6g mm3, its voxel sizes of %.6g; the sform was "
                    "taken: check the size",
                    fabs(det) * pow(h->unit, 3), sizes * pow(h->unit, 3));
-    if (h->sform <= 0 && h->qform <= 0)
+    if (h->analyze)
+        image_note(s, m,
+                   "an Analyze image does not tell left from right; its axes were taken for left, "
+                   "anterior, superior: check left and right");
+    else if (h->sform <= 0 && h->qform <= 0)
         image_note(s, m,
                    "neither sform nor qform says where it lies; its axes were taken for right, "
                    "anterior, superior: check left and right");

@@ -8,8 +8,8 @@
 #include <stdlib.h>
 
 #include "formats/header_line.h"
-#include "formats/image.h"
 #include "formats/nrrd_segments.h"
+#include "formats/several.h"
 
 enum { MOST_AXES = 4, LONGEST_NAME = 1024 };
 
@@ -237,6 +237,7 @@ static void read_lines(scan *s, nrrd *h, image *m)
             continue;
         }
         read_field(s, &l, h, m);
+        if (several_files(h->file) && !several_is_pattern(h->file)) break; /* names follow */
     }
     if (!h->dimension || !h->has_type || !h->has_sizes || !h->has_encoding)
         scan_refuse(s, APSM_ERR_FORMAT,
@@ -320,6 +321,22 @@ static void place(scan *s, const nrrd *h, image *m, const int axis[3])
 
 /* ---- data ---- */
 
+/* "LIST", and the names in what follows; or a pattern. */
+static void load_several(scan *s, const nrrd *h, image *m)
+{
+    several files = { .names = { s->bytes + s->at, scan_left(s) },
+                      .packed = h->encoding == GZIP,
+                      .skip = h->byte_skip };
+    files.pattern = several_is_pattern(h->file);
+    if (files.pattern) files.names = h->file;
+    if (h->encoding == TEXT || h->line_skip > 0 || (files.packed && h->byte_skip != 0))
+        scan_refuse(s, APSM_ERR_UNSUPPORTED,
+                    "its slices are in many files, as text or with something before the voxels; "
+                    "save it as one file (3D Slicer does)");
+    else
+        several_load(s, m, &files);
+}
+
 static void load(scan *s, const nrrd *h, image *m)
 {
     static const packing as[] = { PLAIN, WRITTEN, PACKED };
@@ -327,10 +344,13 @@ static void load(scan *s, const nrrd *h, image *m)
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
     m->packing = as[h->encoding];
-    if (h->file.length >= LONGEST_NAME || memchr(h->file.text, '%', h->file.length) ||
-        (h->file.length >= 4 && memcmp(h->file.text, "LIST", 4) == 0)) {
-        scan_refuse(s, APSM_ERR_FORMAT,
-                    "its slices are in many files; open it (3D Slicer) and save it as one");
+    if (several_files(h->file)) {
+        load_several(s, h, m);
+        return;
+    }
+    if (h->file.length >= LONGEST_NAME) {
+        scan_refuse(s, APSM_ERR_FORMAT, "names a data file of more than %d bytes; rename it",
+                    LONGEST_NAME - 1);
     } else if (h->file.length) {
         snprintf(name, sizeof name, "%.*s", (int)h->file.length, h->file.text);
         image_load_data(s, m, name);

@@ -95,6 +95,15 @@ void soup_add_cell(scan *s, soup *m, const int64_t *i, size_t n, bool strip)
     }
 }
 
+void soup_ras_to_lps(soup *m, const double centre[3])
+{
+    for (size_t v = 0; v < m->points; v++)
+        for (int c = 0; c < 3; c++) {
+            double *const x = m->point + 3 * v + c;
+            *x = (c < 2 ? -1.0 : 1.0) * (*x + centre[c]);
+        }
+}
+
 /* ---- coinciding points ---- */
 
 static size_t place_hash(const double x[3])

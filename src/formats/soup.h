@@ -43,6 +43,8 @@ void soup_add_line(scan *s, soup *m, const int64_t *i, size_t n);
 
 /* Makes points at exactly the same place one, in order of first appearance; -0 is 0. */
 void soup_merge_points(scan *s, soup *m);
+/* Points in right, anterior, superior from `centre` become LPS. */
+void soup_ras_to_lps(soup *m, const double centre[3]);
 /* Polygons of more than three corners into triangles. */
 void soup_triangulate(scan *s, soup *m);
 
@@ -53,5 +55,8 @@ void read_stl(scan *s, soup *m); /* three points for each triangle: see soup_mer
 void read_obj(scan *s, soup *m);
 void read_legacy_vtk(scan *s, soup *m); /* DATASET POLYDATA: polygons and strips */
 void read_vtp(scan *s, soup *m);
+void read_off(scan *s, soup *m);
+void read_gifti(scan *s, soup *m);
+void read_freesurfer(scan *s, soup *m);
 
 #endif

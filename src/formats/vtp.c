@@ -1,6 +1,5 @@
 /* VTP, VTK's XML format of poly data, through expat: points, polygons and strips of all pieces.
  * What follows <AppendedData> need not be XML, so it is cut off before. */
-#include <expat.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -8,6 +7,7 @@
 
 #include "formats/soup.h"
 #include "formats/vtp_data.h"
+#include "formats/xml_parts.h"
 
 typedef enum place { NOWHERE, POINTS, POLYS, STRIPS, LINES, POINT_DATA } place;
 typedef enum kind { TEXT, BINARY, APPENDED } kind;
@@ -17,8 +17,7 @@ typedef struct array {
     scalar type;
     kind format;
     size_t offset; /* in the appended data */
-    char *text;    /* in the file's own encoding */
-    size_t length, room;
+    xml_text text; /* in the file's own encoding */
 } array;
 
 enum {
@@ -47,30 +46,13 @@ typedef struct vtp {
 
 /* ---- attributes ---- */
 
-static const char *attribute(const XML_Char **attributes, const char *name)
-{
-    for (; *attributes; attributes += 2)
-        if (strcmp(attributes[0], name) == 0) return attributes[1];
-    return NULL;
-}
-
-static word word_of(const char *text)
-{
-    return text ? (word){ text, strlen(text) } : (word){ "", 0 };
-}
-
-static bool is(const char *text, const char *wanted)
-{
-    return text && strcmp(text, wanted) == 0;
-}
-
 /* NumberOf...: packed data grow at most 1032 times. */
 static size_t read_count(vtp *v, const XML_Char **attributes, const char *name)
 {
-    const char *const text = attribute(attributes, name);
+    const char *const text = xml_attribute(attributes, name);
     char shown[WORD_SHOWN];
     int64_t n = 0;
-    word w = word_of(text);
+    word w = xml_word(text);
     while (w.length && (*w.text == ' ' || *w.text == '\n')) w.text++, w.length--;
     while (w.length && (w.text[w.length - 1] == ' ' || w.text[w.length - 1] == '\n')) w.length--;
     if (text && (!word_integer(w, &n) || n < 0 || (double)n > 1032.0 * (double)v->s->size))
@@ -82,21 +64,21 @@ static size_t read_count(vtp *v, const XML_Char **attributes, const char *name)
 
 static void open_file(vtp *v, const XML_Char **attributes)
 {
-    const char *const type = attribute(attributes, "type"), *const packer =
-                                                                attribute(attributes, "compressor");
+    const char *const type = xml_attribute(attributes, "type"), *const packer = xml_attribute(
+                                                                    attributes, "compressor");
     char shown[WORD_SHOWN];
     v->root = true;
-    if (!is(type, "PolyData"))
+    if (!xml_is(type, "PolyData"))
         scan_refuse(v->s, APSM_ERR_FORMAT,
                     "is not a VTP file but holds %s; extract the surface and save it as poly data",
-                    word_show(word_of(type), shown));
-    v->encoding.big_endian = is(attribute(attributes, "byte_order"), "BigEndian");
-    v->encoding.header = is(attribute(attributes, "header_type"), "UInt64") ? 8 : 4;
+                    word_show(xml_word(type), shown));
+    v->encoding.big_endian = xml_is(xml_attribute(attributes, "byte_order"), "BigEndian");
+    v->encoding.header = xml_is(xml_attribute(attributes, "header_type"), "UInt64") ? 8 : 4;
     v->encoding.packed = packer && *packer;
-    if (v->encoding.packed && !is(packer, "vtkZLibDataCompressor"))
+    if (v->encoding.packed && !xml_is(packer, "vtkZLibDataCompressor"))
         scan_refuse(v->s, APSM_ERR_UNSUPPORTED,
                     "is packed by %s; save it with zlib's compression or none",
-                    word_show(word_of(packer), shown));
+                    word_show(xml_word(packer), shown));
 }
 
 static scalar read_type(vtp *v, const char *name)
@@ -105,9 +87,9 @@ static scalar read_type(vtp *v, const char *name)
                                          "UInt32", "Int64", "UInt64", "Float32", "Float64" };
     char shown[WORD_SHOWN];
     for (int k = 0; k < 10; k++)
-        if (is(name, names[k])) return (scalar)k;
+        if (xml_is(name, names[k])) return (scalar)k;
     scan_refuse(v->s, APSM_ERR_FORMAT, "'%s' is not a number type of VTP; export it again",
-                word_show(word_of(name), shown));
+                word_show(xml_word(name), shown));
     return SCALAR_U8;
 }
 
@@ -115,31 +97,32 @@ static array *array_named(vtp *v, const char *name)
 {
     if (v->place == POINTS) return &v->array[A_POINTS];
     if (v->place == POINT_DATA)
-        return v->m->want_field && is(name, v->m->want_field) ? &v->array[A_FIELD] : NULL;
+        return v->m->want_field && xml_is(name, v->m->want_field) ? &v->array[A_FIELD] : NULL;
     if (v->place == NOWHERE || (v->place == LINES && !v->m->want_lines)) return NULL;
     const int first = v->place == POLYS    ? A_POLY_CORNERS
                       : v->place == STRIPS ? A_STRIP_CORNERS
                                            : A_LINE_CORNERS;
-    if (is(name, "connectivity")) return &v->array[first];
-    return is(name, "offsets") ? &v->array[first + 1] : NULL;
+    if (xml_is(name, "connectivity")) return &v->array[first];
+    return xml_is(name, "offsets") ? &v->array[first + 1] : NULL;
 }
 
 static void open_array(vtp *v, const XML_Char **attributes)
 {
-    array *const a = array_named(v, attribute(attributes, "Name"));
-    const char *const format = attribute(attributes, "format"), *const components =
-                                                                    attribute(attributes,
-                                                                              "NumberOfComponents");
+    array *const a = array_named(v, xml_attribute(attributes, "Name"));
+    const char *const format = xml_attribute(attributes, "format"), *const components =
+                                                                        xml_attribute(
+                                                                            attributes,
+                                                                            "NumberOfComponents");
     int64_t offset = 0;
     if (!a || a->there) return;
-    if (v->place == POINT_DATA && components && !is(components, "1")) return;
+    if (v->place == POINT_DATA && components && !xml_is(components, "1")) return;
     a->there = true;
-    a->type = read_type(v, attribute(attributes, "type"));
-    a->format = is(format, "appended") ? APPENDED : is(format, "binary") ? BINARY : TEXT;
-    if (v->place == POINTS && components && !is(components, "3"))
+    a->type = read_type(v, xml_attribute(attributes, "type"));
+    a->format = xml_is(format, "appended") ? APPENDED : xml_is(format, "binary") ? BINARY : TEXT;
+    if (v->place == POINTS && components && !xml_is(components, "3"))
         scan_refuse(v->s, APSM_ERR_FORMAT, "points are not 3-D; export it again");
     if (a->format == APPENDED &&
-        (!word_integer(word_of(attribute(attributes, "offset")), &offset) || offset < 0 ||
+        (!word_integer(xml_word(xml_attribute(attributes, "offset")), &offset) || offset < 0 ||
          offset > v->appended.end - v->appended.at))
         scan_refuse(v->s, APSM_ERR_FORMAT,
                     "an array lies beyond the end of the file; it is cut short: copy or export it "
@@ -153,7 +136,8 @@ static void open_array(vtp *v, const XML_Char **attributes)
 static vtp_source source_of(const vtp *v, const array *a)
 {
     if (a->format == BINARY)
-        return (vtp_source){ .at = a->text, .end = a->text + a->length, .base64 = true };
+        return (
+            vtp_source){ .at = a->text.text, .end = a->text.text + a->text.length, .base64 = true };
     vtp_source from = v->appended;
     from.at += a->offset;
     return from;
@@ -163,7 +147,7 @@ static vtp_source source_of(const vtp *v, const array *a)
 static void convert(scan *s, const array *a, const unsigned char *bytes, bool big_endian, size_t n,
                     int64_t *integers, double *reals)
 {
-    scan text = scan_begin(s->ctx, s->path, a->text, a->length);
+    scan text = scan_begin(s->ctx, s->path, a->text.text, a->text.length);
     const size_t size = scalar_size(a->type);
     for (size_t k = 0; k < n && scan_ok(&text); k++) {
         if (a->format == TEXT && integers)
@@ -182,7 +166,7 @@ static void convert(scan *s, const array *a, const unsigned char *bytes, bool bi
 static void *values(vtp *v, const array *a, const char *name, bool integers, size_t n)
 {
     unsigned char *bytes = NULL;
-    if (!a->there || (a->format == TEXT && n > (a->length + 1) / 2) ||
+    if (!a->there || (a->format == TEXT && n > (a->text.length + 1) / 2) ||
         (integers && scalar_is_real(a->type)))
         scan_refuse(v->s, APSM_ERR_FORMAT,
                     "its array '%s' is missing or holds fewer values than it should; copy or "
@@ -272,7 +256,7 @@ static void close_piece(vtp *v)
         if (scan_ok(v->s) && v->m->want_lines) add_cells(v, v->lines, A_LINE_CORNERS, base);
     }
     for (int k = 0; k < ARRAYS; k++) {
-        free(v->array[k].text);
+        free(v->array[k].text.text);
         v->array[k] = (array){ 0 };
     }
 }
@@ -288,11 +272,11 @@ static void on_start(void *user, const XML_Char *name, const XML_Char **attribut
 {
     static const char *const places[] = { "", "Points", "Polys", "Strips", "Lines", "PointData" };
     vtp *const v = user;
-    if (!v->root && !is(name, "VTKFile"))
+    if (!v->root && !xml_is(name, "VTKFile"))
         scan_refuse(v->s, APSM_ERR_FORMAT,
                     "is not a VTP file, whatever its name says; export it as poly data");
-    if (is(name, "VTKFile")) open_file(v, attributes);
-    if (is(name, "Piece")) {
+    if (xml_is(name, "VTKFile")) open_file(v, attributes);
+    if (xml_is(name, "Piece")) {
         v->points = read_count(v, attributes, "NumberOfPoints");
         v->polys = read_count(v, attributes, "NumberOfPolys");
         v->strips = read_count(v, attributes, "NumberOfStrips");
@@ -300,19 +284,19 @@ static void on_start(void *user, const XML_Char *name, const XML_Char **attribut
         v->m->lines += v->lines;
     }
     for (int k = POINTS; k <= POINT_DATA; k++)
-        if (is(name, places[k])) v->place = (place)k;
-    if (is(name, "DataArray")) open_array(v, attributes);
+        if (xml_is(name, places[k])) v->place = (place)k;
+    if (xml_is(name, "DataArray")) open_array(v, attributes);
     stop_after_failure(v);
 }
 
 static void on_end(void *user, const XML_Char *name)
 {
     vtp *const v = user;
-    if (is(name, "DataArray")) v->open = NULL;
-    if (is(name, "Points") || is(name, "Polys") || is(name, "Strips") || is(name, "Lines") ||
-        is(name, "PointData"))
+    if (xml_is(name, "DataArray")) v->open = NULL;
+    if (xml_is(name, "Points") || xml_is(name, "Polys") || xml_is(name, "Strips") ||
+        xml_is(name, "Lines") || xml_is(name, "PointData"))
         v->place = NOWHERE;
-    if (is(name, "Piece")) close_piece(v);
+    if (xml_is(name, "Piece")) close_piece(v);
     stop_after_failure(v);
 }
 
@@ -321,20 +305,8 @@ static void on_text(void *user, const XML_Char *text, int length)
     vtp *const v = user;
     array *const a = v->open;
     if (!a || !scan_ok(v->s)) return;
-    const size_t wanted = a->length + (size_t)length;
-    if (wanted > a->room) {
-        const size_t room = 2 * a->room > wanted ? 2 * a->room : wanted + 4096;
-        char *const larger = realloc(a->text, room);
-        if (!larger) {
-            scan_no_memory(v->s);
-            stop_after_failure(v);
-            return;
-        }
-        a->text = larger;
-        a->room = room;
-    }
-    memcpy(a->text + a->length, text, (size_t)length);
-    a->length = wanted;
+    xml_text_add(v->s, &a->text, text, (size_t)length);
+    stop_after_failure(v);
 }
 
 /* No file of VTK declares a document type; one that does may only want to blow itself up. */
@@ -376,24 +348,11 @@ static void parse(vtp *v)
 {
     const size_t first = v->s->at, end = find_appended(v);
     const bool whole = end == v->s->size;
-    size_t at = first;
-    enum XML_Status status = XML_STATUS_OK;
-    while (status == XML_STATUS_OK && at < end) {
-        const size_t piece = end - at < (1u << 20) ? end - at : 1u << 20;
-        status = XML_Parse(v->parser, v->s->bytes + at, (int)piece, whole && at + piece == end);
-        at += piece;
-    }
-    if (status == XML_STATUS_OK || !scan_ok(v->s)) return;
-    if (XML_GetErrorCode(v->parser) == XML_ERROR_NO_MEMORY)
-        scan_no_memory(v->s);
-    else if (!v->root)
+    if (xml_feed(v->parser, v->s->bytes + first, end - first, whole) == XML_STATUS_OK) return;
+    if (scan_ok(v->s) && !v->root)
         scan_refuse(v->s, APSM_ERR_FORMAT,
                     "is not a VTP file, whatever its name says; export it as poly data");
-    else
-        scan_refuse(v->s, APSM_ERR_FORMAT,
-                    "line %lu: its XML is wrong or cut short (%s); copy or export it again",
-                    (unsigned long)XML_GetCurrentLineNumber(v->parser),
-                    XML_ErrorString(XML_GetErrorCode(v->parser)));
+    xml_refuse(v->s, v->parser);
 }
 
 void read_vtp(scan *s, soup *m)
@@ -411,6 +370,6 @@ void read_vtp(scan *s, soup *m)
     if (!v.root)
         scan_refuse(s, APSM_ERR_FORMAT,
                     "is not a VTP file, whatever its name says; export it as poly data");
-    for (int k = 0; k < ARRAYS; k++) free(v.array[k].text);
+    for (int k = 0; k < ARRAYS; k++) free(v.array[k].text.text);
     XML_ParserFree(v.parser);
 }

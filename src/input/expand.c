@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "files/files.h"
-#include "formats/input_file.h"
+#include "formats/image.h"
 #include "formats/mesh_io.h"
 #include "input/foreign.h"
 #include "input/names.h"
@@ -38,12 +38,7 @@ typedef struct expansion {
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
 {
-    static const char *const volumes[] = { ".nrrd", ".nhdr", ".nii", ".hdr", ".nii.gz",
-                                           ".mha",  ".mhd",  ".tif", ".tiff" };
-    const bool mesh = mesh_is_known(path);
-    bool volume = false;
-    for (size_t k = 0; k < sizeof volumes / sizeof *volumes; k++)
-        volume = volume || path_ends_in(path, volumes[k]);
+    const bool mesh = mesh_is_known(path), volume = volume_is_known(path);
     if (mesh || volume) *kind = mesh ? APSM_INPUT_MESH : APSM_INPUT_VOLUME;
     return mesh || volume;
 }
@@ -122,7 +117,8 @@ static apsm_status refuse_empty(const expansion *e, const char *folder, size_t u
     return apsm_fail(
         e->ctx, APSM_ERR_IO,
         "%s: no shapes in this folder or below; it needs files ending in .ply, .stl, "
-        ".obj, .vtk, .vtp, .nrrd, .nii, .nii.gz, .mha, .mhd or .tif, or a DICOM series",
+        ".obj, .vtk, .vtp, .off, .gii, .nrrd, .nii, .nii.gz, .mha, .mhd, .mgz or .tif, or a DICOM "
+        "series",
         folder);
 }
 

@@ -46,7 +46,7 @@ refused comma.ply "line 11: expected a coordinate, found '5,1763809'"
 for mesh in quads.ply negative.obj continued.obj strips.vtk version51.vtk big.ply solid.stl insideout.ply; do taken $mesh ""; done
 
 # ---- formats of others, by name ----
-for pair in a.mgz:mri_convert a.gii:mris_convert a.off:.ply a.tif:"is empty" a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \
+for pair in a.mgz:"is empty" a.gii:"is empty" a.wrl:.ply a.mcs:.stl lh.curv:lh.white a.tif:"is empty" a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \
     a.xyz:"not a shape format"; do
     : >"${pair%%:*}"
     expect 1 "${pair##*:}" check "${pair%%:*}"

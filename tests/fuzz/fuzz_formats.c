@@ -25,9 +25,10 @@ static void read_dicom(apsm_context *ctx, const char *bytes, size_t size)
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
-    static const char *const names[] = { "f.ply", "f.stl",  "f.obj", "f.vtk", "f.vtp",
-                                         "f.nii", "f.nrrd", "f.mha", "f.dcm", "f.tif" };
-    enum { MESHES = 5, DICOM = 8, FORMATS = 10 };
+    static const char *const names[] = { "f.ply", "f.stl",  "f.obj",   "f.vtk", "f.vtp",
+                                         "f.nii", "f.nrrd", "f.mha",   "f.dcm", "f.tif",
+                                         "f.off", "f.gii",  "f.white", "f.mgh" };
+    enum { DICOM = 8, FORMATS = 14 };
     if (size < 2) return 0;
     const unsigned kind = data[0] % FORMATS;
     const char *const bytes = (const char *)data + 1;
@@ -37,8 +38,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!ctx) return 0;
     if (kind == DICOM)
         read_dicom(ctx, bytes, size - 1);
-    else if (kind < MESHES ? mesh_from_bytes(ctx, names[kind], bytes, size - 1, &mesh)
-                           : volume_from_bytes(ctx, names[kind], bytes, size - 1, &volume))
+    else if (mesh_is_known(names[kind])
+                 ? mesh_from_bytes(ctx, names[kind], bytes, size - 1, &mesh)
+                 : volume_from_bytes(ctx, names[kind], bytes, size - 1, &volume))
         if (!apsm_error_text(ctx)[0]) abort(); /* a failure has a line */
     apsm_mesh_free(&mesh);
     apsm_volume_free(&volume);

@@ -126,6 +126,15 @@ static void damaged_text_is_survived(void **state)
           "# vtk DataFile Version 4.2\nt\nASCII\nDATASET POLYDATA\nFIELD FieldData 1\nT 1 1 "
           "double\n0\nPOINTS 4 float\n0 0 0 1 0 0 1 1 0 0 1 0\nLINES 1 3\n2 0 1\nPOLYGONS 1 "
           "5\n4 0 1 2 3\nTRIANGLE_STRIPS 1 5\n4 0 1 2 3\n" },
+        { "t.off", "OFF\n# c\n4 2 0\n0 0 0\n1 0 0 9 9\n1 1 0\n0 1 0\n4 0 1 2 3\n3 0 2 1 5\n" },
+        { "t.gii",
+          "<GIFTI><DataArray Intent=\"NIFTI_INTENT_POINTSET\" DataType=\"NIFTI_TYPE_FLOAT32\" "
+          "Dim0=\"4\" Dim1=\"3\" Encoding=\"GZipBase64Binary\" Endian=\"LittleEndian\"><Data>"
+          "eJxjYEAGDQ4oXAYFKL/BHoIZDgIALCMDYA==</Data></DataArray><DataArray "
+          "Intent=\"NIFTI_INTENT_TRIANGLE\" DataType=\"NIFTI_TYPE_INT32\" Dim0=\"4\" Dim1=\"3\" "
+          "Encoding=\"Base64Binary\" Endian=\"LittleEndian\"><Data>"
+          "AAAAAAIAAAABAAAAAAAAAAEAAAADAAAAAQAAAAIAAAADAAAAAgAAAAAAAAADAAAA</Data></DataArray>"
+          "</GIFTI>" },
     };
     for (size_t k = 0; k < sizeof files / sizeof *files; k++) {
         scratch_write(scratch_path(f->folder, files[k].name), files[k].text, strlen(files[k].text));
@@ -135,6 +144,52 @@ static void damaged_text_is_survived(void **state)
         apsm_mesh_free(&mesh);
         survive_damage(f, files[k].name, true);
     }
+}
+
+/* FreeSurfer's: zeros but for what is set. */
+static void damaged_freesurfer_is_survived(void **state)
+{
+    fixture *const f = *state;
+    char surface[3 + 4 + 8 + 36 + 12 + 80] = "\xff\xff\xfe"
+                                             "c\n\n";
+    surface[9] = 3;           /* points */
+    surface[13] = 1;          /* triangles */
+    surface[14 + 12] = 0x3f;  /* 1, 0, 0 */
+    surface[14 + 28] = 0x3f;  /* 0, 1, 0 */
+    surface[14 + 36 + 7] = 1; /* 0, 1, 2 */
+    surface[14 + 36 + 11] = 2;
+    memcpy(surface + 14 + 48, "\0\0\0\024valid = 1\ncras = 1 2 3\n", 27);
+    scratch_write(scratch_path(f->folder, "s.white"), surface, 14 + 48 + 27);
+    survive_damage(f, "s.white", true);
+    char image[284 + 27] = { 0, 0, 0, 1, 0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 3, 0, 0, 0, 1 };
+    image[284 + 13] = 1;
+    scratch_write(scratch_path(f->folder, "i.mgh"), image, sizeof image);
+    survive_damage(f, "i.mgh", false);
+}
+
+/* Headers whose voxels are in files beside them. */
+static void damaged_headers_are_survived(void **state)
+{
+    fixture *const f = *state;
+    char analyze[348] = { 0x5c, 1 };
+    const char *const meta = "NDims = 3\nDimSize = 3 3 2\nElementType = MET_UCHAR\n"
+                             "ElementDataFile = LIST\na.raw\nb.raw\n",
+                      *const pattern =
+                          "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 3 3 2\nencoding: "
+                          "raw\ndata file: p%01d.raw 1 2 1\n";
+    const char *const data[] = { "a.raw", "b.raw", "p1.raw", "p2.raw", "h.img" };
+    for (int k = 0; k < 5; k++)
+        scratch_write(scratch_path(f->folder, data[k]), "\0\0\0\0\1\0\0\0\0\0\0\0\0\0\0\0\0\0", 18);
+    analyze[38] = 'r';
+    for (int k = 0; k < 4; k++) analyze[40 + 2 * k] = (char)(k == 3 ? 2 : 3);
+    analyze[70] = 2;
+    for (int k = 1; k < 4; k++) analyze[79 + 4 * k] = 0x3f;
+    scratch_write(scratch_path(f->folder, "l.mhd"), meta, strlen(meta));
+    scratch_write(scratch_path(f->folder, "p.nhdr"), pattern, strlen(pattern));
+    scratch_write(scratch_path(f->folder, "h.hdr"), analyze, sizeof analyze);
+    survive_damage(f, "l.mhd", false);
+    survive_damage(f, "p.nhdr", false);
+    survive_damage(f, "h.hdr", false);
 }
 
 static void damaged_volumes_are_survived(void **state)
@@ -206,6 +261,8 @@ int main(int argc, char **argv)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(damaged_meshes_are_survived),
         cmocka_unit_test(damaged_text_is_survived),
+        cmocka_unit_test(damaged_freesurfer_is_survived),
+        cmocka_unit_test(damaged_headers_are_survived),
         cmocka_unit_test(damaged_volumes_are_survived),
         cmocka_unit_test(damaged_cases_are_survived),
         cmocka_unit_test(damaged_dicom_is_survived),

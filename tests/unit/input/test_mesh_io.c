@@ -288,7 +288,7 @@ static void other_damaged_formats_are_refused(void **state)
     expect_failure(f->ctx, apsm_read_mesh(f->ctx, scratch_path(f->folder, "none.ply"), &mesh),
                    APSM_ERR_IO, "none.ply", "");
     expect_failure(f->ctx, apsm_read_mesh(f->ctx, f->folder, &mesh), APSM_ERR_IO, f->folder, "");
-    expect_failure(f->ctx, read_text(f, "a.off", "OFF", &mesh), APSM_ERR_UNSUPPORTED, ".off", "");
+    expect_failure(f->ctx, read_text(f, "a.wrl", "OFF", &mesh), APSM_ERR_UNSUPPORTED, ".off", "");
 }
 
 /* A binary STL is known by its size; "solid" at its start means nothing. */
