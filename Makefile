@@ -26,7 +26,7 @@ test-report: deps ## the report in a browser (installs Chromium and Node.js, abo
 
 test-readers: ## exports read by h5py, VTK, NumPy, Khronos' validator and three.js (installs what is missing, VTK's 1 GB too)
 	@scripts/setup --readers
-	@cmake -S . -B $(BUILD)-readers -DAPSM_HDF5=ON $(CMAKE_FLAGS)
+	@cmake -S . -B $(BUILD)-readers $(CMAKE_FLAGS)
 	@cmake --build $(BUILD)-readers -j$(JOBS) --target apsm_cli make_synthetic
 	@mkdir -p $(BUILD)-readers/packages && cp tests/readers/package*.json $(BUILD)-readers/packages
 	@cd $(BUILD)-readers/packages && npm ci --silent --no-audit --no-fund --ignore-scripts

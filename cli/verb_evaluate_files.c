@@ -369,10 +369,14 @@ static apsm_status import_files(files_work *w, const cli_args *args)
     return status;
 }
 
+/* .h5.json is what Scalismo writes since 1.0. */
 static bool is_hdf5(const char *path)
 {
-    const char *end = strrchr(path, '.');
-    return end && (strcmp(end, ".h5") == 0 || strcmp(end, ".hdf5") == 0);
+    static const char *const ends[] = { ".h5", ".hdf5", ".h5.json", ".hdf5.json" };
+    const size_t n = strlen(path);
+    for (size_t k = 0; k < sizeof ends / sizeof *ends; k++)
+        if (n > strlen(ends[k]) && strcmp(path + n - strlen(ends[k]), ends[k]) == 0) return true;
+    return false;
 }
 
 static apsm_status import_shapes(const apsm_foreign_model *m, const cli_args *args,

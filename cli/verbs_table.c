@@ -141,8 +141,8 @@ static const cli_verb_info verbs[] = {
       "a model from anyone's particles or model",
       "Makes a model folder of particles that another program has placed: a project with particles "
       "and groomed meshes (.swproj, .xlsx), or particle files (aligned) and a mesh for each, in "
-      "the same order and frame; or a model file of Scalismo or Statismo (.h5, where the build has "
-      "HDF5): its shapes, or such as have its mean and covariance, with the vertices that lie "
+      "the same order and frame; or a model file of Scalismo or Statismo (.h5, .h5.json): its "
+      "shapes, or such as have its mean and covariance, with the vertices that lie "
       "farthest from each other as particles. Nothing is groomed or optimised; the model is "
       "evaluated, "
       "certified and reported as one of apsm's own, and fit, test, export and the other verbs take "
@@ -160,7 +160,7 @@ static const cli_verb_info verbs[] = {
       "a model for other programs, or as one file",
       "With --to: the model on the vertices of the template's mesh, for other programs. vtp, ply, "
       "stl, obj: a folder of meshes, the mean, its modes and every shape; gltf: a .glb file whose "
-      "morph targets are the modes; scalismo, statismo: HDF5 (where the build has it); monai: "
+      "morph targets are the modes; scalismo, statismo: an HDF5 file (.h5); monai: "
       "pca_mean_surface.vtp and pca_model.json; slicermorph: the folder of its GPA; csv, npz: "
       "tables and arrays. With --model: all that fit needs in one file, which can be used where "
       "the cohort is not; it holds no names of shapes.",

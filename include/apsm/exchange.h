@@ -26,8 +26,7 @@ typedef struct apsm_export_settings {
 } apsm_export_settings;
 
 /* "vtp", "ply", "stl", "obj": a folder of meshes (mean, modes, shapes); "gltf": a file with the
- * modes as morph targets; "scalismo", "statismo": HDF5, where the library was built with it;
- * "monai", "slicermorph", "csv": a folder of tables; "npz": NumPy arrays (docs/formats.md).
+ * modes as morph targets; "scalismo", "statismo": an HDF5 file; "monai", "slicermorph", "csv": a folder of tables; "npz": NumPy arrays (docs/formats.md).
  * Ends in NULL. */
 APSM_API const char *const *apsm_export_formats(void);
 
@@ -55,9 +54,9 @@ typedef struct apsm_foreign_model {
     size_t left_out;   /* modes beyond what can be kept */
 } apsm_foreign_model;
 
-/* Reads an HDF5 file of Scalismo or Statismo with a mesh as representer; J particles, or as many as
- * it has vertices.  Its noise is left out with a warning.  APSM_ERR_UNSUPPORTED: a build without
- * HDF5. */
+/* Reads a model file of Scalismo or Statismo with a mesh as representer, HDF5 or (if its name ends
+ * in .json) HDF5/JSON; J particles, or as many as it has vertices.  Its noise is left out with a
+ * warning.  APSM_ERR_UNSUPPORTED: HDF5 that is stored in chunks. */
 APSM_API apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
                                               apsm_foreign_model *model,
                                               size_t size) APSM_NODISCARD;

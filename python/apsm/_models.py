@@ -370,7 +370,7 @@ def certify(shapes: Mapping[str, Any], particles: Any, *, template: Optional[str
 
 def import_statismo(path: Path, folder: Path, *, particles: int = 128, threads: Optional[int] = None,
                     log: Log = None, progress: Progress = None) -> bool:
-    """A model folder of an HDF5 file of Scalismo or Statismo (a library built with HDF5); whether its shapes are
+    """A model folder of a model file of Scalismo or Statismo (.h5, .h5.json); whether its shapes are
     the model's own, not drawn from it."""
     shapes, P, J, own = _apsm.read_statismo(os.fspath(path), particles, _logger(log))
     meshes = {name: (_out(V, len(V) // 24, 3), _out(F, len(F) // 12, 3, code="I")) for name, (V, F) in shapes}

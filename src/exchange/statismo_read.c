@@ -6,27 +6,14 @@
  * mean as shapes do. */
 #include "apsm/exchange.h"
 
-#include <stdlib.h>
-
-#include "core/sized.h"
-
-#ifndef APSM_HDF5
-apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
-                                     apsm_foreign_model *model, size_t size)
-{
-    (void)J, (void)model, (void)size;
-    return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                     "%s: this build has no HDF5; install libhdf5-dev and configure with "
-                     "-DAPSM_HDF5=ON",
-                     path);
-}
-#else
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/random.h"
-#include "exchange/hdf5_file.h"
+#include "core/sized.h"
+#include "exchange/hdf5.h"
 #include "geometry/vec3.h"
 
 enum { SHAPES_MOST = 256, VERTICES_MOST = 10000000 };
@@ -46,30 +33,36 @@ static void basis_free(dense_basis *b)
     free(b->score);
 }
 
-static apsm_status damaged(apsm_context *ctx, const char *path, const char *what)
+static apsm_status damaged(const h5_in *in, const char *what)
 {
-    return apsm_fail(ctx, APSM_ERR_FORMAT,
+    return apsm_fail(in->ctx, APSM_ERR_FORMAT,
                      "%s: has no readable %s; a model file of Scalismo or Statismo (.h5) is wanted",
-                     path, what);
+                     in->path, what);
+}
+
+static apsm_status take_cells(const h5_in *in, size_t nv, const double *cell, apsm_mesh *mesh)
+{
+    for (size_t k = 0; k < 3 * mesh->nf; k++) {
+        const double v = cell[k % 3 * mesh->nf + k / 3];
+        if (!(v >= 0 && v < (double)nv)) return damaged(in, "/representer/cells");
+        mesh->F[k] = (uint32_t)v;
+    }
+    return APSM_OK;
 }
 
 /* Coordinates and cells are stored axis by axis. */
-static apsm_status read_mesh(apsm_context *ctx, const char *path, hid_t file, apsm_mesh *mesh)
+static apsm_status read_mesh(const h5_in *in, apsm_mesh *mesh)
 {
-    size_t axes, nv, corners, nf = 0;
+    size_t axes, nv, corners, nf;
     double *cell = NULL, *x = NULL;
-    apsm_status status = APSM_OK;
-    if (!h5_get(file, "/representer/points", &axes, &nv, &x) || axes != 3 || nv < 4 ||
-        nv > VERTICES_MOST)
-        status = damaged(ctx, path, "/representer/points");
-    else if (!h5_get(file, "/representer/cells", &corners, &nf, &cell) || corners != 3 || nf < 4)
-        status = damaged(ctx, path, "/representer/cells of triangles");
+    apsm_status status = h5_read(in, "/representer/points", &axes, &nv, &x);
+    if (status == APSM_OK && (axes != 3 || nv < 4 || nv > VERTICES_MOST))
+        status = damaged(in, "/representer/points");
+    if (status == APSM_OK) status = h5_read(in, "/representer/cells", &corners, &nf, &cell);
+    if (status == APSM_OK && (corners != 3 || nf < 4))
+        status = damaged(in, "/representer/cells of triangles");
     if (status == APSM_OK) status = apsm_mesh_alloc(mesh, nv, nf);
-    for (size_t k = 0; k < 3 * nf && status == APSM_OK; k++) {
-        const double v = cell[k % 3 * nf + k / 3];
-        if (!(v >= 0 && v < (double)nv)) status = damaged(ctx, path, "/representer/cells");
-        if (status == APSM_OK) mesh->F[k] = (uint32_t)v;
-    }
+    if (status == APSM_OK) status = take_cells(in, nv, cell, mesh);
     free(cell);
     free(x);
     return status;
@@ -77,7 +70,7 @@ static apsm_status read_mesh(apsm_context *ctx, const char *path, hid_t file, ap
 
 /* The basis is orthonormal, or (before version 0.9) each column has the length of its standard
  * deviation. */
-static apsm_status normalise(apsm_context *ctx, const char *path, size_t n, dense_basis *b)
+static apsm_status normalise(const h5_in *in, size_t n, dense_basis *b)
 {
     for (size_t k = 0; k < b->modes; k++) {
         double square = 0;
@@ -86,44 +79,62 @@ static apsm_status normalise(apsm_context *ctx, const char *path, size_t n, dens
         const bool unit = fabs(square - 1) < 1e-3,
                    scaled = fabs(square - b->variance[k]) < 1e-3 * b->variance[k];
         if (!(b->variance[k] > 0) || !(square > 0) || !(unit || scaled))
-            return damaged(ctx, path,
-                           "/model/pcaBasis: its columns are neither of length 1 nor of that of "
-                           "/model/pcaVariance");
+            return damaged(in, "/model/pcaBasis: its columns are neither of length 1 nor of that "
+                               "of /model/pcaVariance");
         for (size_t v = 0; v < n; v++) b->basis[v * b->modes + k] /= sqrt(square);
     }
     return APSM_OK;
 }
 
-static apsm_status read_model(apsm_context *ctx, const char *path, hid_t file, dense_basis *b)
+static apsm_status read_mean(const h5_in *in, apsm_mesh *mesh)
+{
+    size_t rows, columns;
+    double *mean;
+    APSM_TRY(h5_read(in, "/model/mean", &rows, &columns, &mean));
+    apsm_status status =
+        rows * columns == 3 * mesh->nv ? APSM_OK : damaged(in, "/model/mean of the mesh's points");
+    for (size_t k = 0; k < 3 * mesh->nv && status == APSM_OK; k++) {
+        mesh->V[k] = mean[k];
+        if (!isfinite(mean[k])) status = damaged(in, "/model/mean");
+    }
+    free(mean);
+    return status;
+}
+
+/* *x <- NULL where the file has no such thing. */
+static apsm_status read_if_there(const h5_in *in, const char *name, size_t *rows, size_t *columns,
+                                 double **x)
+{
+    bool there;
+    *x = NULL;
+    APSM_TRY(h5_has(in, name, &there));
+    return there ? h5_read(in, name, rows, columns, x) : APSM_OK;
+}
+
+static apsm_status read_model(const h5_in *in, dense_basis *b)
 {
     const size_t n = 3 * b->mean.nv;
     size_t rows, columns, modes;
-    double *mean = NULL, *noise = NULL;
-    apsm_status status = APSM_OK;
-    if (!h5_get(file, "/model/mean", &rows, &columns, &mean) || rows * columns != n)
-        status = damaged(ctx, path, "/model/mean of the mesh's points");
-    else if (!h5_get(file, "/model/pcaVariance", &rows, &columns, &b->variance) ||
-             (b->modes = rows * columns) < 2)
-        status = damaged(ctx, path, "/model/pcaVariance of two modes or more");
-    else if (!h5_get(file, "/model/pcaBasis", &rows, &modes, &b->basis) || rows != n ||
-             modes != b->modes)
-        status = damaged(ctx, path, "/model/pcaBasis of all points and modes");
-    for (size_t k = 0; k < n && status == APSM_OK; k++) {
-        b->mean.V[k] = mean[k];
-        if (!isfinite(mean[k])) status = damaged(ctx, path, "/model/mean");
-    }
-    if (status == APSM_OK && h5_get(file, "/model/noiseVariance", &rows, &columns, &noise))
-        b->noise = noise[0];
-    free(mean);
+    double *noise;
+    APSM_TRY(read_mean(in, &b->mean));
+    APSM_TRY(h5_read(in, "/model/pcaVariance", &rows, &columns, &b->variance));
+    b->modes = rows * columns;
+    if (b->modes < 2) return damaged(in, "/model/pcaVariance of two modes or more");
+    APSM_TRY(h5_read(in, "/model/pcaBasis", &rows, &modes, &b->basis));
+    if (rows != n || modes != b->modes)
+        return damaged(in, "/model/pcaBasis of all points and modes");
+    APSM_TRY(read_if_there(in, "/model/noiseVariance", &rows, &columns, &noise));
+    if (noise) b->noise = noise[0];
     free(noise);
-    return status == APSM_OK ? normalise(ctx, path, n, b) : status;
+    return normalise(in, n, b);
 }
 
 /* Scores, if there are any that are scores: centred and of variance 1. */
-static void read_scores(hid_t file, dense_basis *b)
+static apsm_status read_scores(const h5_in *in, dense_basis *b)
 {
     size_t rows, columns;
-    if (!h5_get(file, "/modelinfo/scores", &rows, &columns, &b->score)) return;
+    APSM_TRY(read_if_there(in, "/modelinfo/scores", &rows, &columns, &b->score));
+    if (!b->score) return APSM_OK;
     bool good = rows == b->modes && columns >= 3 && columns <= SHAPES_MOST;
     for (size_t k = 0; k < b->modes && good; k++) {
         double sum = 0, square = 0;
@@ -133,6 +144,7 @@ static void read_scores(hid_t file, dense_basis *b)
         good = fabs(sum) < 1e-2 && fabs(square - 1) < 0.1;
     }
     b->shapes = good ? columns : 0;
+    return APSM_OK;
 }
 
 /* One of the columns of `scores` (N x K) at a time: normal numbers, centred, without those before.
@@ -243,30 +255,30 @@ static void tell(apsm_context *ctx, const char *path, const dense_basis *b,
         apsm_log(ctx, APSM_LOG_WARNING, "%s: its noise variance of %g is left out", path, b->noise);
 }
 
+static apsm_status read_basis(const h5_in *in, dense_basis *b)
+{
+    APSM_TRY(read_mesh(in, &b->mean));
+    APSM_TRY(read_model(in, b));
+    return read_scores(in, b);
+}
+
 apsm_status apsm_read_statismo_sized(apsm_context *ctx, const char *path, size_t J,
                                      apsm_foreign_model *out, size_t size)
 {
     dense_basis b = { 0 };
+    h5_in in;
     apsm_foreign_model known = { 0 }, *const model = &known;
     apsm_give_sized(&known, sizeof known, out, size);
-    H5Eset_auto2(H5E_DEFAULT, NULL, NULL); /* failures are told by us */
-    const hid_t file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
-    if (file < 0)
-        return apsm_fail(ctx, APSM_ERR_IO, "%s: cannot be read as HDF5; is it there?", path);
-    apsm_status status = read_mesh(ctx, path, file, &b.mean);
-    if (status == APSM_OK) status = read_model(ctx, path, file, &b);
-    if (status == APSM_OK) {
-        read_scores(file, &b);
-        status = fill(&b, J, model);
-    }
-    H5Fclose(file);
+    APSM_TRY(h5_open(ctx, path, &in));
+    apsm_status status = read_basis(&in, &b);
+    h5_close(&in);
+    if (status == APSM_OK) status = fill(&b, J, model);
     if (status == APSM_OK) tell(ctx, path, &b, model);
     basis_free(&b);
     if (status != APSM_OK) apsm_foreign_model_free(model);
     apsm_give_sized(&known, sizeof known, out, size);
     return status;
 }
-#endif
 
 void apsm_foreign_model_free_sized(apsm_foreign_model *model, size_t size)
 {

@@ -69,6 +69,14 @@ static const char *const sound[ANY_READERS] = {
     "name\tage\tsex\na\t12\tf\nc\t3\tm\n",
 };
 
+static void copy(const fixture *f, const char *from, const char *to)
+{
+    size_t size;
+    char *const bytes = scratch_read(from, &size);
+    scratch_write(scratch_path(f->folder, to), bytes, size);
+    free(bytes);
+}
+
 /* sound NAME: the file with the given bytes, or what a writer of ours makes. */
 static void write_texts(const fixture *f)
 {
@@ -83,6 +91,8 @@ static void write_texts(const fixture *f)
     expect_ok(f, journal_add(f->ctx, j, &key, P, sizeof P));
     expect_ok(f, journal_add(f->ctx, j, &key, P, 5));
     journal_close(j);
+    copy(f, APSM_TEST_DATA "/cases/hdf5/old.h5", "r.h5");
+    copy(f, APSM_TEST_DATA "/cases/hdf5/scalismo.h5.json", "s.h5.json");
 }
 
 /* A model of four eggs, its checkpoint, and its one file. */
@@ -123,14 +133,6 @@ static void make_model(const fixture *f)
     apsm_fit_model_free(m);
 }
 
-static void move(const fixture *f, const char *from, const char *to)
-{
-    size_t size;
-    char *const bytes = scratch_read(scratch_path(f->folder, from), &size);
-    scratch_write(scratch_path(f->folder, to), bytes, size);
-    free(bytes);
-}
-
 static int setup(void **state)
 {
     fixture *const f = calloc(1, sizeof *f);
@@ -139,8 +141,8 @@ static int setup(void **state)
     scratch_make(f->folder);
     write_texts(f);
     make_model(f);
-    move(f, "model/model.json", "n.json");
-    move(f, "model/state/optimize.ckpt", "o.ckpt");
+    copy(f, scratch_path(f->folder, "model/model.json"), "n.json");
+    copy(f, scratch_path(f->folder, "model/state/optimize.ckpt"), "o.ckpt");
     *state = f;
     return 0;
 }

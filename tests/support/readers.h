@@ -7,6 +7,7 @@
 #include <string.h>
 #include <zlib.h>
 
+#include "apsm/exchange.h"
 #include "apsm/fit.h"
 #include "apsm/particles.h"
 #include "files/checkpoint_file.h"
@@ -122,6 +123,14 @@ static inline apsm_status reader_journal(apsm_context *ctx, const char *path)
     return status;
 }
 
+static inline apsm_status reader_statismo(apsm_context *ctx, const char *path)
+{
+    apsm_foreign_model m = { 0 };
+    const apsm_status status = apsm_read_statismo(ctx, path, 8, &m);
+    if (status == APSM_OK) apsm_foreign_model_free(&m);
+    return status;
+}
+
 static const struct any_reader {
     const char *name; /* of the file */
     apsm_status (*read)(apsm_context *ctx, const char *path);
@@ -134,7 +143,8 @@ static const struct any_reader {
     { "k.json", reader_measurements },  { "l.csv", reader_table },
     { "m.tsv", reader_table },          { "n.json", reader_model },
     { "o.ckpt", reader_checkpoint },    { "p.apsm", reader_fit_model },
-    { "q.journal", reader_journal },
+    { "q.journal", reader_journal },    { "r.h5", reader_statismo },
+    { "s.h5.json", reader_statismo },
 };
 enum { ANY_READERS = sizeof any_reader / sizeof *any_reader };
 
