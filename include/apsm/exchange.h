@@ -26,8 +26,8 @@ typedef struct apsm_export_settings {
 } apsm_export_settings;
 
 /* "vtp", "ply", "stl", "obj": a folder of meshes (mean, modes, shapes); "gltf": a file with the
- * modes as morph targets; "scalismo", "statismo": an HDF5 file; "monai", "slicermorph", "csv": a folder of tables; "npz": NumPy arrays (docs/formats.md).
- * Ends in NULL. */
+ * modes as morph targets; "scalismo", "statismo": an HDF5 file; "monai", "slicermorph", "csv": a
+ * folder of tables; "npz": NumPy arrays (docs/formats.md). Ends in NULL. */
 APSM_API const char *const *apsm_export_formats(void);
 
 /* The dense model: every vertex of the template's mesh follows the particles, by the warp of
