@@ -96,6 +96,29 @@ size_t run_template_index(const apsm_run *run)
     return apsm_project_find(&run->project, apsm_run_text(run, "template_used"));
 }
 
+static double world_area(const apsm_run *run, size_t i)
+{
+    const double s = cbrt(fabs(apsm_affine_det(run->transforms + 16 * i))); /* of the transform */
+    return s * s * apsm_mesh_area(&run->mesh[i]);
+}
+
+/* A distance field has the template's voxels, and grows with the square of a shape's size: one in
+ * metres among others in mm would fill any memory. */
+static apsm_status refuse_giants(const apsm_run *run, size_t t)
+{
+    static const double most = 32.0;
+    const double usual = world_area(run, t);
+    for (size_t i = 0; i < run->project.n; i++) {
+        const double times = sqrt(world_area(run, i) / usual);
+        if (times > most)
+            return apsm_fail(run->ctx, APSM_ERR_GEOMETRY,
+                             "%s: about %.0f times as large as the template %s: in another unit? "
+                             "Give all shapes in one, or leave it out with --exclude",
+                             run->names[i], times, run->names[t]);
+    }
+    return APSM_OK;
+}
+
 apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
 {
     if (run->cohort.I > 0 &&
@@ -108,9 +131,8 @@ apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
         return apsm_fail(run->ctx, APSM_ERR_STATE, "%s: the project names no template; groom again",
                          run->folder);
     const apsm_options *o = &run->options;
-    const double s = cbrt(fabs(apsm_affine_det(run->transforms + 16 * t))); /* of the transform */
-    const double h =
-        apsm_expected_spacing(s * s * apsm_mesh_area(&run->mesh[t]), (size_t)o->optimize.particles);
+    const double h = apsm_expected_spacing(world_area(run, t), (size_t)o->optimize.particles);
+    if (wanted != RUN_NO_FIELDS) APSM_TRY(refuse_giants(run, t));
     const apsm_field_plan fields = {
         .voxel = wanted == RUN_NO_FIELDS ? 0 : o->field.field_voxel * h,
         .band = 1.1 * o->optimize.rbf.band * o->optimize.rbf.dipole *
