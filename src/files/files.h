@@ -137,6 +137,24 @@ apsm_status apsm_json_read(apsm_context *ctx, const char *path,
  * no number of NaN. */
 apsm_status apsm_json_write(apsm_context *ctx, const char *path,
                             const struct json_t *root) APSM_NODISCARD;
+/* A long list, of which one value at a time is in memory.  value: a new reference to value i, NULL
+ * (with APSM_OK) if there is no room for it or a number of it is not finite. */
+typedef struct apsm_json_list {
+    const char *key;
+    size_t n;
+    apsm_status (*value)(apsm_context *ctx, size_t i, void *user, struct json_t **value);
+    void *user;
+} apsm_json_list;
+/* As apsm_json_write for an object (head) with the list under one key more. */
+apsm_status apsm_json_write_list(apsm_context *ctx, const char *path, const struct json_t *head,
+                                 const apsm_json_list *list) APSM_NODISCARD;
+/* Reads what that has written: *head (new reference) without the list, whose values (borrowed) go
+ * to each, one after the other; where it fails, that is the end.  key: of the list. */
+typedef apsm_status apsm_json_each(apsm_context *ctx, size_t i, const struct json_t *value,
+                                   void *user);
+apsm_status apsm_json_read_list(apsm_context *ctx, const char *path, const char *key,
+                                struct json_t **head, apsm_json_each *each,
+                                void *user) APSM_NODISCARD;
 /* As apsm_json_write for an object, with a last key "sha256": the SHA-256 of all bytes of the file
  * before that key.  Whatever root has under this key is left out. */
 apsm_status apsm_json_write_sealed(apsm_context *ctx, const char *path,

@@ -134,12 +134,16 @@ static bool dump_sealed(sink *s, const json_t *json)
     return true;
 }
 
+static apsm_status refuse_value(apsm_context *ctx, const char *path)
+{
+    return apsm_fail(ctx, APSM_ERR_NONFINITE,
+                     "%s: not written, a value of it is not a finite number", path);
+}
+
 static apsm_status write_json(apsm_context *ctx, const char *path, const json_t *root,
                               bool (*dump_root)(sink *, const json_t *))
 {
-    if (!root)
-        return apsm_fail(ctx, APSM_ERR_NONFINITE,
-                         "%s: not written, a value of it is not a finite number", path);
+    if (!root) return refuse_value(ctx, path);
     sink s = { 0 };
     APSM_TRY(apsm_writer_open(ctx, path, &s.file));
     if (!dump_root(&s, root)) {
@@ -164,6 +168,52 @@ apsm_status apsm_json_write_sealed(apsm_context *ctx, const char *path, struct j
 {
     json_object_del(root, seal);
     return write_json(ctx, path, root, dump_sealed);
+}
+
+/* ---- long lists ---- */
+
+/* The members of head and the beginning of the list. */
+static bool dump_head(sink *s, const json_t *head, const char *key)
+{
+    put("{", 1, s);
+    if (!dump_members(s, head, 1)) return false;
+    if (json_object_size(head) > 0) put(",", 1, s);
+    new_line(s, 1);
+    if (!dump_key(s, key)) return false;
+    put("[", 1, s);
+    return true;
+}
+
+static apsm_status dump_values(apsm_context *ctx, sink *s, const char *path,
+                               const apsm_json_list *list)
+{
+    for (size_t i = 0; i < list->n; i++) {
+        json_t *value = NULL;
+        APSM_TRY(list->value(ctx, i, list->user, &value));
+        if (!value) return refuse_value(ctx, path);
+        if (i > 0) put(",", 1, s);
+        new_line(s, 2);
+        const bool written = dump(s, value, 2);
+        json_decref(value);
+        if (!written) return apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
+    }
+    if (list->n > 0) new_line(s, 1);
+    put("]\n}\n", 4, s);
+    return APSM_OK;
+}
+
+apsm_status apsm_json_write_list(apsm_context *ctx, const char *path, const struct json_t *head,
+                                 const apsm_json_list *list)
+{
+    sink s = { 0 };
+    if (!head) return refuse_value(ctx, path);
+    APSM_TRY(apsm_writer_open(ctx, path, &s.file));
+    apsm_status status = dump_head(&s, head, list->key)
+                             ? dump_values(ctx, &s, path, list)
+                             : apsm_fail_errno(ctx, path, "cannot be written", ENOMEM);
+    if (status == APSM_OK) return apsm_writer_commit(s.file);
+    apsm_writer_abort(s.file);
+    return status;
 }
 
 /* What ends a sealed file: `"sha256": "`, 64 digits, `"`, line end, `}`, line end. */

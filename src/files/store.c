@@ -41,20 +41,6 @@ struct apsm_store {
 
 /* ---- open and close ---- */
 
-static int open_unnamed(const char *folder, int *error)
-{
-    char *path = apsm_path_join(folder, "shapes.XXXXXX");
-    int fd = -1;
-    *error = ENOMEM;
-    if (path) {
-        fd = mkostemp(path, O_CLOEXEC);
-        *error = fd < 0 ? errno : 0;
-        if (fd >= 0) unlink(path);
-    }
-    free(path);
-    return fd;
-}
-
 apsm_status apsm_store_open(apsm_context *ctx, const char *folder, size_t limit, apsm_store **store)
 {
     int error = ENOMEM;
@@ -65,7 +51,7 @@ apsm_status apsm_store_open(apsm_context *ctx, const char *folder, size_t limit,
     s->limit = limit;
     s->page = (size_t)sysconf(_SC_PAGESIZE);
     s->folder = strdup(folder);
-    if (s->folder) s->fd = open_unnamed(folder, &error);
+    if (s->folder) s->fd = apsm_open_unnamed(folder, &error);
     if (s->fd >= 0) {
         s->statm = open("/proc/self/statm", O_RDONLY | O_CLOEXEC);
         return APSM_OK;
@@ -134,19 +120,6 @@ static int take_room(apsm_store *s, size_t bytes, unsigned char **base, size_t *
     return error;
 }
 
-static int write_all(int fd, const unsigned char *data, size_t size, size_t offset)
-{
-    while (size > 0) {
-        const ssize_t n = pwrite(fd, data, size, (off_t)offset);
-        if (n < 0 && errno != EINTR) return errno;
-        if (n <= 0) continue;
-        data += n;
-        size -= (size_t)n;
-        offset += (size_t)n;
-    }
-    return 0;
-}
-
 apsm_status store_put(apsm_context *ctx, apsm_store *s, const array_list *arrays)
 {
     size_t total = 0, offset = 0, at = 0;
@@ -154,7 +127,7 @@ apsm_status store_put(apsm_context *ctx, apsm_store *s, const array_list *arrays
     for (size_t k = 0; k < arrays->n; k++) total += padded(arrays->at[k].bytes, ALIGNMENT);
     int error = total > 0 ? take_room(s, total, &base, &offset) : 0;
     for (size_t k = 0; k < arrays->n && !error; k++) {
-        error = write_all(s->fd, arrays_get(arrays, k), arrays->at[k].bytes, offset + at);
+        error = apsm_write_at(s->fd, arrays_get(arrays, k), arrays->at[k].bytes, offset + at);
         at += padded(arrays->at[k].bytes, ALIGNMENT);
     }
     if (error) return apsm_fail_errno(ctx, s->folder, "shapes cannot be stored there", error);

@@ -245,6 +245,10 @@ static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_me
         if (mesh->F[k] >= mesh->nv)
             return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: face %zu has a vertex that is not there",
                              name, k / 3);
+    const double area = apsm_mesh_area(mesh); /* also of vertices so far that it is not finite */
+    if (!(area > 0 && area < INFINITY))
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                         "%s: has no area that can be fitted (%g); is it a surface?", name, area);
     return APSM_OK;
 }
 
@@ -334,31 +338,47 @@ apsm_status apsm_fit_points_sized(apsm_context *ctx, const apsm_fit_model *model
     return close_call(ctx, call, &o, status);
 }
 
-apsm_status apsm_fit_landmarks_sized(apsm_context *ctx, const apsm_fit_model *model,
-                                     const char *name, size_t n, const double *on_mean,
-                                     const double *x, const apsm_fit_call *call)
+static apsm_status check_landmarks(apsm_context *ctx, const char *name,
+                                   const fit_landmark_set *given)
 {
     enum { MOST = 1000 };
-    opened o;
-    if (!on_mean || !x) return refuse_null(ctx, "apsm_fit_landmarks");
-    APSM_TRY(open_call(ctx, "apsm_fit_landmarks", model, name, call, &o));
+    const size_t n = given->n;
     if (n < 3 || n > MOST)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                          "%s: %zu landmarks; 3 at least, and beyond %d they are a cloud", name, n,
                          MOST);
     for (size_t k = 0; k < 3 * n; k++)
-        if (!isfinite(x[k]) || !isfinite(on_mean[k]))
+        if (!isfinite(given->x[k]) || !isfinite(given->at[k]))
             return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: landmark %zu is not finite", name,
                              k / 3);
+    return APSM_OK;
+}
+
+apsm_status fit_named_landmarks(apsm_context *ctx, const apsm_fit_model *model, const char *name,
+                                const fit_landmark_set *given, const apsm_fit_call *call)
+{
+    opened o;
+    APSM_TRY(open_call(ctx, "apsm_fit_landmarks", model, name, call, &o));
+    APSM_TRY(check_landmarks(ctx, name, given));
     o.fit.partial = true;
     apsm_status status = fit_alloc(model, &o.fit);
-    if (status == APSM_OK) status = fit_landmark_particles(ctx, &o.job, n, on_mean, x);
+    if (status == APSM_OK)
+        status = fit_landmark_particles(ctx, &o.job, given->n, given->at, given->x);
     if (status == APSM_OK) status = fit_frames(&o.job);
     if (status == APSM_OK) status = fit_scores(&o.job);
     if (status == APSM_OK) {
         o.fit.pose_residual = o.job.pose.residual;
         o.fit.mirror_ratio = o.job.pose.mirror_ratio;
+        o.job.landmark.name = given->name ? given->name[o.job.landmark.which] : NULL;
         fit_judge_landmarks(&o.job);
     }
     return close_call(ctx, call, &o, status);
+}
+
+apsm_status apsm_fit_landmarks_sized(apsm_context *ctx, const apsm_fit_model *model,
+                                     const char *name, size_t n, const double *on_mean,
+                                     const double *x, const apsm_fit_call *call)
+{
+    if (!on_mean || !x) return refuse_null(ctx, "apsm_fit_landmarks");
+    return fit_named_landmarks(ctx, model, name, &(fit_landmark_set){ n, on_mean, x, NULL }, call);
 }

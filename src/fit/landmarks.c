@@ -144,27 +144,56 @@ static apsm_status step(fit_job *job, const double *x, bool last, landmark_work 
     return APSM_OK;
 }
 
+/* Landmarks are judged in groups, which spread over all of them: a hundred others say enough, and
+ * the work grows with their cube. */
+enum { GROUP = 100 };
+
+/* Rows of every groups-th landmark from first on, one after the other; returns how many
+ * coordinates.  R is that of all, whose blocks are alike. */
+static size_t take_group(const landmark_work *w, size_t first, size_t groups, double *A, double *R,
+                         double *y)
+{
+    const size_t row = 3 * w->D;
+    size_t n = 0;
+    for (size_t k = first; k < w->n; k += groups, n += 3) {
+        memcpy(A + n * w->D, w->A + k * row, row * sizeof *A);
+        memcpy(y + n, w->y + 3 * k, 3 * sizeof *y);
+    }
+    memset(R, 0, n * n * sizeof *R);
+    for (size_t a = 0; a < n; a++) R[a * n + a] = w->R[0];
+    return n;
+}
+
+/* Of the group that begins with first, the landmark that lies least where the others say. */
+static apsm_status judge_group(fit_job *job, const posterior_model *q, size_t first, size_t groups,
+                               landmark_work *w)
+{
+    const size_t most = 3 * ((w->n + groups - 1) / groups);
+    double *A = malloc((most * (w->D + most + 3) + posterior_left_out_size(q, most)) * sizeof *A);
+    if (!A) return APSM_ERR_MEMORY;
+    double *R = A + most * w->D, *y = R + most * most, *miss = y + most, *z2 = miss + most;
+    const posterior_seen seen = { take_group(w, first, groups, A, R, y), A, R, y };
+    const apsm_status status = posterior_left_out(q, &seen, miss, z2, z2 + most);
+    for (size_t k = 0; status == APSM_OK && k < seen.n / 3; k++) {
+        if (!(sqrt(z2[k]) > job->landmark.deviations)) continue;
+        job->landmark.which = first + k * groups;
+        job->landmark.deviations = sqrt(z2[k]);
+        job->landmark.off = vec3_norm(miss + 3 * k) / job->m->h;
+    }
+    free(A);
+    return status;
+}
+
 /* The landmark that lies least where the others say. */
 static apsm_status find_worst(fit_job *job, const double *x, landmark_work *w)
 {
     const apsm_fit_model *m = job->m;
-    const size_t n = 3 * w->n;
+    const size_t groups = (w->n + GROUP - 1) / GROUP;
     apsm_affine_apply(job->pose.M, w->n, x, w->y);
-    for (size_t k = 0; k < n; k++) w->y[k] -= w->offset[k];
+    for (size_t k = 0; k < 3 * w->n; k++) w->y[k] -= w->offset[k];
     const posterior_model q = fit_rigid_add(&m->posterior, w->P, m->radius, w->store);
-    const posterior_seen seen = { n, w->A, w->R, w->y };
-    double *miss = malloc((n + w->n + posterior_left_out_size(&q, n)) * sizeof *miss);
-    if (!miss) return APSM_ERR_MEMORY;
-    double *z2 = miss + n;
-    const apsm_status status = posterior_left_out(&q, &seen, miss, z2, z2 + w->n);
-    for (size_t k = 0; status == APSM_OK && k < w->n; k++) {
-        if (!(sqrt(z2[k]) > job->landmark.deviations)) continue;
-        job->landmark.which = k;
-        job->landmark.deviations = sqrt(z2[k]);
-        job->landmark.off = vec3_norm(miss + 3 * k) / m->h;
-    }
-    free(miss);
-    return status;
+    for (size_t g = 0; g < groups; g++) APSM_TRY(judge_group(job, &q, g, groups, w));
+    return APSM_OK;
 }
 
 static void set_deviations(const fit_job *job, const landmark_work *w)

@@ -179,7 +179,7 @@ static json_t *json_summary(const fit_row *row)
     json_t *o = json_pack("{s:s, s:s, s:s, s:s, s:s}", "name", row->name, "input", row->path,
                           "sha256", row->sha256, "verdict",
                           row->failed ? "failed" : apsm_fit_verdict_text(f->verdict), "reason",
-                          row->problem ? row->problem : "");
+                          row->problem);
     if (!o || row->failed) return o;
     const int bad = json_object_update_new(
         o, json_pack(
@@ -265,24 +265,32 @@ apsm_status fit_write_mean(apsm_context *ctx, const char *folder, const apsm_fit
 
 /* ---- tables ---- */
 
+/* One shape of fit.json. */
+static apsm_status summary_of(apsm_context *ctx, size_t i, void *user, json_t **summary)
+{
+    fit_rows *rows = user;
+    APSM_TRY(fit_rows_get(ctx, rows, i));
+    *summary = json_summary(rows->row);
+    return APSM_OK;
+}
+
 static apsm_status write_summary(apsm_context *ctx, const char *folder, const fit_origin *origin,
-                                 size_t n, const fit_row *rows)
+                                 fit_rows *rows)
 {
     static const char *const hand[] = { "auto", "same", "other" };
     static const char *const extent[] = { "auto", "whole", "part" };
     const apsm_fit_options *o = origin->options;
-    json_t *shapes = json_array();
-    for (size_t k = 0; k < n; k++) json_array_append_new(shapes, json_summary(&rows[k]));
-    if (json_array_size(shapes) != n) {
-        json_decref(shapes);
-        shapes = NULL;
-    }
-    json_t *root =
-        json_pack("{s:s, s:i, s:s, s:o, s:{s:s, s:s, s:b, s:b}, s:o}", "format", FORMAT_FIT,
-                  "version", FIT_VERSION, "apsm", APSM_VERSION, "model", json_model(origin),
-                  "options", "hand", hand[o->hand], "extent", extent[o->extent], "aligned",
-                  o->aligned, "force", o->force, "shapes", shapes);
-    return write_json(ctx, apsm_path_join(folder, FIT_JSON), root);
+    json_t *head = json_pack("{s:s, s:i, s:s, s:o, s:{s:s, s:s, s:b, s:b}}", "format", FORMAT_FIT,
+                             "version", FIT_VERSION, "apsm", APSM_VERSION, "model",
+                             json_model(origin), "options", "hand", hand[o->hand], "extent",
+                             extent[o->extent], "aligned", o->aligned, "force", o->force);
+    const apsm_json_list shapes = { "shapes", rows->n, summary_of, rows };
+    char *path = apsm_path_join(folder, FIT_JSON);
+    const apsm_status status =
+        path ? apsm_json_write_list(ctx, path, head, &shapes) : APSM_ERR_MEMORY;
+    json_decref(head);
+    free(path);
+    return status;
 }
 
 static void put_cell(apsm_writer *w, double x)
@@ -305,7 +313,7 @@ static void put_row(apsm_writer *w, const fit_row *row, size_t modes)
                              f->counted_share };
     apsm_writer_csv(w, row->name);
     apsm_writer_printf(w, ",%s,", row->failed ? "failed" : apsm_fit_verdict_text(f->verdict));
-    apsm_writer_csv(w, row->problem ? row->problem : "");
+    apsm_writer_csv(w, row->problem);
     apsm_writer_printf(w, ",%s", !fitted ? "" : f->mirrored ? "yes" : "no");
     for (size_t k = 0; k < sizeof cells / sizeof *cells; k++) put_cell(w, fitted ? cells[k] : NAN);
     apsm_writer_printf(w, ",%s",
@@ -316,27 +324,30 @@ static void put_row(apsm_writer *w, const fit_row *row, size_t modes)
     apsm_writer_printf(w, "\n");
 }
 
-static apsm_status write_csv(apsm_context *ctx, const char *folder, const fit_origin *origin,
-                             size_t n, const fit_row *rows)
+static apsm_status write_csv(apsm_context *ctx, const char *folder, fit_rows *rows)
 {
     apsm_writer *w = NULL;
-    const size_t modes = origin->model->model.modes;
     char *path = apsm_path_join(folder, FIT_CSV);
     if (!path) return APSM_ERR_MEMORY;
-    const apsm_status status = apsm_writer_open(ctx, path, &w);
+    apsm_status status = apsm_writer_open(ctx, path, &w);
     free(path);
     APSM_TRY(status);
     apsm_writer_printf(w, "name,verdict,reason,mirrored,mahalanobis,tail_probability,residual,"
                           "surface_mean,surface_max,observed_share,counted_share,certificate");
-    for (size_t k = 0; k < modes; k++) apsm_writer_printf(w, ",mode_%zu", k + 1);
+    for (size_t k = 0; k < rows->modes; k++) apsm_writer_printf(w, ",mode_%zu", k + 1);
     apsm_writer_printf(w, "\n");
-    for (size_t k = 0; k < n; k++) put_row(w, &rows[k], modes);
-    return apsm_writer_commit(w);
+    for (size_t k = 0; k < rows->n && status == APSM_OK; k++) {
+        status = fit_rows_get(ctx, rows, k);
+        if (status == APSM_OK) put_row(w, rows->row, rows->modes);
+    }
+    if (status == APSM_OK) return apsm_writer_commit(w);
+    apsm_writer_abort(w);
+    return status;
 }
 
 apsm_status fit_write_tables(apsm_context *ctx, const char *folder, const fit_origin *origin,
-                             size_t n, const fit_row *rows)
+                             fit_rows *rows)
 {
-    APSM_TRY(write_csv(ctx, folder, origin, n, rows));
-    return write_summary(ctx, folder, origin, n, rows);
+    APSM_TRY(write_csv(ctx, folder, rows));
+    return write_summary(ctx, folder, origin, rows);
 }

@@ -2,6 +2,7 @@
 #ifndef APSM_FIT_OUTPUTS_H
 #define APSM_FIT_OUTPUTS_H
 
+#include "files/records.h"
 #include "fit/fit_model.h"
 
 #define FIT_JSON        "fit.json"
@@ -10,14 +11,32 @@
 #define FORMAT_FIT_CASE "apsm-fit-shape"
 enum { FIT_VERSION = 1 };
 
-/* What is kept of a shape for the tables.  Owns its texts and scores. */
+/* What the tables say of a shape. */
+enum { FIT_PROBLEM = 1024 };
 typedef struct fit_row {
     const char *name, *path; /* borrowed */
     char sha256[65];
     bool failed;
-    char *problem;    /* line of a failure, or figures' reason; NULL: none */
-    apsm_fit figures; /* without arrays but score */
+    char problem[FIT_PROBLEM]; /* line of a failure, or figures' reason; "": none */
+    apsm_fit figures;          /* without arrays but score (borrowed) */
 } fit_row;
+
+/* Rows of all shapes, in a file of the folder until the tables are made of them. */
+typedef struct fit_rows {
+    records file;
+    size_t n, modes;
+    fit_row *row;  /* the one that was read last, */
+    double *score; /* with its scores behind it */
+} fit_rows;
+/* Zero-initialise with { .file.fd = -1 }.  The folder is borrowed. */
+apsm_status fit_rows_open(apsm_context *ctx, const char *folder, size_t n, size_t modes,
+                          fit_rows *rows) APSM_NODISCARD;
+void fit_rows_close(fit_rows *rows);
+/* Row i, any thread. */
+apsm_status fit_rows_put(apsm_context *ctx, const fit_rows *rows, size_t i,
+                         const fit_row *row) APSM_NODISCARD;
+/* rows->row becomes row i; one thread. */
+apsm_status fit_rows_get(apsm_context *ctx, fit_rows *rows, size_t i) APSM_NODISCARD;
 
 /* Which model fitted: its path, sizes, and SHA-256 of its numbers. */
 typedef struct fit_origin {
@@ -41,6 +60,6 @@ apsm_status fit_write_mean(apsm_context *ctx, const char *folder,
                            const apsm_fit_model *m) APSM_NODISCARD;
 /* fit.json and fit.csv. */
 apsm_status fit_write_tables(apsm_context *ctx, const char *folder, const fit_origin *origin,
-                             size_t n, const fit_row *rows) APSM_NODISCARD;
+                             fit_rows *rows) APSM_NODISCARD;
 
 #endif

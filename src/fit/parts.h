@@ -19,6 +19,7 @@ typedef struct fit_job {
     double pose_evidence; /* of a part: log of how much likelier its pose is than another */
     struct {
         size_t which;
+        const char *name;       /* NULL: it has none */
         double off, deviations; /* of it from where the others say it is: in h, and in theirs */
     } landmark;                 /* the worst */
     apsm_fit *out;

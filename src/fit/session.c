@@ -1,5 +1,6 @@
 /* `apsm fit`: inputs to files.  Each shape is read, groomed as the cohort was, fitted and written
  * by one task, so a thread holds one shape at a time and no shape depends on another. */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,6 +8,7 @@
 #include "core/sized.h"
 #include "files/files.h"
 #include "fit/fit_folder.h"
+#include "fit/landmarks.h"
 #include "fit/outputs.h"
 #include "fit/reading.h"
 #include "landmarks/landmark_file.h"
@@ -19,9 +21,7 @@ typedef struct session {
     apsm_input_list list;
     fit_reading reading;
     landmark_list landmarks; /* on the mean; none: point files are clouds */
-    fit_row *rows;           /* list.n */
-    double *scores;          /* of the rows, at one place: kept one by one among what comes and goes
-                                they would leave holes in memory that no later shape fills */
+    fit_rows rows;
 } session;
 
 /* ---- points ---- */
@@ -46,42 +46,40 @@ static apsm_status fit_cloud(apsm_context *ctx, const session *s, const char *pa
 }
 
 /* Of the file's points those whose names the model's have; that some have none is said. */
-static apsm_status pair_landmarks(apsm_context *ctx, const session *s, const char *path,
-                                  const landmark_list *l, double *at, double *x, size_t *n)
+static void pair_landmarks(apsm_context *ctx, const session *s, const char *path,
+                           const landmark_list *l, double *at, fit_landmark_set *paired)
 {
-    size_t unknown = 0;
-    *n = 0;
+    double *x = at + 3 * l->n;
+    const char **name = (const char **)(x + 3 * l->n);
+    size_t n = 0;
     for (size_t k = 0; k < l->n; k++) {
         const size_t i = landmark_list_find(&s->landmarks, l->name[k]);
-        if (i == s->landmarks.n) {
-            unknown++;
-            continue;
-        }
-        memcpy(at + 3 * *n, s->landmarks.x + 3 * i, 3 * sizeof *at);
-        memcpy(x + 3 * (*n)++, l->x + 3 * k, 3 * sizeof *x);
+        if (i == s->landmarks.n) continue;
+        memcpy(at + 3 * n, s->landmarks.x + 3 * i, 3 * sizeof *at);
+        memcpy(x + 3 * n, l->x + 3 * k, 3 * sizeof *x);
+        name[n++] = l->name[k];
     }
-    if (unknown > 0)
+    *paired = (fit_landmark_set){ n, at, x, name };
+    if (n < l->n)
         apsm_log(ctx, APSM_LOG_WARNING,
-                 "%s: %zu of %zu points have names that %s has not; left out", path, unknown, l->n,
+                 "%s: %zu of %zu points have names that %s has not; left out", path, l->n - n, l->n,
                  s->settings->landmarks);
-    return APSM_OK;
 }
 
 static apsm_status fit_named(apsm_context *ctx, const session *s, const char *path,
                              const apsm_fit_options *options, apsm_fit *fit)
 {
     landmark_list l;
-    size_t n = 0;
+    fit_landmark_set paired;
+    const apsm_fit_call call = { options, sizeof *options, fit, sizeof *fit };
     APSM_TRY(landmark_list_read(ctx, path, &l));
-    double *at = malloc(6 * l.n * sizeof *at);
+    double *store = malloc(l.n * (6 * sizeof *store + sizeof *l.name) + 1);
     apsm_status status = APSM_ERR_MEMORY;
-    if (at) {
-        double *x = at + 3 * l.n;
-        status = pair_landmarks(ctx, s, path, &l, at, x, &n);
-        if (status == APSM_OK)
-            status = apsm_fit_landmarks(ctx, s->model, path, n, at, x, options, fit);
+    if (store) {
+        pair_landmarks(ctx, s, path, &l, store, &paired);
+        status = fit_named_landmarks(ctx, s->model, path, &paired, &call);
     }
-    free(at);
+    free(store);
     landmark_list_free(&l);
     return status;
 }
@@ -115,18 +113,17 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
     return status;
 }
 
-/* Figures and scores stay for the tables; the rest goes. */
-static void keep_figures(const apsm_fit *fit, double *score, fit_row *row)
+/* Figures and scores are for the tables; the rest goes. */
+static apsm_status keep_row(apsm_context *ctx, const session *s, size_t i, const apsm_fit *fit,
+                            fit_row *row)
 {
-    memcpy(score, fit->score, fit->modes * sizeof *score);
     row->figures = *fit;
-    fit_row *r = row;
-    r->figures.local = r->figures.world = r->figures.original = NULL;
-    r->figures.variance = r->figures.sd = r->figures.sd_normal = r->figures.mesh_sd = NULL;
-    r->figures.observed = r->figures.mesh_observed = NULL;
-    r->figures.mesh = r->figures.cropped = (apsm_mesh){ 0 };
-    r->figures.score = score;
-    if (*fit->reason) row->problem = r->figures.reason;
+    apsm_fit *f = &row->figures;
+    f->local = f->world = f->original = NULL;
+    f->variance = f->sd = f->sd_normal = f->mesh_sd = NULL;
+    f->observed = f->mesh_observed = NULL;
+    f->mesh = f->cropped = (apsm_mesh){ 0 };
+    return fit_rows_put(ctx, &s->rows, i, row);
 }
 
 static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -134,20 +131,20 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
     (void)worker;
     session *s = user;
     const apsm_input_case *c = &s->list.cases[i];
-    fit_row *row = &s->rows[i];
+    fit_row row = { .name = c->name, .path = c->path };
     apsm_fit fit = { 0 };
-    row->name = c->name;
-    row->path = c->path;
-    apsm_status status = fit_input(ctx, s, c, row, &fit);
+    apsm_status status = fit_input(ctx, s, c, &row, &fit);
     if (status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED) return status;
-    if (status != APSM_OK) {
-        const char *line = apsm_error_text(ctx);
-        row->failed = true;
-        row->problem = strdup(*line ? line : apsm_status_text(status));
-        return row->problem ? APSM_OK : APSM_ERR_MEMORY;
-    }
-    keep_figures(&fit, s->scores + i * s->model->model.modes, row);
-    status = fit_write_shape(ctx, s->settings->folder, &s->origin, row, &fit);
+    const char *line = apsm_error_text(ctx);
+    row.failed = status != APSM_OK;
+    snprintf(row.problem, sizeof row.problem, "%s",
+             !row.failed ? fit.reason
+             : *line     ? line
+                         : apsm_status_text(status));
+    row.figures = fit;
+    status =
+        row.failed ? APSM_OK : fit_write_shape(ctx, s->settings->folder, &s->origin, &row, &fit);
+    if (status == APSM_OK) status = keep_row(ctx, s, i, &fit, &row);
     apsm_fit_free(&fit);
     return status;
 }
@@ -258,27 +255,23 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     fit_origin_of(s->model, o->model, &s->options, &s->origin);
     const apsm_options *options = apsm_fit_model_options(s->model);
     s->reading.groom = options->groom;
-    s->rows = calloc(s->list.n, sizeof *s->rows);
-    s->scores = calloc(s->list.n * s->model->model.modes + 1, sizeof *s->scores);
-    return s->rows && s->scores ? APSM_OK : APSM_ERR_MEMORY;
+    return fit_rows_open(ctx, o->folder, s->list.n, s->model->model.modes, &s->rows);
 }
 
 static void close_session(session *s)
 {
-    for (size_t i = 0; s->rows && i < s->list.n; i++)
-        if (s->rows[i].failed) free(s->rows[i].problem);
-    free(s->rows);
-    free(s->scores);
+    fit_rows_close(&s->rows);
     landmark_list_free(&s->landmarks);
     apsm_labels_free(&s->reading.labels);
     apsm_input_list_free(&s->list);
     apsm_fit_model_free(s->model);
 }
 
-static void count(apsm_context *ctx, const session *s, apsm_fit_totals *totals)
+static apsm_status count(apsm_context *ctx, session *s, apsm_fit_totals *totals)
 {
     for (size_t i = 0; i < s->list.n; i++) {
-        const fit_row *row = &s->rows[i];
+        APSM_TRY(fit_rows_get(ctx, &s->rows, i));
+        const fit_row *row = s->rows.row;
         const apsm_fit_verdict v = row->figures.verdict;
         size_t *of[] = { &totals->good, &totals->review, &totals->refused };
         ++*(row->failed ? &totals->failed : of[v]);
@@ -286,6 +279,7 @@ static void count(apsm_context *ctx, const session *s, apsm_fit_totals *totals)
             apsm_log(ctx, APSM_LOG_WARNING, "%s: %s: %s", row->name,
                      row->failed ? "failed" : apsm_fit_verdict_text(v), row->problem);
     }
+    return APSM_OK;
 }
 
 apsm_status fit_take_settings(apsm_context *ctx, const char *door, const apsm_fit_settings *given,
@@ -305,15 +299,14 @@ apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *given
 {
     apsm_fit_settings known = { 0 }, *const settings = &known;
     apsm_fit_totals counted = { 0 };
-    session s = { .settings = settings };
+    session s = { .settings = settings, .rows.file.fd = -1 };
     if (!totals) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: no place for the totals");
     APSM_TRY(fit_take_settings(ctx, "apsm_fit_run", given, size, settings, &s.options));
     apsm_status status = open_session(ctx, &s);
     if (status == APSM_OK) status = fit_write_mean(ctx, settings->folder, s.model);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");
-    if (status == APSM_OK)
-        status = fit_write_tables(ctx, settings->folder, &s.origin, s.list.n, s.rows);
-    if (status == APSM_OK) count(ctx, &s, &counted);
+    if (status == APSM_OK) status = fit_write_tables(ctx, settings->folder, &s.origin, &s.rows);
+    if (status == APSM_OK) status = count(ctx, &s, &counted);
     apsm_give_sized(&counted, sizeof counted, totals, totals_size);
     close_session(&s);
     return status;

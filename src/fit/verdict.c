@@ -129,11 +129,14 @@ void fit_judge_part(fit_job *job)
 static void judge_worst_landmark(fit_job *job)
 {
     const double band = fmax(job->m->calibration.band[FIT_BANDS - 1], 1);
-    if (job->landmark.deviations > landmark_off * band)
-        fit_object(job->out, APSM_FIT_REVIEW,
-                   "landmark %zu is %.2g h from where the others say it is, %.2g standard "
-                   "deviations: is it misplaced, or another one of that name?",
-                   job->landmark.which + 1, job->landmark.off, job->landmark.deviations);
+    char number[32];
+    if (!(job->landmark.deviations > landmark_off * band)) return;
+    snprintf(number, sizeof number, "%zu", job->landmark.which + 1);
+    fit_object(job->out, APSM_FIT_REVIEW,
+               "landmark %.60s is %.2g h from where the others say it is, %.2g standard "
+               "deviations: is it misplaced, or another one of that name?",
+               job->landmark.name ? job->landmark.name : number, job->landmark.off,
+               job->landmark.deviations);
 }
 
 /* A point a spacing off is in the wrong place, or of another shape. */

@@ -13,17 +13,24 @@
 #include "report/pack.h"
 #include "report/page.h"
 
-enum { DATA_VERSION = 1, MOST_SHOWN = 150 };
+enum { DATA_VERSION = 1, MOST_SHOWN = 150, MOST_LISTED = 400 };
+
+/* How much a shape wants to be looked at; of those alike the first come first. */
+enum { TO_REVIEW, GOOD, FAILED, REFUSED, VERDICTS };
+static const char *const verdict_names[VERDICTS] = { "needs review", "good", "failed", "refused" };
 static const double position_levels = 16383;
 
 typedef struct fits {
     const char *folder;
-    json_t *root;    /* fit.json */
+    json_t *root;    /* fit.json without its shapes */
+    json_t *table;   /* those of them that are on the page, in their order */
     size_t n, shown; /* shapes; those with a surface on the page */
-    size_t *which;   /* shown: numbers of shapes in fit.json, in its order */
-    json_t **detail; /* shown: shapes/NAME.json */
-    apsm_mesh mean;  /* world frame */
-    apsm_mesh *mesh; /* shown: world frame, the mean's faces */
+    size_t count[VERDICTS];
+    size_t room[VERDICTS]; /* how many more of these the table takes */
+    size_t *which;         /* shown: numbers of shapes in the table */
+    json_t **detail;       /* shown: shapes/NAME.json */
+    apsm_mesh mean;        /* world frame */
+    apsm_mesh *mesh;       /* shown: world frame, the mean's faces */
     size_t J;
     double lo[3], step, largest_deviation;
     pack bytes;
@@ -40,15 +47,11 @@ static void fits_free(fits *f)
     free(f->mesh);
     apsm_mesh_free(&f->mean);
     json_decref(f->root);
+    json_decref(f->table);
     pack_free(&f->bytes);
 }
 
 /* ---- reading ---- */
-
-static json_t *shape_of(const fits *f, size_t i)
-{
-    return json_array_get(json_object_get(f->root, "shapes"), i);
-}
 
 static const char *text_of(const json_t *o, const char *key)
 {
@@ -64,21 +67,78 @@ static char *path_of(const fits *f, const char *part, const char *name, const ch
     return apsm_path_join(f->folder, relative);
 }
 
+static size_t verdict_of(const json_t *shape)
+{
+    size_t v = 0;
+    while (v + 1 < VERDICTS && strcmp(text_of(shape, "verdict"), verdict_names[v]) != 0) v++;
+    return v;
+}
+
+static apsm_status count_shape(apsm_context *ctx, size_t i, const json_t *shape, void *user)
+{
+    fits *f = user;
+    (void)ctx, (void)i;
+    f->count[verdict_of(shape)]++;
+    f->n++;
+    return APSM_OK;
+}
+
+/* As many of each verdict as the table has room for. */
+static void share_out(fits *f)
+{
+    size_t left = MOST_LISTED;
+    for (size_t v = 0; v < VERDICTS; v++) {
+        f->room[v] = f->count[v] < left ? f->count[v] : left;
+        left -= f->room[v];
+    }
+}
+
+/* A copy for the page, without paths: who gets it need not know our disks. */
+static apsm_status list_shape(apsm_context *ctx, size_t i, const json_t *shape, void *user)
+{
+    fits *f = user;
+    (void)ctx, (void)i;
+    size_t *room = &f->room[verdict_of(shape)];
+    if (*room == 0) return APSM_OK;
+    --*room;
+    json_t *copy = json_deep_copy(shape);
+    const char *path = text_of(shape, "input"), *slash = strrchr(path, '/');
+    json_t *name = json_string(slash && slash[1] ? slash + 1 : path);
+    const bool bad = !copy || json_object_set_new(copy, "input", name);
+    if (copy) json_object_del(copy, "to_world");
+    if (bad) json_decref(copy);
+    return bad || json_array_append_new(f->table, copy) ? APSM_ERR_MEMORY : APSM_OK;
+}
+
+/* fit.json, a shape at a time, twice. */
+static apsm_status read_table(apsm_context *ctx, const char *path, fits *f)
+{
+    json_t *again = NULL;
+    f->table = json_array();
+    if (!f->table) return APSM_ERR_MEMORY;
+    APSM_TRY(apsm_json_read_list(ctx, path, "shapes", &f->root, count_shape, f));
+    APSM_TRY(apsm_json_check(ctx, path, f->root, "apsm-fit", 1));
+    share_out(f);
+    const apsm_status status = apsm_json_read_list(ctx, path, "shapes", &again, list_shape, f);
+    json_decref(again);
+    return status;
+}
+
 /* Those that need a look first, then the others, as they come; in the order of the table. */
 static apsm_status choose_shown(fits *f)
 {
-    bool *take = calloc(f->n + 1, sizeof *take);
-    f->which = malloc((f->n + 1) * sizeof *f->which);
+    const size_t n = json_array_size(f->table);
+    bool *take = calloc(n + 1, sizeof *take);
+    f->which = malloc((n + 1) * sizeof *f->which);
     if (!take || !f->which) {
         free(take);
         return APSM_ERR_MEMORY;
     }
     size_t left = MOST_SHOWN;
-    static const char *const order[] = { "needs review", "good" };
-    for (size_t v = 0; v < 2; v++)
-        for (size_t i = 0; i < f->n && left > 0; i++)
-            if (strcmp(text_of(shape_of(f, i), "verdict"), order[v]) == 0) take[i] = true, left--;
-    for (size_t i = 0; i < f->n; i++)
+    for (size_t v = TO_REVIEW; v <= GOOD; v++)
+        for (size_t i = 0; i < n && left > 0; i++)
+            if (verdict_of(json_array_get(f->table, i)) == v) take[i] = true, left--;
+    for (size_t i = 0; i < n; i++)
         if (take[i]) f->which[f->shown++] = i;
     free(take);
     f->detail = calloc(f->shown + 1, sizeof *f->detail);
@@ -109,7 +169,7 @@ static apsm_status read_mesh(apsm_context *ctx, fits *f, size_t k, const char *n
 
 static apsm_status read_one(apsm_context *ctx, fits *f, size_t k)
 {
-    const char *name = text_of(shape_of(f, f->which[k]), "name");
+    const char *name = text_of(json_array_get(f->table, f->which[k]), "name");
     char *path = path_of(f, "shapes", name, ".json");
     const apsm_status status = path ? apsm_json_read(ctx, path, &f->detail[k]) : APSM_ERR_MEMORY;
     free(path);
@@ -120,11 +180,9 @@ static apsm_status read_one(apsm_context *ctx, fits *f, size_t k)
 static apsm_status read_fits(apsm_context *ctx, fits *f)
 {
     char *path = apsm_path_join(f->folder, "fit.json");
-    apsm_status status = path ? apsm_json_read(ctx, path, &f->root) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = apsm_json_check(ctx, path, f->root, "apsm-fit", 1);
+    apsm_status status = path ? read_table(ctx, path, f) : APSM_ERR_MEMORY;
     free(path);
     APSM_TRY(status);
-    f->n = json_array_size(json_object_get(f->root, "shapes"));
     f->J =
         (size_t)json_integer_value(json_object_get(json_object_get(f->root, "model"), "particles"));
     char *mean = apsm_path_join(f->folder, "meshes/mean.ply");
@@ -195,21 +253,6 @@ static json_t *json_shown(fits *f, size_t k, double *x, uint32_t *seen)
     return o;
 }
 
-/* The table without paths: who gets the page need not know our disks. */
-static json_t *json_table(const fits *f)
-{
-    size_t i;
-    json_t *shape, *copy = json_deep_copy(json_object_get(f->root, "shapes"));
-    json_array_foreach(copy, i, shape)
-    {
-        const char *path = text_of(shape, "input"), *slash = strrchr(path, '/');
-        json_t *name = json_string(slash && slash[1] ? slash + 1 : path);
-        json_object_set_new(shape, "input", name);
-        json_object_del(shape, "to_world");
-    }
-    return copy;
-}
-
 static json_t *json_model(const fits *f)
 {
     json_t *copy = json_deep_copy(json_object_get(f->root, "model"));
@@ -234,17 +277,26 @@ static json_t *json_all_shown(fits *f)
     return all;
 }
 
+/* Of all shapes, also those beyond the table. */
+static json_t *json_counts(const fits *f)
+{
+    json_t *counts = json_object();
+    for (size_t v = 0; v < VERDICTS; v++)
+        json_object_set_new(counts, verdict_names[v], json_integer((json_int_t)f->count[v]));
+    return counts;
+}
+
 static json_t *compose(fits *f, const char *title)
 {
     choose_steps(f);
     return json_pack(
-        "{s:s, s:i, s:s, s:s, s:o, s:[f, f, f], s:f, s:f, s:{s:o, s:o}, s:o, s:o}", "format",
+        "{s:s, s:i, s:s, s:s, s:o, s:[f, f, f], s:f, s:f, s:{s:o, s:o}, s:O, s:o, s:o}", "format",
         "apsm-fits", "version", DATA_VERSION, "apsm", text_of(f->root, "apsm"), "title", title,
         "model", json_model(f), "origin", f->lo[0], f->lo[1], f->lo[2], "step", f->step,
         "largest_distance", f->largest_deviation, "mean", "vertices",
         pack_points(&f->bytes, f->mean.nv, f->lo, f->step, NULL, f->mean.V), "faces",
         pack_integers(&f->bytes, 3 * f->mean.nf, 3, f->mean.nv > 65535 ? 4 : 2, f->mean.F), "table",
-        json_table(f), "shown", json_all_shown(f));
+        f->table, "counts", json_counts(f), "shown", json_all_shown(f));
 }
 
 static apsm_status write_report(apsm_context *ctx, fits *f)

@@ -102,12 +102,13 @@ export function stepByKeys(count, state, choose) {
 
 export function fillFits(model, { radius }) {
   setUnit(model.model.unit ?? null);
-  const rows = model.table, count = (v) => rows.filter((r) => r.verdict === v).length;
+  const rows = model.table, count = (v) => model.counts?.[v] ?? rows.filter((r) => r.verdict === v).length;
+  const all = model.counts ? Object.values(model.counts).reduce((a, b) => a + b, 0) : rows.length;
   byId("title").textContent = `Fits \u201c${model.title}\u201d`;
   document.title = `${model.title} \u2013 fits`;
-  byId("summary").textContent = `${plural(rows.length, "new shape")} by the model ${model.model.path} ` +
+  byId("summary").textContent = `${plural(all, "new shape")} by the model ${model.model.path} ` +
     `(${plural(model.model.shapes, "shape")}, ${model.model.particles} particles). ${unitSentence()}`;
-  const fine = count("good") === rows.length;
+  const fine = count("good") === all;
   byId("verdict").append(el("div", { class: `verdict ${fine ? "good" : "bad"}` },
     el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
     el("div", {}, el("strong", {}, `${count("good")} good. `),
@@ -183,7 +184,9 @@ export function fillFits(model, { radius }) {
     twoViews([canvas, "the new shape, in the model\u2019s frame", saveTools(view, () => rows[state.chosen]?.name ?? "shape", () => shownMesh())], [meanCanvas, "the mean"]),
     key, heading, el("div", { class: "split even" }, details, chart));
 
-  const list = section("table", "All shapes");
+  const list = section("table", rows.length < all ? `${rows.length} of ${all} shapes` : "All shapes");
+  if (rows.length < all)
+    list.append(el("p", { class: "soft" }, "Those that need review come first; all are in fit.csv."));
   if (model.shown.length < count("good") + count("needs review"))
     list.append(el("p", { class: "soft" }, `Surfaces of ${model.shown.length} shapes are on this page, those that need review first; all are in meshes/.`));
   const head = ["name", "verdict", "reason", "surface_distance_mean", "mahalanobis", "tail_probability", "observed_share", "mirrored"];

@@ -178,6 +178,98 @@ static void a_seal_breaks_with_any_byte(void **state)
     json_decref(root);
 }
 
+/* ---- long lists ---- */
+
+static apsm_status give_value(apsm_context *c, size_t i, void *user, json_t **value)
+{
+    const size_t *bad = user;
+    (void)c;
+    if (i == *bad) return apsm_fail(c, APSM_ERR_STATE, "no value %zu", i);
+    *value = i == 5 ? NULL : json_pack("{s:s, s:[i, i]}", "name", "x, ]}", "row", (int)i, 1);
+    return APSM_OK;
+}
+
+static apsm_status take_value(apsm_context *c, size_t i, const json_t *value, void *user)
+{
+    size_t *n = user;
+    (void)c;
+    assert_int_equal(json_integer_value(json_array_get(json_object_get(value, "row"), 0)), i);
+    ++*n;
+    return i == 3 ? apsm_fail(c, APSM_ERR_STATE, "enough") : APSM_OK;
+}
+
+static apsm_status skip_value(apsm_context *c, size_t i, const json_t *value, void *user)
+{
+    (void)c, (void)i, (void)value, (void)user;
+    return APSM_OK;
+}
+
+/* The bytes of a list that is written value by value are those of the whole. */
+static void long_lists_go_value_by_value(void **state)
+{
+    char a[TEST_PATH], b[TEST_PATH];
+    folder_path(state, "a.json", a);
+    folder_path(state, "b.json", b);
+    for (size_t n = 0; n < 3; n++) {
+        size_t none = 9, seen = 0;
+        json_t *head = json_pack("{s:s}", "format", "apsm-x"), *all = json_array();
+        json_t *value = NULL, *back;
+        for (size_t i = 0; i < n; i++) {
+            assert_int_equal(give_value(ctx, i, &none, &value), APSM_OK);
+            json_array_append_new(all, value);
+        }
+        const apsm_json_list list = { "list", n, give_value, &none };
+        assert_int_equal(apsm_json_write_list(ctx, a, head, &list), APSM_OK);
+        assert_int_equal(apsm_json_read_list(ctx, a, "list", &back, take_value, &seen), APSM_OK);
+        assert_true(seen == n && json_equal(back, head));
+        json_object_set_new(head, "list", all);
+        assert_int_equal(apsm_json_write(ctx, b, head), APSM_OK);
+        char *x, *y;
+        size_t nx, ny;
+        assert_int_equal(apsm_read_file(ctx, a, 10000, &x, &nx), APSM_OK);
+        assert_int_equal(apsm_read_file(ctx, b, 10000, &y, &ny), APSM_OK);
+        assert_string_equal(x, y);
+        free(x);
+        free(y);
+        json_decref(head);
+        json_decref(back);
+    }
+}
+
+static void broken_lists_leave_nothing(void **state)
+{
+    char a[TEST_PATH];
+    json_t *head = json_object(), *back;
+    size_t bad = 2, seen = 0;
+    folder_path(state, "a.json", a);
+    const apsm_json_list list = { "list", 7, give_value, &bad };
+    assert_int_equal(apsm_json_write_list(ctx, a, head, &list), APSM_ERR_STATE);
+    bad = 9;
+    assert_int_equal(apsm_json_write_list(ctx, a, head, &list), APSM_ERR_NONFINITE);
+    assert_int_equal(folder_count(*state), 0);
+    const apsm_json_list five = { "list", 5, give_value, &bad };
+    assert_int_equal(apsm_json_write_list(ctx, a, head, &five), APSM_OK);
+    assert_int_equal(apsm_json_read_list(ctx, a, "list", &back, take_value, &seen), APSM_ERR_STATE);
+    assert_true(seen == 4 && !back);
+    assert_int_equal(apsm_json_read_list(ctx, a, "other", &back, take_value, &seen),
+                     APSM_ERR_FORMAT);
+    static const char *const damage[] = { "{\n    \"list\": [",
+                                          "{\n    \"list\": [{} {}]}",
+                                          "{\n    \"list\": [{}, ]}",
+                                          "{\n    \"list\": [{},",
+                                          "{\"list\": []}",
+                                          "{\n    x\n    \"list\": []}",
+                                          "" };
+    for (size_t k = 0; k < sizeof damage / sizeof *damage; k++) {
+        seen = 0;
+        folder_put(state, "a.json", damage[k], strlen(damage[k]));
+        assert_int_equal(apsm_json_read_list(ctx, a, "list", &back, skip_value, NULL),
+                         APSM_ERR_FORMAT);
+        assert_null(back);
+    }
+    json_decref(head);
+}
+
 int main(void)
 {
 #define TEST(f) cmocka_unit_test_setup_teardown(f, folder_set_up, folder_tear_down)
@@ -186,6 +278,8 @@ int main(void)
         TEST(what_is_not_finite_is_refused),
         TEST(damage_is_told_with_line_and_column),
         TEST(a_byte_order_mark_is_harmless),
+        TEST(long_lists_go_value_by_value),
+        TEST(broken_lists_leave_nothing),
         TEST(a_seal_breaks_with_any_byte),
         cmocka_unit_test(formats_and_versions_are_checked),
         cmocka_unit_test(matrices_of_another_shape_are_refused),

@@ -204,6 +204,63 @@ static void parts(void **state)
     apsm_context_free(ctx);
 }
 
+/* More landmarks than are judged together, of which two have changed places. */
+static void swapped_landmarks(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_fit_model *m = make_model(ctx);
+    const apsm_fit_options o = apsm_fit_defaults();
+    const double mean[3] = { 31.2, 20.9, 14 }, own[3] = { 31.3, 21.2, 14 };
+    apsm_mesh at = shape_icosphere(2), x = shape_icosphere(2);
+    apsm_fit fit;
+    assert_true(at.nv > 150);
+    for (size_t v = 0; v < at.nv; v++) {
+        double p[3];
+        shape_point(at.V + 3 * v, mean, p);
+        memcpy(at.V + 3 * v, p, sizeof p);
+        shape_point(x.V + 3 * v, own, p);
+        memcpy(x.V + 3 * v, p, sizeof p);
+    }
+    assert_int_equal(apsm_fit_landmarks(ctx, m, "marks", at.nv, at.V, x.V, &o, &fit), APSM_OK);
+    assert_int_equal(fit.verdict, APSM_FIT_GOOD);
+    apsm_fit_free(&fit);
+    for (size_t c = 0; c < 3; c++) {
+        const double t = x.V[3 * 60 + c];
+        x.V[3 * 60 + c] = x.V[3 * 141 + c];
+        x.V[3 * 141 + c] = t;
+    }
+    assert_int_equal(apsm_fit_landmarks(ctx, m, "marks", at.nv, at.V, x.V, &o, &fit), APSM_OK);
+    assert_int_equal(fit.verdict, APSM_FIT_REVIEW);
+    if (!strstr(fit.reason, "landmark 61 ") && !strstr(fit.reason, "landmark 142 "))
+        fail_msg("%s", fit.reason);
+    apsm_fit_free(&fit);
+    apsm_mesh_free(&at);
+    apsm_mesh_free(&x);
+    apsm_fit_model_free(m);
+    apsm_context_free(ctx);
+}
+
+/* Faces without area, and vertices so far that there is none, are no surface, in any pose. */
+static void no_surface(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_fit_model *m = make_model(ctx);
+    apsm_fit_options o = { .aligned = true, .extent = APSM_EXTENT_WHOLE };
+    apsm_fit fit;
+    for (int k = 0; k < 4; k++) {
+        apsm_mesh mesh = make_patient(false, 1);
+        for (size_t x = 0; x < 3 * mesh.nv; x++) mesh.V[x] = k < 2 ? 1 : 1e170 * mesh.V[x];
+        o.aligned = k % 2;
+        assert_int_equal(apsm_fit_surface(ctx, m, "none", &mesh, &o, &fit), APSM_ERR_GEOMETRY);
+        assert_non_null(strstr(apsm_error_text(ctx), "no area"));
+        apsm_mesh_free(&mesh);
+    }
+    apsm_fit_model_free(m);
+    apsm_context_free(ctx);
+}
+
 static apsm_status load(apsm_context *ctx, const char *path, const char *bytes, size_t size)
 {
     apsm_fit_model *m = NULL;
@@ -279,8 +336,12 @@ static void side_of_a_symmetric_kind(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(whole_shapes), cmocka_unit_test(strangers),
-                                        cmocka_unit_test(parts), cmocka_unit_test(model_file),
+    const struct CMUnitTest tests[] = { cmocka_unit_test(whole_shapes),
+                                        cmocka_unit_test(strangers),
+                                        cmocka_unit_test(parts),
+                                        cmocka_unit_test(swapped_landmarks),
+                                        cmocka_unit_test(no_surface),
+                                        cmocka_unit_test(model_file),
                                         cmocka_unit_test(side_of_a_symmetric_kind) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
