@@ -89,6 +89,26 @@ fit 2 "--hand left" model half.ply -o x --hand left
 fit 2 "shapes behind the model" model -o x
 [ -e x ] && fail "a mistake made a folder"
 
+# More shapes than the page lists: those that were not fitted come last, and all are in the tables.
+mkdir many && echo "no surface" >many/b1.ply
+for i in $(seq 2 410); do cp many/b1.ply many/b$i.ply; done
+fit 1 "failed: 410" model new/whole.ply many -o many_fits
+[ "$(wc -l <many_fits/fit.csv)" -eq 412 ] || fail "not 411 lines in fit.csv"
+[ "$(grep -c '"verdict": "failed"' many_fits/fit.json)" -eq 410 ] || fail "not 410 failed in fit.json"
+if command -v python3 >/dev/null; then
+    python3 - many_fits/report.html <<'END' >listed || fail "the page of many fits cannot be read"
+import base64, json, re, sys, zlib
+page = open(sys.argv[1], encoding="utf-8").read()
+text = max(re.findall(r"[A-Za-z0-9+/=\s]{2000,}", page), key=len)
+data = zlib.decompress(base64.b64decode("".join(text.split())))
+fits = json.loads(data[4:4 + int.from_bytes(data[:4], "little")])
+print(len(fits["table"]), fits["counts"]["failed"], fits["counts"]["good"] + fits["counts"]["needs review"], len(fits["shown"]))
+END
+    [ "$(cat listed)" = "400 410 1 1" ] || fail "the page of many fits: $(cat listed)"
+else
+    echo "SKIPPED: what a page of many fits lists; needs python3"
+fi
+
 # An opening: a part of the surface.
 "$synthetic" bump new/open.ply index 7 count 8 level 3 hole 500
 fit 0 "fitted" model new/open.ply -o open
