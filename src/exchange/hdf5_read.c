@@ -378,6 +378,9 @@ static uint64_t read_superblock(walk *w)
                     "h5repack writes it anew",
                     (unsigned)version, (unsigned)address);
     if (version >= 2) check(w, 0, 44);
+    go(w, version == 0 ? 40 : version == 1 ? 44 : 28);
+    if (whole(w, 8) > w->s.size && scan_ok(&w->s))
+        scan_refuse(&w->s, APSM_ERR_FORMAT, "is cut short; copy it again");
     go(w, version == 0 ? 64 : version == 1 ? 68 : 36);
     return whole(w, 8);
 }
