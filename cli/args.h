@@ -50,7 +50,8 @@ struct cli_ui;
 typedef struct cli_verb_info {
     cli_verb verb;
     const char *name, *operands, *summary;
-    const char *text;  /* a paragraph for --help */
+    const char *text;     /* a paragraph for --help */
+    const char *examples; /* for --help: commands, a line each, indented by two; or NULL */
     const char *first; /* what its first operand is, as "a model folder"; NULL: it may have none */
     const char *more;  /* what follows that, if it must; NULL: nothing must */
     const char *out;   /* what -o must give; NULL: nothing must */

@@ -78,7 +78,7 @@ static void add_default(const apsm_option_info *m, char *text, size_t size)
     snprintf(text + used, size - used, " (%s%sdefault %s)", words, *words ? "; " : "", value);
 }
 
-static void put_option(FILE *out, const cli_option *o)
+static void put_option(FILE *out, const cli_option *o, cli_verb verb)
 {
     char left[96], text[512];
     const apsm_option_info *m = o->method;
@@ -88,7 +88,7 @@ static void put_option(FILE *out, const cli_option *o)
              o->letter ? o->letter : ' ', o->letter ? ", " : "  ",
              m && m->kind == APSM_OPTION_BOOL ? "[no-]" : "", o->name, o->argument ? " " : "",
              o->argument ? o->argument : "");
-    snprintf(text, sizeof text, "%s", o->doc);
+    snprintf(text, sizeof text, "%s", cli_option_doc(o, verb));
     if (m) add_default(m, text, sizeof text);
     put_entry(out, left, text);
 }
@@ -102,7 +102,7 @@ static void put_group(FILE *out, const cli_verb_info *verb, cli_group group, con
         if (list[i].group != group || !(list[i].verbs & (unsigned)verb->verb)) continue;
         if (!any) fprintf(out, "\n%s\n", title);
         any = true;
-        put_option(out, &list[i]);
+        put_option(out, &list[i], verb->verb);
     }
     free(list);
 }
@@ -111,6 +111,7 @@ static void put_verb_help(FILE *out, const cli_verb_info *verb, bool all)
 {
     fprintf(out, "Usage: apsm %s %s [OPTION...]\n\n", verb->name, verb->operands);
     put_paragraph(out, verb->text);
+    if (verb->examples) fprintf(out, "\nExamples\n%s", verb->examples);
     put_group(out, verb, CLI_GROUP_INPUT, "Input and output");
     put_group(out, verb, CLI_GROUP_MODEL, "Model");
     put_group(out, verb, CLI_GROUP_RUN, "Run");

@@ -76,6 +76,9 @@ typedef struct cli_option {
 /* A new list of *n options (free() it), NULL if out of memory. */
 cli_option *cli_options_list(size_t *n);
 
+/* What it means to that verb. */
+const char *cli_option_doc(const cli_option *o, cli_verb verb);
+
 /* Whether key can stand in --set and configuration files. */
 bool cli_is_key(const char *key);
 /* The option name (or key, or verb) nearest to word: borrowed from the tables. */

@@ -41,14 +41,14 @@ static void put_name(FILE *out, const char *text)
 /* ---- options ---- */
 
 /* The schema knows no hyphens in flags; the program takes _ for them. */
-static void put_flags(FILE *out, const cli_option *o)
+static void put_flags(FILE *out, const cli_option *o, cli_verb verb)
 {
     put_name(out, o->name);
     if (o->letter) fprintf(out, "<flag>-%c</flag>\n", o->letter);
     fputs("<longflag>--", out);
     for (const char *c = o->name; *c; c++) fputc(*c == '-' ? '_' : *c, out);
     fputs("</longflag>\n", out);
-    put_element(out, "description", o->doc);
+    put_element(out, "description", cli_option_doc(o, verb));
     put_element(out, "label", o->name);
 }
 
@@ -101,11 +101,11 @@ static bool is_offered(const cli_option *o)
     return strcmp(o->method->dflt, o->value) != 0;
 }
 
-static void put_option(FILE *out, const cli_option *o)
+static void put_option(FILE *out, const cli_option *o, cli_verb verb)
 {
     const char *type = type_of(o);
     fprintf(out, "<%s>\n", type);
-    put_flags(out, o);
+    put_flags(out, o, verb);
     if (strcmp(type, "boolean") == 0) fputs("<default>false</default>\n", out);
     if (strcmp(type, "integer") == 0 || strcmp(type, "double") == 0) put_range(out, o->method);
     if (strcmp(type, "string-enumeration") == 0) put_words(out, o->method);
@@ -129,7 +129,7 @@ static void put_group(FILE *out, const cli_verb_info *verb, cli_group group, con
             put_element(out, "description", title);
         }
         any = true;
-        put_option(out, &list[i]);
+        put_option(out, &list[i], verb->verb);
     }
     if (any) fputs("</parameters>\n", out);
     free(list);

@@ -29,6 +29,7 @@ for verb in run groom initialize optimize evaluate report render check convert v
     expect 0 "Usage: apsm $verb" $verb --help
     expect 0 "Usage: apsm $verb" help $verb
     expect 2 "the nearest is --help" $verb --hel
+    "$apsm" $verb --help | grep -q "^  apsm $verb " || { echo "$verb --help has no example"; failed=1; }
 done
 expect 2 "apsm --help"
 expect 2 "the nearest is 'optimize'" optimise
