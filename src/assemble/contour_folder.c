@@ -1,7 +1,11 @@
-/* The manifest of a model of contours: what was asked for, of which inputs, and all files.  It is
- * there from the beginning, without files as long as the job has not ended. */
+/* The folder of a model of contours.  Its manifest says what was asked for, of which inputs, and
+ * which files are the job's: while it writes, "files" names those of a model before and those that
+ * come, and "outputs" is empty; then "outputs" lists what was written, and the others of a model
+ * before are gone.  Nobody else's file is listed, replaced or removed. */
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "assemble/contour_job.h"
 #include "files/files.h"
@@ -39,34 +43,39 @@ static apsm_status inputs_of(const contour_job *j, json_t **inputs)
     return status;
 }
 
-/* As it is now: with outputs (taken over) the job has ended. */
-static apsm_status write_manifest(const contour_job *j, json_t *outputs)
+/* outputs and files: taken over.  Without outputs the job has not ended. */
+static apsm_status write_manifest(const contour_job *j, json_t *outputs, json_t *files)
 {
-    json_t *inputs = NULL, *root = NULL;
+    json_t *inputs = NULL, *root = NULL, *contours = NULL;
     char *path = contour_path(j, FOLDER_MANIFEST);
-    apsm_status status = path && outputs ? inputs_of(j, &inputs) : no_memory(j);
-    if (status == APSM_OK)
-        root = json_pack("{s:s, s:i, s:s, s:o, s:o, s:{}, s:O, s:{s:b}}", "format", FORMAT_MANIFEST,
-                         "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options",
-                         options_of(j), "inputs", inputs, "stages", "outputs", outputs, "contours",
-                         "finished", json_object_size(outputs) > 0);
+    apsm_status status = path && outputs && files ? inputs_of(j, &inputs) : no_memory(j);
+    if (status == APSM_OK) {
+        const bool finished = json_object_size(outputs) > 0;
+        contours = finished ? json_pack("{s:b}", "finished", 1)
+                            : json_pack("{s:b, s:O}", "finished", 0, "files", files);
+        root =
+            json_pack("{s:s, s:i, s:s, s:o, s:o, s:{}, s:O, s:o}", "format", FORMAT_MANIFEST,
+                      "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options", options_of(j),
+                      "inputs", inputs, "stages", "outputs", outputs, "contours", contours);
+    }
     if (status == APSM_OK) status = apsm_json_write_sealed(j->ctx, path, root);
     json_decref(root);
     json_decref(outputs);
+    json_decref(files);
     free(path);
     return status;
 }
 
 /* ---- the beginning ---- */
 
-static apsm_status read_manifest(apsm_context *ctx, const char *folder, json_t **root)
+static apsm_status read_manifest(apsm_context *ctx, const char *folder, json_t **root, bool *intact)
 {
-    bool intact;
     char *path = apsm_path_join(folder, FOLDER_MANIFEST);
     *root = NULL;
+    *intact = true;
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status =
-        apsm_file_exists(path) ? manifest_json_read(ctx, path, root, &intact) : APSM_OK;
+        apsm_file_exists(path) ? manifest_json_read(ctx, path, root, intact) : APSM_OK;
     free(path);
     return status;
 }
@@ -74,10 +83,30 @@ static apsm_status read_manifest(apsm_context *ctx, const char *folder, json_t *
 apsm_status contour_folder_is_ours(apsm_context *ctx, const char *folder, bool *ours)
 {
     json_t *root;
-    APSM_TRY(read_manifest(ctx, folder, &root));
+    bool intact;
+    APSM_TRY(read_manifest(ctx, folder, &root, &intact));
     *ours = manifest_json_is_contours(root);
     json_decref(root);
     return APSM_OK;
+}
+
+/* *names: a new array of the files that a manifest says are the job's. */
+static apsm_status files_of(const contour_job *j, const json_t *before, json_t **names)
+{
+    const char *name;
+    json_t *value, *files = json_object_get(json_object_get(before, "contours"), "files");
+    size_t k;
+    *names = json_array();
+    int failed = !*names;
+    json_object_foreach(json_object_get((json_t *)before, "outputs"), name, value)
+    {
+        failed = failed || json_array_append_new(*names, json_string(name));
+    }
+    json_array_foreach(files, k, value)
+    {
+        if (json_is_string(value)) failed = failed || json_array_append(*names, value);
+    }
+    return failed ? no_memory(j) : APSM_OK;
 }
 
 /* --resume goes on with the same job only. */
@@ -142,22 +171,75 @@ static apsm_status settle(const contour_job *j, const json_t *before, bool *done
                      j->folder);
 }
 
-apsm_status contour_begin_folder(const contour_job *j, bool *done)
+/* Refuses to build on a manifest that was changed: what it lists may be anybody's. */
+static apsm_status look_at_model(contour_job *j, bool *done)
+{
+    json_t *before;
+    bool intact;
+    APSM_TRY(read_manifest(j->ctx, j->folder, &before, &intact));
+    apsm_status status = settle(j, before, done);
+    if (status == APSM_OK && !intact)
+        status = apsm_fail(j->ctx, APSM_ERR_STATE,
+                           "%s/%s: changed since apsm wrote it; put it back, or make the model "
+                           "anew in another folder",
+                           j->folder, FOLDER_MANIFEST);
+    if (status == APSM_OK) status = files_of(j, before, &j->files);
+    json_decref(before);
+    return status;
+}
+
+apsm_status contour_look_at_folder(contour_job *j, bool *done)
 {
     apsm_file_list files = { 0 };
-    json_t *before = NULL;
     *done = false;
-    APSM_TRY(apsm_make_folder(j->ctx, j->folder));
+    if (!apsm_is_folder(j->folder)) return APSM_OK;
     APSM_TRY(apsm_list_files(j->ctx, j->folder, true, &files));
     const size_t n = files.n;
     apsm_file_list_free(&files);
-    if (n > 0) {
-        APSM_TRY(read_manifest(j->ctx, j->folder, &before));
-        const apsm_status status = settle(j, before, done);
-        json_decref(before);
-        APSM_TRY(status);
+    return n > 0 ? look_at_model(j, done) : APSM_OK;
+}
+
+static bool is_listed(const json_t *names, const char *name)
+{
+    size_t k;
+    json_t *one;
+    json_array_foreach(names, k, one)
+    {
+        if (strcmp(json_string_value(one), name) == 0) return true;
     }
-    return *done ? APSM_OK : write_manifest(j, json_object());
+    return false;
+}
+
+/* A file that is there and is not the job's is not replaced. */
+static apsm_status check_owner(const contour_job *j, const char *name)
+{
+    char *path = contour_path(j, name);
+    if (!path) return no_memory(j);
+    const bool foreign = apsm_file_exists(path) && !is_listed(j->files, name);
+    free(path);
+    if (!foreign) return APSM_OK;
+    return apsm_fail(j->ctx, APSM_ERR_STATE,
+                     "%s/%s: was not written by apsm and would be replaced; move it away, or "
+                     "choose another folder",
+                     j->folder, name);
+}
+
+apsm_status contour_begin_folder(contour_job *j)
+{
+    size_t k;
+    json_t *one, *names = NULL;
+    if (!j->files) j->files = json_array();
+    apsm_status status = j->files ? contour_names(j, &names) : no_memory(j);
+    json_array_foreach(names, k, one)
+    {
+        if (status == APSM_OK) status = check_owner(j, json_string_value(one));
+        if (status == APSM_OK && !is_listed(j->files, json_string_value(one)) &&
+            json_array_append(j->files, one))
+            status = no_memory(j);
+    }
+    json_decref(names);
+    if (status == APSM_OK) status = apsm_make_folder(j->ctx, j->folder);
+    return status == APSM_OK ? write_manifest(j, json_object(), json_incref(j->files)) : status;
 }
 
 /* ---- the end ---- */
@@ -174,16 +256,34 @@ static apsm_status list_file(const contour_job *j, const char *name, json_t *out
     return json_object_set_new(outputs, name, record) == 0 ? APSM_OK : no_memory(j);
 }
 
+/* Of a model before that had more contours, or more modes. */
+static apsm_status remove_file(const contour_job *j, const char *name)
+{
+    char *path = contour_path(j, name);
+    if (!path) return no_memory(j);
+    const bool gone = unlink(path) == 0 || errno == ENOENT;
+    free(path);
+    return gone ? APSM_OK
+                : apsm_fail(j->ctx, APSM_ERR_IO, "%s/%s: cannot be removed: %s", j->folder, name,
+                            strerror(errno));
+}
+
 apsm_status contour_end_folder(const contour_job *j)
 {
-    json_t *outputs = json_object();
-    apsm_file_list files = { 0 };
-    apsm_status status = outputs ? apsm_list_files(j->ctx, j->folder, true, &files) : no_memory(j);
-    for (size_t k = 0; k < files.n && status == APSM_OK; k++)
-        if (strcmp(files.path[k], FOLDER_MANIFEST) != 0)
-            status = list_file(j, files.path[k], outputs);
-    apsm_file_list_free(&files);
-    if (status == APSM_OK) return write_manifest(j, outputs);
+    size_t k;
+    json_t *one, *names = NULL, *outputs = json_object();
+    apsm_status status = outputs ? contour_names(j, &names) : no_memory(j);
+    json_array_foreach(names, k, one)
+    {
+        if (status == APSM_OK) status = list_file(j, json_string_value(one), outputs);
+    }
+    json_array_foreach(j->files, k, one)
+    {
+        if (status == APSM_OK && !is_listed(names, json_string_value(one)))
+            status = remove_file(j, json_string_value(one));
+    }
+    json_decref(names);
+    if (status == APSM_OK) return write_manifest(j, outputs, json_array());
     json_decref(outputs);
     return status;
 }

@@ -341,6 +341,7 @@ static void job_free(contour_job *j)
     apsm_shape_model_free(&j->model);
     apsm_evaluation_free(&j->e);
     apsm_project_free(&j->project);
+    json_decref(j->files);
     apsm_input_list_free(&j->list);
 }
 
@@ -354,12 +355,11 @@ static apsm_status read_all(contour_job *j)
     return choose_template(j, &j->template_index);
 }
 
-/* Nothing is written before all is computed but the manifest, so that an interruption leaves what
- * --resume does again. */
+/* Nothing is written before all is computed. */
 static apsm_status make(contour_job *j)
 {
     bool done = false;
-    if (!j->settings->dry) APSM_TRY(contour_begin_folder(j, &done));
+    if (!j->settings->dry) APSM_TRY(contour_look_at_folder(j, &done));
     if (done) {
         apsm_log(j->ctx, APSM_LOG_INFO, "nothing to do: the model in %s is whole", j->folder);
         return APSM_OK;

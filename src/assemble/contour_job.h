@@ -29,6 +29,7 @@ typedef struct contour_job {
     apsm_evaluation e;
     double *mean, *most; /* list.n: distance between the curve and what its particles stand for */
     apsm_project project;
+    json_t *files; /* names: what in the folder is the job's */
 } contour_job;
 
 /* ---- contour_job.c ---- */
@@ -45,11 +46,14 @@ size_t contour_count_certified(const contour_job *j);
 
 /* ---- contour_folder.c: manifest.json ---- */
 
-/* Makes the folder ours, or finds it so: a job that has ended is only replaced (overwrite), one
- * that has not is gone on with (resume: options and inputs must be the same) or replaced.  *done:
- * it has ended, and is to be gone on with. */
-apsm_status contour_begin_folder(const contour_job *j, bool *done);
-/* All files are written: the manifest lists them. */
+/* Whether the folder may be written to: a job that has ended is only replaced (overwrite), one that
+ * has not is gone on with (resume: options and inputs must be the same) or replaced.  *done: it has
+ * ended, and is to be gone on with. */
+apsm_status contour_look_at_folder(contour_job *j, bool *done);
+/* Before the first file is written: no file of another is in the way, and the manifest says which
+ * are ours. */
+apsm_status contour_begin_folder(contour_job *j);
+/* All files are written: the manifest lists them, and what else a model before had is removed. */
 apsm_status contour_end_folder(const contour_job *j);
 /* Whether the folder's manifest is of contours. */
 apsm_status contour_folder_is_ours(apsm_context *ctx, const char *folder, bool *ours);
@@ -57,6 +61,8 @@ apsm_status contour_folder_is_ours(apsm_context *ctx, const char *folder, bool *
 /* ---- contour_write.c ---- */
 
 char *contour_path(const contour_job *j, const char *name); /* malloc'ed */
+/* *names: a new array of all files but the manifest, from the folder on. */
+apsm_status contour_names(const contour_job *j, json_t **names);
 apsm_status contour_write(contour_job *j);
 
 /* ---- contour_page.c ---- */

@@ -52,10 +52,21 @@ static apsm_status write_curve(const contour_job *j, const char *name, const dou
     return apsm_writer_commit(w);
 }
 
+static size_t modes_written(const contour_job *j)
+{
+    return j->model.modes < MODES_MOST ? j->model.modes : MODES_MOST;
+}
+
+/* Of mode k / 2, below (even k) and above the mean. */
+static void name_of_mode(size_t k, char name[64])
+{
+    snprintf(name, 64, "contours/mode_%02zu_%s2sd.vtk", k / 2 + 1, k % 2 ? "plus" : "minus");
+}
+
 static apsm_status write_modes(const contour_job *j)
 {
     const apsm_shape_model *m = &j->model;
-    const size_t D = 3 * m->J, modes = m->modes < MODES_MOST ? m->modes : MODES_MOST;
+    const size_t D = 3 * m->J, modes = modes_written(j);
     double X[3 * N], *p = malloc(D * sizeof *p);
     if (!p) return APSM_ERR_MEMORY;
     contour_rebuild(&j->c, m->mean, X);
@@ -65,21 +76,27 @@ static apsm_status write_modes(const contour_job *j)
         const double b = (k % 2 ? 2 : -2) * sqrt(m->variance[k / 2]);
         for (size_t x = 0; x < D; x++) p[x] = m->mean[x] + b * m->mode[k / 2 * D + x];
         contour_rebuild(&j->c, p, X);
-        snprintf(name, sizeof name, "contours/mode_%02zu_%s2sd.vtk", k / 2 + 1,
-                 k % 2 ? "plus" : "minus");
+        name_of_mode(k, name);
         status = write_curve(j, name, X);
     }
     free(p);
     return status;
 }
 
+enum { NAME_LENGTH = 512 };
+
+static apsm_status name_particles(const contour_job *j, size_t i, const char *frame,
+                                  char name[NAME_LENGTH])
+{
+    const int length = snprintf(name, NAME_LENGTH, "particles/%s_%s.particles", j->names[i], frame);
+    return length < NAME_LENGTH ? APSM_OK : APSM_ERR_ARG;
+}
+
 static apsm_status write_particles(const contour_job *j, size_t i, const char *frame,
                                    const double *p, char **slot)
 {
-    char name[512];
-    if (snprintf(name, sizeof name, "particles/%s_%s.particles", j->names[i], frame) >=
-        (int)sizeof name)
-        return APSM_ERR_ARG;
+    char name[NAME_LENGTH];
+    APSM_TRY(name_particles(j, i, frame, name));
     char *path = contour_path(j, name);
     const apsm_status status =
         path ? apsm_particles_write(j->ctx, path, j->c.J, p) : APSM_ERR_MEMORY;
@@ -242,8 +259,48 @@ static apsm_status write_model(const contour_job *j)
     return status;
 }
 
+/* ---- all ---- */
+
+static int add_name(json_t *names, const char *name)
+{
+    return json_array_append_new(names, json_string(name));
+}
+
+static apsm_status add_particles(const contour_job *j, json_t *names)
+{
+    static const char *const frames[] = { "local", "world" };
+    char name[NAME_LENGTH];
+    for (size_t k = 0; k < 2 * j->c.I; k++) {
+        APSM_TRY(name_particles(j, k / 2, frames[k % 2], name));
+        if (add_name(names, name)) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+apsm_status contour_names(const contour_job *j, json_t **names)
+{
+    static const char *const fixed[] = { FOLDER_PROJECT,        FOLDER_MODEL,
+                                         FOLDER_SCORES_CSV,     FOLDER_CERTIFICATE,
+                                         FOLDER_EVALUATION_CSV, FOLDER_EVALUATION,
+                                         FOLDER_REPORT,         "contours/mean.vtk" };
+    json_t *list = json_array();
+    int failed = !list;
+    for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++)
+        failed = failed || add_name(list, fixed[k]);
+    for (size_t k = 0; k < 2 * modes_written(j); k++) {
+        char name[64];
+        name_of_mode(k, name);
+        failed = failed || add_name(list, name);
+    }
+    const apsm_status status = failed ? APSM_ERR_MEMORY : add_particles(j, list);
+    if (status != APSM_OK) json_decref(list);
+    *names = status == APSM_OK ? list : NULL;
+    return status;
+}
+
 apsm_status contour_write(contour_job *j)
 {
+    APSM_TRY(contour_begin_folder(j));
     APSM_TRY(make_folders(j));
     APSM_TRY(write_project(j));
     APSM_TRY(write_model(j));

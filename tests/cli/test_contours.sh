@@ -65,10 +65,13 @@ expect 0 "nothing to do" run in -o m -J 48 --resume
 expect 1 "begun with other options" run in -o m -J 40 --resume
 expect 2 "give its inputs again" run -o m --resume
 cp -r m whole
-rm m/model.json m/report.html m/contours/mean.vtk # an interruption: the manifest lists nothing yet
-tr -d '\n' <whole/manifest.json | sed 's/"outputs": *{[^}]*}/"outputs": {}/; s/"finished": true/"finished": false/; s/, *"sha256": "[0-9a-f]*"}$/}/' >m/manifest.json
+rm -r m
+(ulimit -f 60; "$apsm" run in -o m -J 48 -q) 2>said && fail "the report had no place"
+grep -q '"finished": false' m/manifest.json && [ -e m/model.json ] || fail "an interruption: $(cat said)"
+echo mine >m/notes.txt
 expect 0 "5 of 5 contours certified" run in -o m -J 48 --resume
 for file in model.json scores.csv contours/mean.vtk report.html certificate.json; do cmp -s m/$file whole/$file || fail "resumed: another $file"; done
+grep -q notes.txt m/manifest.json && fail "a file of the user is listed"
 expect 0 "agree" verify m
 echo >>m/scores.csv
 expect 1 "scores.csv" verify m
@@ -79,6 +82,24 @@ expect 0 "5 of 5" run in -o m -J 48 --overwrite
 expect 0 "agree" verify m
 cp -r whole hurt && echo >>hurt/scores.csv
 expect 1 "scores.csv" run in -o hurt -J 48 --resume
+# What is the user's is neither listed, nor replaced, nor removed; of a larger model before nothing stays.
+cp -r whole less
+echo mine >less/notes.txt && cp in/s0.vtk less/contours/drawn.vtk
+expect 0 "4 of 4 contours certified" run in -o less -J 48 --overwrite --exclude s4
+[ -e less/particles/s4_world.particles ] && fail "particles of a larger model before stay"
+[ -e less/contours/mode_04_plus2sd.vtk ] && fail "modes of a larger model before stay"
+[ -e less/contours/mode_03_plus2sd.vtk ] || fail "modes are gone"
+cmp -s in/s0.vtk less/contours/drawn.vtk && [ -e less/notes.txt ] || fail "files of the user are gone"
+grep -q 'notes.txt\|drawn.vtk' less/manifest.json && fail "files of the user are listed"
+grep -q '"files"' less/manifest.json && fail "a whole model lists files that are to come"
+expect 0 "agree" verify less
+echo mine >less/particles/s4_world.particles
+cp less/manifest.json before.json
+expect 1 "s4_world.particles: was not written by apsm" run in -o less -J 48 --overwrite
+cmp before.json less/manifest.json && grep -q mine less/particles/s4_world.particles || fail "a refused run has changed the folder"
+rm less/particles/s4_world.particles
+sed -i 's/"finished": true/"finished": false/' less/manifest.json
+expect 1 "manifest.json: changed since" run in -o less -J 48 --overwrite
 mkdir -p curves/contours && cp in/s0.vtk curves/contours/mean.vtk
 expect 1 "is not empty" run in -o curves -J 48
 cmp -s in/s0.vtk curves/contours/mean.vtk || fail "curves of the user were replaced"
