@@ -163,7 +163,7 @@ static apsm_status group_by_label(joint_job *job)
         APSM_TRY(add_subject(job, job->list.cases[k].name, &subject));
         for (size_t d = 0; d < job->n; d++) subject->input[d] = k;
     }
-    return job->fits ? APSM_OK : joint_find_labels(job); /* new subjects have what is fitted */
+    return joint_find_labels(job);
 }
 
 static size_t missing(const joint_job *job, const joint_subject *s)

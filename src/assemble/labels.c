@@ -54,19 +54,33 @@ static apsm_status parse_all(const joint_job *job, apsm_labels *labels)
     return APSM_OK;
 }
 
+/* Of new subjects an image that cannot be read, or has no part at all, is left to its fit to tell
+ * of. */
+static apsm_status look_for_parts(joint_job *job, size_t i, const apsm_labels *labels)
+{
+    joint_subject *s = &job->subject[i];
+    const size_t k = s->input[0];
+    size_t shown = 0;
+    apsm_volume volume;
+    const apsm_status status = read(job, &job->list.cases[k], &volume);
+    if (status != APSM_OK && job->fits && status != APSM_ERR_MEMORY) return APSM_OK;
+    APSM_TRY(status);
+    for (size_t d = 0; d < job->n; d++) {
+        const bool there = shows(&volume, &labels[d]);
+        shown += there;
+        if (!there) s->input[d] = APSM_NO_CASE;
+    }
+    apsm_volume_free(&volume);
+    for (size_t d = 0; d < job->n && job->fits && shown == 0; d++) s->input[d] = k;
+    return APSM_OK;
+}
+
 apsm_status joint_find_labels(joint_job *job)
 {
     apsm_labels *labels = calloc(job->n, sizeof *labels);
     apsm_status status = labels ? parse_all(job, labels) : APSM_ERR_MEMORY;
-    for (size_t i = 0; i < job->subjects && status == APSM_OK; i++) {
-        const size_t k = job->subject[i].input[0];
-        apsm_volume volume;
-        status = read(job, &job->list.cases[k], &volume);
-        if (status != APSM_OK) break;
-        for (size_t d = 0; d < job->n; d++)
-            if (!shows(&volume, &labels[d])) job->subject[i].input[d] = APSM_NO_CASE;
-        apsm_volume_free(&volume);
-    }
+    for (size_t i = 0; i < job->subjects && status == APSM_OK; i++)
+        status = look_for_parts(job, i, labels);
     if (labels) labels_free(job->n, labels);
     return status;
 }

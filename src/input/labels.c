@@ -163,9 +163,9 @@ static apsm_status refuse_choice(apsm_context *ctx, const char *path, const apsm
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: every voxel is 0; segment the shape first",
                          path);
     return apsm_fail(
-        ctx, APSM_ERR_GEOMETRY, "%s: %s %s%s; choose with --label (or --label all)", path,
+        ctx, APSM_ERR_GEOMETRY, "%s: %s %s%s; choose with --label (or --label all)%s", path,
         chosen ? "none of the chosen labels is in it, but" : "holds several labels:", list,
-        n == LISTED ? ", .." : "");
+        n == LISTED ? ", .." : "", chosen ? "" : ", or see run's --parts");
 }
 
 /* ---- what is chosen ---- */

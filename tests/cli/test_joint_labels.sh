@@ -32,6 +32,17 @@ data[at:] = bytes(0 if v == 2 else v for v in data[at:])
 open("lacking/s2.nrrd", "wb").write(data)
 P
 expect 0 "s2: has no shaft" run lacking -o lacking.model "${run[@]}" --dry-run
+# So does a new one; one that cannot be read, or has neither, fails alone.
+mkdir new && cp whole/s1.nrrd lacking/s2.nrrd new && head -c 5000 whole/s3.nrrd >new/s3.nrrd
+python3 - <<'P'
+data = bytearray(open("whole/s4.nrrd", "rb").read())
+at = data.index(b"\n\n") + 2
+data[at:] = bytes(7 if v else 0 for v in data[at:])
+open("new/s4.nrrd", "wb").write(data)
+P
+expect 1 "2 of 4 shapes were not fitted" fit whole.model new -o new.fit
+grep -q '^s1,good,,no,,' new.fit/joint_fit.csv && grep -q '^s2,.*,no,shaft,' new.fit/joint_fit.csv || fail "missing: $(cut -d, -f1-5 new.fit/joint_fit.csv | tr '\n' ';')"
+[ -s new.fit/meshes/s2_shaft_fit.ply ] || fail "the part that is in no voxel was not completed"
 
 refused() { # refused CODE WORDS PARTS OPTION...
     expect "$1" "$2" run whole -o refused "${run[@]:2}" --parts "$3" "${@:4}"
