@@ -243,7 +243,7 @@ void group_test_tell(const group_test *t)
              "terms leave",
              t->title ? t->title : of, group_test_on_word(t), used,
              t->title || t->within ? "shapes" : "subjects", r->p_ratio, r->exact ? "all " : "",
-             r->permutations, t->s->unequal ? "draws of signs" : "orders",
+             r->permutations, t->s->unequal ? "draws of signs" : "permutations",
              r->stopped ? ", more would not change it" : "", 100 * r->ratio / (1 + r->ratio));
     if (t->V > 1)
         apsm_log(t->ctx, APSM_LOG_INFO,

@@ -31,7 +31,7 @@ const orders = (t) => {
   const n = t.permutations.toLocaleString("en");
   const early = t.stopping?.early ? `, more being stopped when every conclusion at 5 % was known with a risk of ${t.stopping.risk} (confidence sequences)` : "";
   if (t.variances === "unequal") return `${n} random draws of the signs of what the other terms leave, since groups may vary by different amounts${early}`;
-  return t.exact ? `all ${n} orders of the subjects` : `${n} random orders of the subjects${early}`;
+  return t.exact ? `all ${n} permutations of the subjects` : `${n} random permutations of the subjects${early}`;
 };
 
 function methods(t) {
@@ -65,8 +65,8 @@ function copyButton(text, label = "Copy") {
 
 function figuresOf(t) {
   const rows = [["p, all together", pText(t.p)], ["share of variance", percent(t.share_of_variance)], [unitOf(t), String(t.subjects)],
-    [t.variances === "unequal" ? "draws of signs" : "orders", `${t.permutations.toLocaleString("en")}${t.exact ? ", all" : t.stopping?.early ? ", ended early" : ""}`]];
-  if (t.variance_ratio) rows.push(["variance, widest group to narrowest", show(t.variance_ratio, 2)]);
+    [t.variances === "unequal" ? "draws of signs" : "permutations", `${t.permutations.toLocaleString("en")}${t.exact ? ", all" : t.stopping?.early ? ", ended early" : ""}`]];
+  if (t.variance_ratio) rows.push(["variance of the groups, largest to smallest", show(t.variance_ratio, 2)]);
   const unit = t.p_cluster ? "particles" : "variables";
   if (t.statistic.length > 1)
     for (const [key, word] of Object.entries(correction))

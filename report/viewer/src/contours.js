@@ -40,12 +40,15 @@ function drawing({ box, size }, closed, label) {
 }
 
 const moved = (x, d, b) => x.map((v, k) => v + b * d[k]);
+const badgeOf = (s) => (s.reasons.length ? el("span", { class: "badge bad" }, "! needs review") : el("span", { class: "badge good" }, "\u2713 certified"));
 const word = (s) => (s.reasons.length ? "needs review" : "certified");
 
 export function fillContours(model) {
   setUnit(null);
   const good = model.shapes.filter((s) => s.reasons.length === 0).length, n = model.shapes.length;
-  byId("title").textContent = document.title = model.title;
+  byId("title").textContent = `Contours \u201c${model.title}\u201d`;
+  document.title = `${model.title} \u2013 contours`;
+  document.querySelector("footer p").textContent = "Keyboard: Tab reaches every control, the arrows move the slider, n and p choose the next and the previous contour.";
   byId("link").hidden = true;
   byId("summary").textContent = `${plural(n, model.closed ? "closed contour" : "open contour")}, ${model.mean_particles.length / 2} particles on each, in one pose; template ${model.template}. Lengths are in the unit of the input.`;
   byId("verdict").append(el("div", { class: `verdict ${good === n ? "good" : "bad"}` },
@@ -74,6 +77,8 @@ export function fillContours(model) {
       checkbox("All contours", true, (on) => { state.all = on; drawMean(); }),
       saveButton("SVG", "the drawing", () => saveSvg(fileName(model.title, "mode", state.mode + 1, "sd", state.b), middle.picture))),
     middle.picture,
+    el("h3", {}, "Quality"),
+    el("p", { class: "soft" }, "Generalization: mean distance of the particles of a contour to their best fit by a model of the others. Specificity: mean distance of random contours of the model to the nearest real one. Both with the first modes; lower is better."),
     table(["modes", "variance", "generalization", "specificity"],
       model.variances.slice(0, 10).map((v, k) => [String(k + 1), percent(v / total), length(model.generalization[k]), length(model.specificity[k])]), [1, 2, 3]));
 
@@ -93,9 +98,9 @@ export function fillContours(model) {
   list.append(
     el("p", { class: "soft" }, "Off: the largest distance between a contour and what its particles stand for, in spacings; from 0.5 on it is not reproduced. Rival: how much worse another start or direction lies on the mean; below 1.1 it is as likely."),
     tableSave(fileName(model.title, "contours"), () => [head, ...model.shapes.map((s) => [s.name, word(s), s.mean, s.max, s.off, s.rival])]),
-    table(["contour", "verdict", "distance, mean", "largest", "off", "rival"],
-      worst.map(([s, k]) => [el("button", { type: "button", class: "link", onclick: () => { choose(k); byId("shape").scrollIntoView(); } }, s.name), s.reasons.join("; ") || "certified",
-        length(s.mean), length(s.max), show(s.off), s.rival === null ? "\u2013" : show(s.rival)]), [2, 3, 4, 5]));
+    table(["contour", "verdict", "why", "distance, mean", "largest", "off", "rival"],
+      worst.map(([s, k]) => [el("button", { type: "button", class: "link", onclick: () => { choose(k); byId("shape").scrollIntoView(); } }, s.name), badgeOf(s), s.reasons.join("; "),
+        length(s.mean), length(s.max), show(s.off), s.rival === null ? "\u2013" : show(s.rival)]), [3, 4, 5, 6]));
   drawMean();
   drawOne();
   stepByKeys(n, state, choose);

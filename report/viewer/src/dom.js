@@ -28,7 +28,8 @@ export function show(x, digits = 3) {
   const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(a)));
   return x.toFixed(decimals).replace("-", "\u2212");
 }
-export const percent = (x) => `${show(100 * x)}\u00a0%`;
+/** Below a hundredth of a per cent nobody asks how far. */
+export const percent = (x) => (x > 0 && x < 1e-4 ? "<\u00a00.01\u00a0%" : `${show(100 * x)}\u00a0%`);
 export const plural = (n, word) => `${n} ${word}${n === 1 ? "" : "s"}`;
 
 export function checkbox(text, checked, change) {

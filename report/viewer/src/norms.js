@@ -52,8 +52,8 @@ function fillVerdict(model) {
   const doubt = model.not_certified.length;
   byId("verdict").append(el("div", { class: `verdict ${odd.length ? "bad" : "good"}` },
     el("span", { class: "sign", "aria-hidden": "true" }, odd.length ? "!" : "\u2713"),
-    el("div", {}, el("strong", {}, odd.length ? `Unusual: ${odd.map((s) => s.name).join(", ")}. ` : "Within what the norm has seen. "),
-      "Unusual is what fewer than 5\u00a0% of the cohort\u2019s shapes, each left out, are: as a whole, or at the most unusual particle. ",
+    el("div", {}, el("strong", {}, odd.length ? `Unusual: ${odd.map((s) => s.name).join(", ")}. ` : "Not unusual. "),
+      "A shape counts as unusual if fewer than 5\u00a0% of the cohort\u2019s shapes, each left out in turn, are as far from what is expected: as a whole, or at their most unusual particle. ",
       doubt ? `${doubt} of the norm\u2019s shapes are not certified: look at them before you trust this. ` : "")));
 }
 
