@@ -3,6 +3,7 @@
  * have.  Wide bounds refuse, narrower ones ask for a look. */
 #include <math.h>
 #include <stdarg.h>
+#include <stdio.h>
 
 #include "core/number.h"
 #include "correspond/certificate.h"
