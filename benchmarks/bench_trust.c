@@ -57,6 +57,7 @@ typedef struct bench {
     double *undo;       /* I x 16: from where a fault has laid the shape */
     bool *stranger;     /* I */
     double *wrong;      /* I: share of particles that are lost, or NaN */
+    double *slipped;    /* I: how far a region is from where the others say, in h, or NaN */
     bool *planted;      /* I */
     apsm_shape *whole;  /* I: what a fault has replaced ... */
     apsm_cohort *other; /* I: ... by this one's only shape */
@@ -106,6 +107,7 @@ static void load(bench *b, const char *folder)
     must(b->ctx, apsm_neighbours6(b->J, b->P + 3 * b->J * b->t, b->N6));
     b->h = apsm_spacing(b->J, b->P + 3 * b->J * b->t, b->N6, NULL);
     b->wrong = room(I, sizeof *b->wrong);
+    b->slipped = room(I, sizeof *b->slipped);
     b->planted = room(I, sizeof *b->planted);
     b->stranger = room(I, sizeof *b->stranger);
     b->undo = room(16 * I, sizeof *b->undo);
@@ -114,7 +116,7 @@ static void load(bench *b, const char *folder)
     b->other = room(I, sizeof *b->other);
     b->X = room(3 * I * b->J, sizeof *b->X);
     memcpy(b->X, b->P, 3 * I * b->J * sizeof *b->X);
-    for (size_t i = 0; i < I; i++) b->wrong[i] = NAN;
+    for (size_t i = 0; i < I; i++) b->wrong[i] = b->slipped[i] = NAN;
 }
 
 /* ---- truth ---- */
@@ -167,13 +169,47 @@ static void tell_lost(bench *b, size_t i)
     free(share);
 }
 
+/* slipped[i] <- the largest mean, over the patch of look 0 around a particle, of how far its
+ * particles are from where the median of the others is, all carried to the template by the truth.
+ */
+static void tell_slipped(bench *b, size_t i)
+{
+    const size_t J = b->J, I = b->I;
+    double *Z = room(3 * I * J, sizeof *Z), *x = room(I, sizeof *x), *d = room(3 * J, sizeof *d);
+    const double *at = b->X + 3 * J * b->t;
+    for (size_t k = 0; k < I; k++)
+        for (size_t j = 0; j < J; j++)
+            synthetic_carry(b->truth[k].bvh, &b->truth[b->t].mesh, b->truth[k].P + 3 * j,
+                            Z + 3 * (J * k + j));
+    for (size_t c = 0; c < 3 * J; c++) {
+        size_t n = 0;
+        for (size_t k = 0; k < I; k++)
+            if (k != i) x[n++] = Z[3 * J * k + c];
+        qsort(x, n, sizeof *x, ascending);
+        d[c] = Z[3 * J * i + c] - 0.5 * (x[(n - 1) / 2] + x[n / 2]);
+    }
+    b->slipped[i] = 0;
+    for (size_t j = 0; j < J; j++) {
+        double sum[3] = { 0 }, n = 0;
+        for (size_t k = 0; k < J; k++) {
+            if (vec3_distance2(at + 3 * j, at + 3 * k) > 16 * b->h * b->h) continue;
+            vec3_add_scaled(sum, 1, d + 3 * k);
+            n++;
+        }
+        b->slipped[i] = fmax(b->slipped[i], vec3_norm(sum) / n / b->h);
+    }
+    free(Z);
+    free(x);
+    free(d);
+}
+
 /* Of all shapes, or of those with a fault; a stranger has nothing in common. */
 static void find_lost(bench *b, bool all)
 {
     for (size_t i = 0; b->truth && i < b->I; i++)
         apsm_affine_apply(b->undo + 16 * i, b->J, b->P + 3 * b->J * i, b->truth[i].P);
     for (size_t i = 0; b->truth && i < b->I; i++)
-        if (all || b->planted[i]) tell_lost(b, i);
+        if (all || b->planted[i]) tell_lost(b, i), tell_slipped(b, i);
     for (size_t i = 0; i < b->I; i++)
         if (b->stranger[i]) b->wrong[i] = 1;
 }
@@ -460,7 +496,7 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                "\"mismatched\": %.4f, \"swaps\": %zu, \"folds\": %zu, \"t_evidence\": %.3f, "
                "\"m_evidence\": %.3f, "
                "\"reasons\": %u, \"doubts\": "
-               "%u}\n",
+               "%u, \"true_slip\": %.3f}\n",
                planted->name, planted->size, b->name[i], b->planted[i], i == b->t,
                isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
                fmax(f->turn[0].agreement, -9), f->turn[0].fit, fmax(f->turn[1].agreement, -9),
@@ -469,15 +505,16 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                f->flat_excess, f->off, f->off_excess, f->opposed,
                (double)own->lost / (double)own->J, (double)own->mismatched / (double)own->J,
                own->swaps, own->folds, fmin(f->turn[0].evidence, 99), fmin(f->turn[1].evidence, 99),
-               own->reasons, c->doubts[i]);
+               own->reasons, c->doubts[i], isfinite(b->slipped[i]) ? b->slipped[i] : -1.0);
     }
 }
 
 static void run(bench *b, const fault *f, size_t every, uint64_t seed)
 {
     cohort_certificate c;
-    double *before = room(b->I, sizeof *before);
+    double *before = room(2 * b->I, sizeof *before);
     memcpy(before, b->wrong, b->I * sizeof *before);
+    memcpy(before + b->I, b->slipped, b->I * sizeof *before);
     plant(b, f, every, seed);
     find_lost(b, false);
     must(b->ctx, certify_cohort(b->ctx, &b->cohort, b->J, b->P, NULL, &c));
@@ -485,6 +522,7 @@ static void run(bench *b, const fault *f, size_t every, uint64_t seed)
     certify_free(&c);
     restore(b);
     memcpy(b->wrong, before, b->I * sizeof *before);
+    memcpy(b->slipped, before + b->I, b->I * sizeof *before);
     free(before);
 }
 
@@ -519,6 +557,7 @@ int main(int argc, char **argv)
     free(b.whole);
     free(b.other);
     free(b.wrong);
+    free(b.slipped);
     free(b.planted);
     free(b.stranger);
     free(b.undo);

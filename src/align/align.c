@@ -37,6 +37,7 @@ typedef struct aligner {
     const apsm_align_options *opt;
     apsm_alignment *out;
     size_t base;         /* the provisional template */
+    bool other_base;     /* it took the place of one that was turned against all others */
     apsm_cloud *cloud;   /* n */
     apsm_bvh **bvh;      /* n: NULL where no tree is held */
     double *area;        /* n */
@@ -121,6 +122,23 @@ static apsm_status open_surface(apsm_context *ctx, const aligner *a, size_t i, a
     return APSM_OK;
 }
 
+/* The index of the median area, of all shapes but `except` (a->n: of all); of equal areas the
+ * first. */
+static size_t median_area(const aligner *a, size_t except)
+{
+    const size_t middle = (a->n - (except < a->n) - 1) / 2;
+    for (size_t i = 0; i < a->n; i++) {
+        size_t less = 0, equal = 0;
+        for (size_t j = 0; j < a->n && i != except; j++) {
+            if (j == except) continue;
+            less += a->area[j] < a->area[i];
+            equal += a->area[j] == a->area[i];
+        }
+        if (less <= middle && middle < less + equal) return i;
+    }
+    return 0; /* not reached: areas are finite */
+}
+
 static double *scratch(const aligner *a, int worker)
 {
     return a->work + (size_t)worker * a->work_size;
@@ -184,11 +202,12 @@ static apsm_status search_task(apsm_context *ctx, size_t i, int worker, void *us
     apsm_surface moving;
     apsm_bvh *own;
     if (i == a->base) return APSM_OK;
-    if (apsm_recall(ctx, "poses", i, sizeof a->ballot[i], &a->ballot[i])) return APSM_OK;
+    const char *kind = a->other_base ? "poses, other template" : "poses";
+    if (apsm_recall(ctx, kind, i, sizeof a->ballot[i], &a->ballot[i])) return APSM_OK;
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
     search(a, &moving, scratch(a, worker), &a->ballot[i]);
     apsm_bvh_free(own);
-    return apsm_keep(ctx, "poses", i, sizeof a->ballot[i], &a->ballot[i]);
+    return apsm_keep(ctx, kind, i, sizeof a->ballot[i], &a->ballot[i]);
 }
 
 /* ---- the orientation in which shapes come ---- */
@@ -286,24 +305,76 @@ static void settle_given(aligner *a, size_t i)
     for (size_t k = 1; k < POSE_OPTIONS; k++) b->residual[0][k] = INFINITY;
 }
 
-/* One pose must hardly turn, and with the others that may four fifths must: by chance one in
- * seventeen does. */
+/* Of the best poses, or others that fit about as well, four fifths must hardly turn: by chance one
+ * in seventeen does.  The best may turn all of them: then it is the provisional template that
+ * nearly agrees with itself when turned. */
 static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
 {
-    size_t best = 0, fit = 0;
+    size_t fit = 0;
     for (size_t i = 0; i < a->n; i++) {
         if (i == a->base) continue;
         memcpy(a->P + 16 * i, a->ballot[i].M[0][0], 16 * sizeof *a->P);
         a->out->residual[i] = a->ballot[i].residual[0][0];
     }
     find_common_orientation(a);
-    for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, i, a->P + 16 * i);
-    if (best == 0 && !a->opt->oriented) return APSM_OK;
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
     a->oriented = a->opt->oriented || 5 * fit >= 4 * (a->n - 1);
     for (size_t i = 0; a->oriented && i < a->n; i++) settle_given(a, i);
     return APSM_OK;
+}
+
+/* Whether most shapes fit the provisional template better when they are turned against the
+ * orientation in which all come, and some so much that they would be: it is that one that is
+ * turned, or looks like it. */
+static bool is_base_turned(const aligner *a)
+{
+    size_t turned = 0, unfit = 0;
+    for (size_t i = 0; i < a->n; i++) {
+        turned += i != a->base && !hardly_turns(a, i, a->P + 16 * i);
+        unfit += i != a->base && !a->fits[i];
+    }
+    return a->oriented && unfit > 0 && 2 * turned > a->n - 1;
+}
+
+/* Whether four fifths of the best poses agree with one of them: then the shapes come in one
+ * orientation, and the provisional template in another. */
+static bool others_agree(const aligner *a)
+{
+    enum { ASKED = 8 };
+    for (size_t k = 0; k < ASKED && k < a->n; k++) {
+        const size_t one = k * a->n / (a->n < ASKED ? a->n : ASKED);
+        double R[9], block[9];
+        size_t alike = 0;
+        if (one == a->base) continue;
+        for (size_t c = 0; c < 9; c++) block[c] = a->P[16 * one + 4 * (c / 3) + c % 3];
+        apsm_nearest_rotation(block, R);
+        for (size_t i = 0; i < a->n; i++) alike += i != a->base && likeness(a->P + 16 * i, R) > 2.0;
+        if (alike > 2 && 5 * alike >= 4 * (a->n - 1)) return true;
+    }
+    return false;
+}
+
+/* Another provisional template. */
+static apsm_status change_base(apsm_context *ctx, aligner *a)
+{
+    a->base = median_area(a, a->base);
+    a->other_base = true;
+    a->out->template_index = a->base;
+    memset(&a->ballot[a->base], 0, sizeof a->ballot[a->base]);
+    apsm_affine_identity(a->P + 16 * a->base);
+    return hold_trees(ctx, a, 1, &a->base);
+}
+
+static apsm_status find_poses(apsm_context *ctx, aligner *a)
+{
+    APSM_TRY(apsm_dealt_for(ctx, a->n, search_task, a, "align"));
+    APSM_TRY(take_given_poses(ctx, a));
+    if (a->opt->template_index != APSM_TEMPLATE_AUTO) return APSM_OK;
+    if (a->oriented ? !is_base_turned(a) : !others_agree(a)) return APSM_OK;
+    APSM_TRY(change_base(ctx, a));
+    APSM_TRY(apsm_dealt_for(ctx, a->n, search_task, a, "align"));
+    return take_given_poses(ctx, a);
 }
 
 /* ---- the choice among the poses ---- */
@@ -356,20 +427,6 @@ static apsm_status choose_poses(apsm_context *ctx, aligner *a)
     for (size_t i = 0; i < a->n; i++)
         if (i != a->base) take(a, i);
     return APSM_OK;
-}
-
-/* The index of the median area; of equal areas the first. */
-static size_t median_area(const aligner *a)
-{
-    for (size_t i = 0; i < a->n; i++) {
-        size_t less = 0, equal = 0;
-        for (size_t j = 0; j < a->n; j++) {
-            less += a->area[j] < a->area[i];
-            equal += a->area[j] == a->area[i];
-        }
-        if (less <= (a->n - 1) / 2 && (a->n - 1) / 2 < less + equal) return i;
-    }
-    return 0; /* not reached: areas are finite */
 }
 
 /* Who is mirrored.  Against a provisional template the minority is.  (Then the P of mirrored
@@ -761,13 +818,11 @@ static apsm_status align(apsm_context *ctx, aligner *a)
 {
     const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
     APSM_TRY(apsm_parallel_for(ctx, a->n, sample_task, a, NULL));
-    a->base = given ? a->opt->template_index : median_area(a);
+    a->base = given ? a->opt->template_index : median_area(a, a->n);
     a->out->template_index = a->base;
     for (size_t i = 0; i < a->n && a->n <= HELD_TREES; i++) APSM_TRY(hold_trees(ctx, a, 1, &i));
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
-    if (a->opt->align != APSM_ALIGN_NONE)
-        APSM_TRY(apsm_dealt_for(ctx, a->n, search_task, a, "align"));
-    if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(take_given_poses(ctx, a));
+    if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(find_poses(ctx, a));
     if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
     if (a->opt->align != APSM_ALIGN_NONE) judge_mirrored(a);
     APSM_TRY(find_strangers(a));

@@ -252,6 +252,12 @@ static bool is_sought(json_t *note)
     return json_is_true(json_object_get(note, "sought"));
 }
 
+static apsm_pose_note pose_note(json_t *note)
+{
+    if (is_sought(note)) return APSM_POSE_SOUGHT;
+    return json_is_true(json_object_get(note, "against")) ? APSM_POSE_AGAINST : APSM_POSE_AMBIGUOUS;
+}
+
 /* What a note comes to for its shape; usual: the evidence for pose and hand that shapes have. */
 static unsigned weigh_note(json_t *note, const apsm_findings *f, const double usual[2])
 {
@@ -260,7 +266,7 @@ static unsigned weigh_note(json_t *note, const apsm_findings *f, const double us
     if (has(note, "aspect", apsm_aspect_name(APSM_ASPECT_HAND)))
         return apsm_verdict_note_hand(f, usual[1], undecided, &options);
     if (!has(note, "aspect", apsm_aspect_name(APSM_ASPECT_POSE))) return 0;
-    return apsm_verdict_note_pose(f, usual[0], is_sought(note), &options);
+    return apsm_verdict_note_pose(f, usual[0], pose_note(note), &options);
 }
 
 /* The medians. */

@@ -2,12 +2,14 @@
  * m by polynomials of degree d,
  *
  *   r = (p_i - m) less its projection on the span of Y and F_d                       (J3a)
- *   s_j = | mean over the patch around j of r less its part along the normal | / h    (J3b)
+ *   a_j = | mean over the patch around j of r less its part along the normal | / h,
+ *   b_j = rms over the patch of its part along the normal / h,   s_j = a_j^2 / (a_j + b_j)   (J3b)
  *   t_j = s_j / max(sqrt((u_j^2 + mean of u over the patch^2) / 2), .05)              (J3c)
  *
  * u the median of the others' s.  What varies smoothly over the whole shape is no slip, neither is
  * what the others do; directions are averaged and not lengths, since a region slips together and
- * noise does not. */
+ * noise does not; and a form that is unlike the others' departs along the normals too, a slip not.
+ */
 #include "judge/slip.h"
 
 #include <math.h>
@@ -80,7 +82,18 @@ size_t apsm_slip_looks(size_t I, size_t J)
 
 size_t apsm_slip_work_size(size_t J)
 {
-    return (size_t)APSM_SLIP_LOOKS * 3 * J + apsm_left_out_work_size(J);
+    return (size_t)APSM_SLIP_LOOKS * 3 * J + 2 * J + apsm_left_out_work_size(J);
+}
+
+/* r (J x 3) <- its part along the surface; along2 (J) <- the square of that along the normal, in h.
+ */
+static void split(size_t J, const double *N, double h, double *r, double *along2)
+{
+    for (size_t j = 0; j < J; j++) {
+        const double along = vec3_dot(r + 3 * j, N + 3 * j);
+        vec3_add_scaled(r + 3 * j, -along, N + 3 * j);
+        along2[j] = along * along / (h * h);
+    }
 }
 
 void apsm_slip_look(const apsm_slip_cohort *c, size_t i, const double *N, double *slipped,
@@ -88,12 +101,14 @@ void apsm_slip_look(const apsm_slip_cohort *c, size_t i, const double *N, double
 {
     const size_t J = c->J;
     double *rests = work + apsm_left_out_work_size(J);
+    double *along2 = rests + 3 * J * APSM_SLIP_LOOKS, *form2 = along2 + J;
     apsm_left_out_rests(c->I, J, c->P, i, rests, work);
     for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) {
-        double *r = rests + 3 * J * k;
-        for (size_t j = 0; j < J; j++)
-            vec3_add_scaled(r + 3 * j, -vec3_dot(r + 3 * j, N + 3 * j), N + 3 * j);
-        mean_lengths(&c->patches[k], r, c->h, slipped + J * k);
+        double *r = rests + 3 * J * k, *s = slipped + J * k;
+        split(J, N, c->h, r, along2);
+        apsm_patches_mean(&c->patches[k], along2, form2);
+        mean_lengths(&c->patches[k], r, c->h, s);
+        for (size_t j = 0; j < J; j++) s[j] *= s[j] > 0.0 ? s[j] / (s[j] + sqrt(form2[j])) : 0.0;
     }
 }
 

@@ -5,6 +5,9 @@
 /* So much better agreement of form decides for a pose, whatever the distances say, where there is
  * evidence for it, and this part of what shapes usually have. */
 static const double clearly = 0.3, decisive = 0.5;
+/* What speaks for a pose against the orientation that all others share, from where it is believed.
+ */
+static const double against_others = 2.0;
 
 /* (J6), fitted by benchmarks/trust/fit; beyond `most_evidence` either way there is no more to tell,
  * nor below `least_pose` anything, unless it speaks against. */
@@ -36,7 +39,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 
 apsm_verdict_options apsm_verdict_defaults(void)
 {
-    return (apsm_verdict_options){ .slip = 2.0,
+    return (apsm_verdict_options){ .slip = 2.25,
                                    .slip_size = 0.01,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
@@ -98,12 +101,15 @@ unsigned apsm_verdict_note_hand(const apsm_findings *f, double usual, bool undec
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }
 
-unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, bool sought,
+unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, apsm_pose_note note,
                                 const apsm_verdict_options *o)
 {
+    const bool against = note == APSM_POSE_AGAINST;
     const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
     const bool told = !f || f->turn[0].evidence > least_pose;
-    if (f && is_settled(f, &f->turn[0], usual, o)) return 0;
-    if (sought && (told || turned)) return 0;
+    if (f && is_settled(f, &f->turn[0], usual, o) &&
+        (!against || f->turn[0].evidence > against_others))
+        return 0;
+    if (note == APSM_POSE_SOUGHT && (told || turned)) return 0;
     return 1u << APSM_DOUBT_POSE;
 }

@@ -51,7 +51,7 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip, slip_size;          /* both: 2 times the others', 0.01 h */
+    double slip, slip_size;          /* both: 2.25 times the others', 0.01 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.5 times the others', 5 */
@@ -81,9 +81,17 @@ double apsm_verdict_probability(const apsm_findings *findings, const apsm_verdic
 unsigned apsm_verdict_note_hand(const apsm_findings *findings, double usual, bool undecided,
                                 const apsm_verdict_options *options);
 
-/* And its note of a pose, ambiguous or sought: of a pose that only the surface tells the doubt is
- * that it does not tell. */
-unsigned apsm_verdict_note_pose(const apsm_findings *findings, double usual, bool sought,
+/* What grooming may say of a pose: another one is as likely; only the surface tells it; or it is
+ * turned against an orientation that the others share. */
+typedef enum apsm_pose_note {
+    APSM_POSE_AMBIGUOUS,
+    APSM_POSE_SOUGHT,
+    APSM_POSE_AGAINST
+} apsm_pose_note;
+
+/* And its note of a pose: of one that only the surface tells the doubt is that it does not tell;
+ * what stands against the others' orientation has to be told clearly. */
+unsigned apsm_verdict_note_pose(const apsm_findings *findings, double usual, apsm_pose_note note,
                                 const apsm_verdict_options *options);
 
 #endif

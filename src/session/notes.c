@@ -31,8 +31,9 @@ static int add_shape(json_t *notes, const apsm_alignment *a, size_t i, const cha
     if (a->ambiguous[i])
         failed |= add(notes, name, APSM_ASPECT_POSE, "another pose fits about as well");
     else if (a->sought[i] && a->oriented)
-        failed |= add(notes, name, APSM_ASPECT_POSE,
-                      "was turned, although the others share the orientation in which they came");
+        failed |= add_as(notes, name, APSM_ASPECT_POSE,
+                         "was turned, although the others share the orientation in which they came",
+                         "against");
     else if (a->sought[i])
         failed |= add_as(notes, name, APSM_ASPECT_POSE, "laid as its surface says", "sought");
     if (a->stranger[i])

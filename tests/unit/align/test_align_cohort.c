@@ -361,6 +361,37 @@ static void orientation_of_the_inputs_decides_between_equal_poses(void **state)
     }
 }
 
+/* Of nine shapes in one orientation the one of median area, the provisional template, is turned by
+ * 180 degrees: the others share theirs, and it is the one that is told. */
+static void a_turned_template_is_told_from_the_others(void **state)
+{
+    (void)state;
+    enum { N = 9 };
+    apsm_align_options opt = apsm_align_defaults();
+    cohort c = { .n = N };
+    size_t median = 0;
+    for (size_t i = 0; i < N; i++) {
+        c.local[i] = align_bone(0.15 + 0.03 * (double)i, 0.5);
+        c.mesh[i] = &c.local[i];
+    }
+    for (size_t i = 0; i < N; i++) {
+        size_t less = 0;
+        for (size_t k = 0; k < N; k++)
+            less += apsm_mesh_area(c.mesh[k]) < apsm_mesh_area(c.mesh[i]);
+        if (less == N / 2) median = i;
+        orient(i, false, c.pose[i]);
+    }
+    for (size_t k = 0; k < 12; k++) /* the half turn about the shape's z comes first */
+        if (k % 4 < 2) c.pose[median][k] *= -1;
+    for (size_t i = 0; i < N; i++) apsm_mesh_transform(&c.local[i], c.pose[i]);
+    apsm_alignment a = run(&c, &opt, 2, NULL);
+    check_aligned(&c, &a, 5.0);
+    assert_true(a.oriented);
+    for (size_t i = 0; i < N; i++) assert_int_equal(a.sought[i], i == median);
+    apsm_alignment_free(&a);
+    close_cohort(&c);
+}
+
 /* Ten shapes of a synthetic anatomy, all in the frame of their images. */
 static void open_anatomy(cohort *c, const char *kind)
 {
@@ -457,6 +488,7 @@ int main(void)
         cmocka_unit_test(aligned_input_stays),
         cmocka_unit_test(cut_shapes_are_aligned_by_what_they_share),
         cmocka_unit_test(orientation_of_the_inputs_decides_between_equal_poses),
+        cmocka_unit_test(a_turned_template_is_told_from_the_others),
         cmocka_unit_test(shapes_do_not_turn_where_surfaces_hardly_say),
         cmocka_unit_test(one_shape_is_a_cohort),
         cmocka_unit_test(mistakes_are_named),

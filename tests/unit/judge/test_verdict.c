@@ -323,10 +323,12 @@ static void form_settles_notes(void **state)
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
     f.turn[0].evidence = f.turn[1].evidence = 2.0;
-    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, false, &o), 0);
-    assert_int_equal(apsm_verdict_note_pose(&f, 5.0, false, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_AMBIGUOUS, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 5.0, APSM_POSE_AMBIGUOUS, &o),
+                     1u << APSM_DOUBT_POSE);
     f.turn[0].agreement = 1.4;
-    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, false, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_AMBIGUOUS, &o),
+                     1u << APSM_DOUBT_POSE);
     assert_int_equal(apsm_verdict_note_hand(NULL, INFINITY, false, &o), mirrored);
     f.turn[1].agreement = 1.6;
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
@@ -342,12 +344,27 @@ static void sought_poses_have_to_be_told(void **state)
     apsm_findings f = { .agreement = 1.0 };
     f.turn[0].agreement = 0.9;
     f.turn[0].evidence = 0.6;
-    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_SOUGHT, &o), 0);
     f.turn[0].evidence = 0.1;
-    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 1u << APSM_DOUBT_POSE);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_SOUGHT, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].evidence = -0.3; /* turned, which is said */
-    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, true, &o), 0);
-    assert_int_equal(apsm_verdict_note_pose(NULL, INFINITY, true, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_SOUGHT, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(NULL, INFINITY, APSM_POSE_SOUGHT, &o), 0);
+}
+
+/* One that stands against the others' orientation has to be told more clearly than usual ones are.
+ */
+static void poses_against_the_others_have_to_be_clear(void **state)
+{
+    (void)state;
+    const apsm_verdict_options o = apsm_verdict_defaults();
+    apsm_findings f = { .agreement = 1.6 };
+    f.turn[0].agreement = 0.8;
+    f.turn[0].evidence = 1.5;
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.2, APSM_POSE_AMBIGUOUS, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 1.2, APSM_POSE_AGAINST, &o), 1u << APSM_DOUBT_POSE);
+    f.turn[0].evidence = 4.0;
+    assert_int_equal(apsm_verdict_note_pose(&f, 5.0, APSM_POSE_AGAINST, &o), 0);
 }
 
 /* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
@@ -473,6 +490,7 @@ int main(void)
         cmocka_unit_test(probability_follows_form),
         cmocka_unit_test(form_settles_notes),
         cmocka_unit_test(sought_poses_have_to_be_told),
+        cmocka_unit_test(poses_against_the_others_have_to_be_clear),
         cmocka_unit_test(quantiles_leave_one_out),
         cmocka_unit_test(heights_on_a_sphere),
         cmocka_unit_test(medians_leave_one_out),
