@@ -45,10 +45,13 @@ typedef struct apsm_fit_options {
     int extent;
     bool aligned; /* the shape is in the model's world frame: no pose is searched for */
     bool force;   /* fit a stranger nevertheless */
+    const double
+        *start; /* 16, borrowed: about the map from the input's frame to the model's world,
+                   from which alone a whole surface is registered; NULL: it is looked for */
 } apsm_fit_options;
-static inline apsm_fit_options apsm_fit_defaults(void) /* auto, auto, false, false */
+static inline apsm_fit_options apsm_fit_defaults(void) /* auto, auto, false, false, NULL */
 {
-    const apsm_fit_options defaults = { APSM_HAND_AUTO, APSM_EXTENT_AUTO, false, false };
+    const apsm_fit_options defaults = { APSM_HAND_AUTO, APSM_EXTENT_AUTO, false, false, NULL };
     return defaults;
 }
 

@@ -264,7 +264,9 @@ static void turn_from_usual(const icp_job *job, const double M[16], double theta
     const double scale = vec3_norm(M);
     double T[9], axis[3];
     theta[0] = theta[1] = theta[2] = 0.0;
-    if (!U || apsm_affine_det(M) < 0.0) return;
+    if (!U) return;
+    vec3_cross(U, U + 3, axis);
+    if (apsm_affine_det(M) * vec3_dot(axis, U + 6) < 0.0) return;
     for (size_t a = 0; a < 3; a++)
         for (size_t b = 0; b < 3; b++) T[3 * a + b] = vec3_dot(M + 4 * a, U + 3 * b) / scale;
     for (size_t a = 0; a < 3; a++) {

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "align/align.h"
 #include "apsm/report.h"
 #include "core/sized.h"
 #include "files/files.h"
@@ -204,11 +205,11 @@ static apsm_status to_original(const joint_model *m, joint_subject_fit *s)
     return APSM_OK;
 }
 
-apsm_status joint_put_together(apsm_context *ctx, const joint_model *m, joint_subject_fit *s)
+/* All particles in the world and in the input's frame; those of parts that are not fitted are what
+ * the others let expect. */
+static apsm_status lay(const joint_model *m, joint_subject_fit *s)
 {
-    const size_t J = m->folder.J;
-    double *x = malloc(3 * J * sizeof *x);
-    (void)ctx;
+    double *x = malloc(3 * m->folder.J * sizeof *x);
     if (!x) return APSM_ERR_MEMORY;
     for (size_t d = 0; d < m->n; d++)
         if (s->fitted[d]) turned(m, s, d, x + 3 * m->folder.part[d].first);
@@ -220,11 +221,17 @@ apsm_status joint_put_together(apsm_context *ctx, const joint_model *m, joint_su
     }
     free(x);
     if (status == APSM_OK) status = complete(m, s);
-    if (status == APSM_OK) status = score(m, s);
-    if (status == APSM_OK) status = to_original(m, s);
-    if (status == APSM_OK && s->given == m->n) status = measure_contacts(m, s);
-    if (status == APSM_OK) judge(m, s);
-    return status;
+    return status == APSM_OK ? to_original(m, s) : status;
+}
+
+apsm_status joint_put_together(apsm_context *ctx, const joint_model *m, joint_subject_fit *s)
+{
+    (void)ctx;
+    APSM_TRY(lay(m, s));
+    APSM_TRY(score(m, s));
+    if (s->given == m->n) APSM_TRY(measure_contacts(m, s));
+    judge(m, s);
+    return APSM_OK;
 }
 
 /* ---- the parts of one subject ---- */
@@ -239,13 +246,15 @@ typedef struct fitting {
     joint_subject_fit *subject; /* job.subjects */
 } fitting;
 
+/* start: the pose to begin with, or NULL. */
 static apsm_status fit_part(apsm_context *ctx, const fitting *f, size_t d, const apsm_input_case *c,
-                            int hand, apsm_fit *fit)
+                            int hand, const double *start, apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
     apsm_fit_options o = f->options;
     APSM_TRY(fit_read_surface(ctx, &f->reading[d], c, &mesh, &o.extent));
     o.hand = c->reflect ? APSM_HAND_OTHER : hand;
+    o.start = start;
     const apsm_status status = apsm_fit_surface(ctx, f->m.part[d], c->path, &mesh, &o, fit);
     apsm_mesh_free(&mesh);
     return status;
@@ -279,10 +288,92 @@ static apsm_status settle_hand(apsm_context *ctx, const fitting *f, size_t i)
         if (!s->fitted[d] || s->part[d].mirrored == s->mirrored) continue;
         apsm_fit_free(&s->part[d]);
         const int hand = s->mirrored ? APSM_HAND_OTHER : APSM_HAND_SAME;
-        APSM_TRY(fit_part(ctx, f, d, case_of(f, i, k), hand, &s->part[d]));
+        APSM_TRY(fit_part(ctx, f, d, case_of(f, i, k), hand, NULL, &s->part[d]));
         s->fitted[d] = s->part[d].J > 0;
     }
     return APSM_OK;
+}
+
+/* Whether another pose of the part fits about as well. */
+static bool is_turn_open(const joint_subject_fit *s, size_t d)
+{
+    return s->fitted[d] && !s->part[d].partial && s->part[d].runner_up < APSM_AMBIGUOUS_RATIO;
+}
+
+/* start (16, out): from the input to the part's world, by where s->original says that it is. */
+static void start_of(const joint_model *m, const joint_subject_fit *s, size_t d, double *x,
+                     double start[16])
+{
+    const model_part *p = &m->folder.part[d];
+    double F[16];
+    apsm_affine_identity(F);
+    if (s->mirrored) F[0] = -1;
+    apsm_affine_apply(F, p->J, s->original + 3 * p->first, x);
+    apsm_affine_fit(p->J, x, m->part[d]->model.mean, NULL, m->scale, start);
+    apsm_affine_multiply(start, F, start);
+}
+
+/* Part d anew from where the others let expect it; taken if it fits there about as well. */
+static apsm_status turn_part(apsm_context *ctx, const fitting *f, size_t i, size_t k, double *x)
+{
+    joint_subject_fit *s = &f->subject[i];
+    const size_t d = f->part_of[k];
+    const int hand = s->mirrored ? APSM_HAND_OTHER : APSM_HAND_SAME;
+    double start[16];
+    apsm_fit fit = { 0 };
+    start_of(&f->m, s, d, x, start);
+    APSM_TRY(fit_part(ctx, f, d, case_of(f, i, k), hand, start, &fit));
+    const bool better =
+        fit.J > 0 && fit.pose_residual <= APSM_GIVEN_RATIO * s->part[d].pose_residual;
+    apsm_fit *gone = better ? &s->part[d] : &fit;
+    const apsm_fit kept = better ? fit : s->part[d];
+    apsm_fit_free(gone);
+    s->part[d] = kept;
+    return APSM_OK;
+}
+
+/* s->fitted <- of those that were, the ones whose turn is told by their own surface: at least the
+ * one of which it is told best.  Returns how many are not. */
+static size_t leave_sure(size_t n, const bool *was, joint_subject_fit *s)
+{
+    size_t open = 0, sure = 0, best = n;
+    for (size_t d = 0; d < n; d++) {
+        s->fitted[d] = was[d];
+        if (!is_turn_open(s, d)) continue;
+        if (best == n || s->part[d].runner_up > s->part[best].runner_up) best = d;
+    }
+    for (size_t d = 0; d < n; d++) {
+        const bool is_open = is_turn_open(s, d);
+        if (is_open) s->fitted[d] = false;
+        open += is_open;
+        sure += s->fitted[d];
+    }
+    if (sure > 0 || open == 0) return open;
+    s->fitted[best] = true;
+    return open - 1;
+}
+
+/* Parts whose own surface does not tell how they are turned: the others do, if there are any. */
+static apsm_status settle_turns(apsm_context *ctx, const fitting *f, size_t i)
+{
+    joint_subject_fit *s = &f->subject[i];
+    const size_t n = f->m.n;
+    bool *was = malloc(2 * n * sizeof *was), *open = was + n;
+    double *x = malloc(3 * f->m.folder.J * sizeof *x);
+    apsm_status status = was && x ? APSM_OK : APSM_ERR_MEMORY;
+    size_t number = 0;
+    if (status == APSM_OK) {
+        memcpy(was, s->fitted, n * sizeof *was);
+        number = leave_sure(n, was, s);
+        if (number > 0) status = lay(&f->m, s);
+        for (size_t d = 0; d < n; d++) open[d] = was[d] && !s->fitted[d];
+        memcpy(s->fitted, was, n * sizeof *was);
+    }
+    for (size_t k = 0; k < f->job.n && status == APSM_OK && number > 0; k++)
+        if (open[f->part_of[k]]) status = turn_part(ctx, f, i, k, x);
+    free(was);
+    free(x);
+    return status;
 }
 
 static bool alloc_subject(const joint_model *m, joint_subject_fit *s)
@@ -346,7 +437,7 @@ static apsm_status fit_parts(apsm_context *ctx, const fitting *f, size_t i)
         s->path[d] = c->path;
         s->given++;
         if (!apsm_is_folder(c->path)) APSM_TRY(apsm_sha256_file(ctx, c->path, s->sha256[d]));
-        APSM_TRY(fit_part(ctx, f, d, c, f->options.hand, &s->part[d]));
+        APSM_TRY(fit_part(ctx, f, d, c, f->options.hand, NULL, &s->part[d]));
         s->fitted[d] = s->part[d].J > 0;
         if (s->fitted[d]) continue;
         s->refused++;
@@ -375,6 +466,7 @@ static apsm_status fit_subject(apsm_context *ctx, size_t i, int worker, void *us
     apsm_status status = fit_parts(ctx, f, i);
     if (status == APSM_OK && s->refused == 0) {
         status = settle_hand(ctx, f, i);
+        if (status == APSM_OK) status = settle_turns(ctx, f, i);
         if (status == APSM_OK) status = joint_put_together(ctx, &f->m, s);
         if (status == APSM_OK) status = joint_fit_write_subject(ctx, f->o->folder, &f->m, s);
     }

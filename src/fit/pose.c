@@ -55,25 +55,41 @@ static void close_search(search *s)
     free(s->work);
 }
 
-/* Whether the rotation in M is within 60 degrees of the cohort's common one. */
-static bool hardly_turns(const apsm_fit_model *m, const double M[16])
+/* U (9, out): the rotation that the cohort's shapes have in common, of those of the other hand
+ * after the reflection that turns them to the model's side (x negated, as grooming does). */
+static void usual_rotation(const apsm_fit_model *m, bool mirrored, double U[9])
+{
+    for (size_t k = 0; k < 9; k++) U[k] = mirrored && k % 3 == 0 ? -m->common[k] : m->common[k];
+}
+
+/* Whether the rotation in M is within 60 degrees of U. */
+static bool hardly_turns(const double U[9], const double M[16])
 {
     double trace = 0;
-    for (size_t k = 0; k < 9; k++) trace += m->common[k] * M[4 * (k / 3) + k % 3];
+    for (size_t k = 0; k < 9; k++) trace += U[k] * M[4 * (k / 3) + k % 3];
     return trace / vec3_norm(M) > 2;
+}
+
+/* Size is removed, unless it would make up for what was cut off. */
+static apsm_icp_options search_options(const search *s)
+{
+    apsm_icp_options icp = icp_options(s->m);
+    icp.scale |= s->cloud.cuts + s->m->cloud.cuts == 0;
+    return icp;
 }
 
 /* The best pose of one hand. */
 static void search_hand(search *s, bool mirrored, apsm_pose *best)
 {
-    apsm_icp_options icp = icp_options(s->m);
-    icp.scale |= s->cloud.cuts + s->m->cloud.cuts == 0;
+    double U[9];
+    apsm_icp_options icp = search_options(s);
+    usual_rotation(s->m, mirrored, U);
     apsm_pose_search(&s->moving, &s->fixed, mirrored, &icp, best, s->work);
-    if (!(s->m->oriented > 0) || mirrored || hardly_turns(s->m, best->M)) return;
+    if (!(s->m->oriented > 0) || hardly_turns(U, best->M)) return;
     apsm_pose given;
-    icp.usual = s->m->common;
-    apsm_pose_from(&s->moving, &s->fixed, s->m->common, &icp, &given, s->work);
-    if (!hardly_turns(s->m, given.M) || given.residual > APSM_GIVEN_RATIO * best->residual) return;
+    icp.usual = U;
+    apsm_pose_from(&s->moving, &s->fixed, U, &icp, &given, s->work);
+    if (!hardly_turns(U, given.M) || given.residual > APSM_GIVEN_RATIO * best->residual) return;
     given.runner_up = fmin(best->residual, best->runner_up);
     *best = given;
 }
@@ -97,7 +113,7 @@ static void search_hands(search *s, const apsm_fit_options *o, fit_pose *out)
         (o->hand == APSM_HAND_AUTO && other.residual < APSM_MIRROR_RATIO * same.residual);
     const apsm_pose *best = out->mirrored ? &other : &same;
     memcpy(out->M, best->M, sizeof out->M);
-    out->usual = s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m, out->M);
+    out->usual = s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m->common, out->M);
     out->residual = best->residual / s->fixed.cloud->radius;
     out->runner_up = fmax(1, ratio(best->runner_up, best->residual));
     out->mirror_ratio = o->hand == APSM_HAND_AUTO
@@ -109,9 +125,9 @@ static void search_hands(search *s, const apsm_fit_options *o, fit_pose *out)
 static void register_to_rest(search *s, fit_pose *out)
 {
     apsm_icp_options icp = icp_options(s->m);
-    double residual;
-    if (s->m->oriented > 0 && !out->mirrored && hardly_turns(s->m, out->M))
-        icp.usual = s->m->common;
+    double residual, U[9];
+    usual_rotation(s->m, out->mirrored, U);
+    if (s->m->oriented > 0 && hardly_turns(U, out->M)) icp.usual = U;
     if (!icp.scale) apsm_affine_remove_scale(s->cloud.centre, out->M);
     apsm_icp(&s->moving, &s->fixed, &icp, out->M, &residual, s->work);
     icp.points = 0;
@@ -120,6 +136,17 @@ static void register_to_rest(search *s, fit_pose *out)
     apsm_icp_to_rest(&(apsm_surface){ s->moving.bvh, &s->dense },
                      &(apsm_surface){ s->fixed.bvh, &s->m->dense }, &icp, out->M, &residual,
                      s->work);
+}
+
+/* The pose that is given, brought to rest. */
+static void start_from(search *s, const double start[16], fit_pose *out)
+{
+    const apsm_icp_options icp = search_options(s);
+    double residual;
+    memcpy(out->M, start, sizeof out->M);
+    apsm_icp(&s->moving, &s->fixed, &icp, out->M, &residual, s->work);
+    out->mirrored = apsm_affine_det(out->M) < 0;
+    out->residual = residual / s->fixed.cloud->radius;
 }
 
 /* Integrals over a face of |x - c|^2 and of x - c, over its area. */
@@ -168,7 +195,10 @@ apsm_status fit_pose_find(const apsm_fit_model *m, const apsm_mesh *mesh, const 
     apsm_status status = open_search(m, mesh, bvh, &s);
     if (status == APSM_OK) {
         pose->size = s.cloud.radius / m->cloud.radius;
-        search_hands(&s, options, pose);
+        if (options->start)
+            start_from(&s, options->start, pose);
+        else
+            search_hands(&s, options, pose);
         register_to_rest(&s, pose);
     }
     close_search(&s);
