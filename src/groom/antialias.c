@@ -43,19 +43,22 @@ static const float expected[] = { 0.0f, 1.0f, 0.0f, 1.0f, 0.0f, 0.65f, 0.35f };
 typedef struct run {
     size_t row;
     uint32_t from, to;
+    size_t first; /* of its nodes among those of all runs */
 } run;
 
 typedef struct work {
     const antialias_input *in;
-    size_t n[3]; /* of the fine grid */
-    float w[3];  /* G along an axis: w, 1 - 2w, w */
-    float *u, *y, *r;
-    unsigned char *kind; /* fine; only meaningful in runs */
-    run *runs;
-    size_t count;
-    float *line; /* n[0] + 2 */
+    size_t n[3];         /* of the fine grid */
+    float w[3];          /* G along an axis: w, 1 - 2w, w */
+    float *u, *y;        /* fine */
+    float *r[3];         /* (I - G) y in plane z of the fine grid is r[z % 3]; 0 where no run is */
+    run *runs;           /* by rows */
+    size_t *plane;       /* plane z has the runs plane[z] .. plane[z + 1] - 1; n[2] + 1 */
+    size_t count, nodes; /* of runs, and of all nodes in them */
+    unsigned char *kind; /* nodes */
+    float *target;       /* nodes: M of slices far apart; or NULL */
+    float *line;         /* 2 n[0] + 4 */
     float mu, level, margin;
-    float *target; /* M of slices far apart, fine; or NULL */
 } work;
 
 static size_t reach_of(const antialias_input *in, int axis)
@@ -151,7 +154,7 @@ static size_t row_runs(const work *w, const unsigned char *near, size_t y, size_
         size_t from = x * rx, to = (end - 1) * rx + 1;
         if (from == 0) from = 1;
         if (to > w->n[0] - 1) to = w->n[0] - 1;
-        if (runs) runs[count] = (run){ y + w->n[1] * z, (uint32_t)from, (uint32_t)to };
+        if (runs) runs[count] = (run){ y + w->n[1] * z, (uint32_t)from, (uint32_t)to, 0 };
         count++;
         x = end;
     }
@@ -167,6 +170,20 @@ static size_t all_runs(const work *w, const unsigned char *near, run *runs)
     return count;
 }
 
+/* Where the nodes of each run begin, and the runs of each plane. */
+static void number_runs(work *w)
+{
+    size_t k = 0;
+    for (size_t z = 0; z < w->n[2]; z++) {
+        w->plane[z] = k;
+        for (; k < w->count && w->runs[k].row < w->n[1] * (z + 1); k++) {
+            w->runs[k].first = w->nodes;
+            w->nodes += w->runs[k].to - w->runs[k].from;
+        }
+    }
+    w->plane[w->n[2]] = k;
+}
+
 static apsm_status find_runs(work *w)
 {
     unsigned char *near = malloc(w->in->n[0] * w->in->n[1] * w->in->n[2]);
@@ -175,9 +192,12 @@ static apsm_status find_runs(work *w)
     dilate(w->in, near);
     w->count = all_runs(w, near, NULL);
     w->runs = malloc((w->count + 1) * sizeof *w->runs);
+    w->plane = malloc((w->n[2] + 1) * sizeof *w->plane);
     if (w->runs) (void)all_runs(w, near, w->runs);
+    if (w->runs && w->plane) number_runs(w);
     free(near);
-    return w->runs ? APSM_OK : APSM_ERR_MEMORY;
+    w->kind = malloc(w->nodes + 1);
+    return w->runs && w->plane && w->kind ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 /* --- the start: M, linear between its nodes ------------------------------------------------ */
@@ -215,51 +235,74 @@ static unsigned char node_kind(const antialias_input *in, unsigned char inside, 
     return inside ? INNER_LOOSE : OUTER_LOOSE;
 }
 
-static void start(work *w, const unsigned char *firm)
+/* The kinds of a run's nodes. */
+static void mark_run(const work *w, const run *p, const unsigned char *firm)
 {
     const antialias_input *in = w->in;
-    const size_t *r =
-        (const size_t[3]){ (size_t)in->refine[0], (size_t)in->refine[1], (size_t)in->refine[2] };
-    size_t i = 0;
-    for (size_t z = 0; z < w->n[2]; z++)
-        for (size_t y = 0; y < w->n[1]; y++)
-            for (size_t x = 0; x < w->n[0]; x++, i++) {
-                const bool node = x % r[0] == 0 && y % r[1] == 0 && z % r[2] == 0;
-                if (node) {
-                    const size_t at = x / r[0] + in->n[0] * (y / r[1] + in->n[1] * (z / r[2]));
-                    w->kind[i] = node_kind(in, in->mask[at], firm[at]);
-                    w->u[i] = (float)in->mask[at];
-                } else {
-                    w->kind[i] = FREE;
-                    w->u[i] = mask_between(in, x, y, z);
-                }
-            }
-    if (w->target) memcpy(w->u, w->target, i * sizeof *w->u);
-    memcpy(w->y, w->u, i * sizeof *w->y);
-    memset(w->r, 0, i * sizeof *w->r);
+    const size_t rx = (size_t)in->refine[0], ry = (size_t)in->refine[1], rz = (size_t)in->refine[2];
+    const size_t y = p->row % w->n[1], z = p->row / w->n[1];
+    unsigned char *kind = w->kind + p->first;
+    for (size_t x = p->from; x < p->to; x++) {
+        const bool node = x % rx == 0 && y % ry == 0 && z % rz == 0;
+        const size_t at = x / rx + in->n[0] * (y / ry + in->n[1] * (z / rz));
+        *kind++ = node ? node_kind(in, in->mask[at], firm[at]) : FREE;
+    }
 }
 
-/* What stands for M where slices are far apart. */
-static apsm_status set_target(work *w)
+/* u <- M. */
+static void start_values(work *w)
+{
+    const antialias_input *in = w->in;
+    const bool same = w->n[0] == in->n[0] && w->n[1] == in->n[1] && w->n[2] == in->n[2];
+    const size_t count = w->n[0] * w->n[1] * w->n[2];
+    size_t i = 0;
+    if (same)
+        for (; i < count; i++) w->u[i] = (float)in->mask[i];
+    for (size_t z = 0; z < w->n[2] && !same; z++)
+        for (size_t y = 0; y < w->n[1]; y++)
+            for (size_t x = 0; x < w->n[0]; x++) w->u[i++] = mask_between(in, x, y, z);
+}
+
+/* u, and what stands for M in the runs, where slices are far apart. */
+static apsm_status start_between(work *w, int axis)
+{
+    w->margin = slice_margin * between_slope(w->in, axis);
+    w->target = malloc((w->nodes + 1) * sizeof *w->target);
+    if (!w->target) return APSM_ERR_MEMORY;
+    APSM_TRY(between_slices(w->in, axis, w->u));
+    for (size_t k = 0; k < w->count; k++) {
+        const run *p = &w->runs[k];
+        memcpy(w->target + p->first, w->u + p->row * w->n[0] + p->from,
+               (p->to - p->from) * sizeof *w->u);
+    }
+    return APSM_OK;
+}
+
+static apsm_status start(work *w, const unsigned char *firm)
 {
     const int axis = between_axis(w->in);
+    for (size_t k = 0; k < w->count; k++) mark_run(w, &w->runs[k], firm);
     w->margin = voxel_margin;
-    if (axis < 0) return APSM_OK;
-    w->margin = slice_margin * between_slope(w->in, axis);
-    w->target = malloc(w->n[0] * w->n[1] * w->n[2] * sizeof *w->target);
-    return w->target ? between_slices(w->in, axis, w->target) : APSM_ERR_MEMORY;
+    if (axis < 0)
+        start_values(w);
+    else
+        APSM_TRY(start_between(w, axis));
+    memcpy(w->y, w->u, w->n[0] * w->n[1] * w->n[2] * sizeof *w->y);
+    return APSM_OK;
 }
 
 /* --- iterations ----------------------------------------------------------------------------- */
 
-/* out[0..n) <- (I - G) f on a run; f points at its first node.  line: n + 2 scratch. */
+/* out[0..n) <- (I - G) f on a run; f, lo and hi point at its first node, in its plane and those
+ * below and above.  line: n + 2 scratch. */
 APSM_KERNEL
-static void minus_filtered(const float *restrict f, ptrdiff_t row, ptrdiff_t plane, size_t n,
-                           const float w[3], float *restrict line, float *restrict out)
+static void minus_filtered(const float *restrict f, const float *below, const float *above,
+                           ptrdiff_t row, size_t n, const float w[3], float *restrict line,
+                           float *restrict out)
 {
     const float cy = 1.0f - 2.0f * w[1], cz = 1.0f - 2.0f * w[2], cx = 1.0f - 2.0f * w[0];
     const float a = cy * cz, b = w[1] * cz, c = cy * w[2], d = w[1] * w[2];
-    const float *m = f - 1, *lo = m - plane, *hi = m + plane;
+    const float *m = f - 1, *lo = below - 1, *hi = above - 1;
     for (ptrdiff_t i = 0; i < (ptrdiff_t)n + 2; i++)
         line[i] = a * m[i] + b * (m[i - row] + m[i + row]) + c * (lo[i] + hi[i]) +
                   d * ((lo[i - row] + lo[i + row]) + (hi[i - row] + hi[i + row]));
@@ -276,9 +319,10 @@ static inline float project(unsigned char kind, float level, float margin, float
 
 /* One node row: gradient step from y, projection to (A2), extrapolation by beta. */
 APSM_KERNEL
-static void step_row(const work *w, size_t at, size_t n, const float *restrict gradient, float beta)
+static void step_row(const work *w, const run *p, const float *restrict gradient, float beta)
 {
-    const unsigned char *const kind = w->kind + at;
+    const size_t at = p->row * w->n[0] + p->from, n = p->to - p->from;
+    const unsigned char *const kind = w->kind + p->first;
     const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
     float *restrict u = w->u + at, *restrict y = w->y + at;
     for (size_t i = 0; i < n; i++) {
@@ -291,11 +335,12 @@ static void step_row(const work *w, size_t at, size_t n, const float *restrict g
 
 /* The same for slices far apart. */
 APSM_KERNEL
-static void step_row_between(const work *w, size_t at, size_t n, const float *restrict gradient,
+static void step_row_between(const work *w, const run *p, const float *restrict gradient,
                              float beta)
 {
-    const unsigned char *const kind = w->kind + at;
-    const float *const target = w->target + at;
+    const size_t at = p->row * w->n[0] + p->from, n = p->to - p->from;
+    const unsigned char *const kind = w->kind + p->first;
+    const float *const target = w->target + p->first;
     const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
     float *restrict u = w->u + at, *restrict y = w->y + at;
     for (size_t i = 0; i < n; i++) {
@@ -306,25 +351,55 @@ static void step_row_between(const work *w, size_t at, size_t n, const float *re
     }
 }
 
-/* r <- (I - G) y, then y, u <- a step along -(I - G) r - mu (y - M). */
-static void iterate(work *w, float beta)
+/* r of plane z <- 0 in the runs of plane `of`, which held its memory before. */
+static void clear_plane(const work *w, size_t z, size_t of)
+{
+    for (size_t k = w->plane[of]; k < w->plane[of + 1]; k++) {
+        const run *const p = &w->runs[k];
+        const size_t at = (p->row - of * w->n[1]) * w->n[0] + p->from;
+        memset(w->r[z % 3] + at, 0, (p->to - p->from) * sizeof *w->r[0]);
+    }
+}
+
+/* r <- (I - G) y in plane z. */
+static void filter_plane(const work *w, size_t z)
 {
     const ptrdiff_t row = (ptrdiff_t)w->n[0], plane = row * (ptrdiff_t)w->n[1];
-    float *gradient = w->line + w->n[0] + 2;
-    for (size_t k = 0; k < w->count; k++) {
-        const run *p = &w->runs[k];
-        const size_t at = p->row * w->n[0] + p->from;
-        minus_filtered(w->y + at, row, plane, p->to - p->from, w->w, w->line, w->r + at);
+    for (size_t k = w->plane[z]; k < w->plane[z + 1]; k++) {
+        const run *const p = &w->runs[k];
+        const float *const y = w->y + p->row * w->n[0] + p->from;
+        const size_t at = (p->row - z * w->n[1]) * w->n[0] + p->from;
+        minus_filtered(y, y - plane, y + plane, row, p->to - p->from, w->w, w->line,
+                       w->r[z % 3] + at);
     }
-    for (size_t k = 0; k < w->count; k++) {
-        const run *p = &w->runs[k];
-        const size_t at = p->row * w->n[0] + p->from, n = p->to - p->from;
-        minus_filtered(w->r + at, row, plane, n, w->w, w->line, gradient);
+}
+
+/* y, u <- a step along -(I - G) r - mu (y - M) in plane z. */
+static void step_plane(const work *w, size_t z, float beta)
+{
+    float *const gradient = w->line + w->n[0] + 2;
+    for (size_t k = w->plane[z]; k < w->plane[z + 1]; k++) {
+        const run *const p = &w->runs[k];
+        const size_t at = (p->row - z * w->n[1]) * w->n[0] + p->from;
+        minus_filtered(w->r[z % 3] + at, w->r[(z + 2) % 3] + at, w->r[(z + 1) % 3] + at,
+                       (ptrdiff_t)w->n[0], p->to - p->from, w->w, w->line, gradient);
         if (w->target)
-            step_row_between(w, at, n, gradient, beta);
+            step_row_between(w, p, gradient, beta);
         else
-            step_row(w, at, n, gradient, beta);
+            step_row(w, p, gradient, beta);
     }
+}
+
+/* One iteration, plane after plane: r of a plane and of those beside it, then its step.  No run is
+ * in the first and last planes. */
+static void iterate(work *w, float beta)
+{
+    for (size_t z = 1; z < w->n[2]; z++) {
+        if (z >= 3) clear_plane(w, z, z - 3);
+        filter_plane(w, z);
+        step_plane(w, z - 1, beta);
+    }
+    for (size_t z = w->n[2] < 3 ? 0 : w->n[2] - 3; z < w->n[2]; z++) clear_plane(w, z, z);
 }
 
 /* --- volume ---------------------------------------------------------------------------------- */
@@ -417,7 +492,7 @@ static void set_filter(work *w)
 }
 
 /* Least depth of a firm inner node below the level. */
-static double least_depth(const work *w)
+static double least_depth(const work *w, const unsigned char *firm)
 {
     const antialias_input *in = w->in;
     float least = 1.0f;
@@ -425,45 +500,57 @@ static double least_depth(const work *w)
     for (size_t z = 0; z < in->n[2]; z++)
         for (size_t y = 0; y < in->n[1]; y++)
             for (size_t x = 0; x < in->n[0]; x++, i++)
-                if (in->mask[i]) {
+                if (in->mask[i] && firm[i] == THIN_FIRM) {
                     const size_t at =
                         x * (size_t)in->refine[0] +
                         w->n[0] * (y * (size_t)in->refine[1] + w->n[1] * z * (size_t)in->refine[2]);
-                    if (w->kind[at] == INNER) least = fminf(least, w->u[at] - w->level);
+                    least = fminf(least, w->u[at] - w->level);
                 }
     return least;
+}
+
+/* What does not depend on the runs. */
+static apsm_status make_scratch(work *w)
+{
+    const size_t count = w->n[0] * w->n[1] * w->n[2], plane = w->n[0] * w->n[1];
+    w->y = malloc(count * sizeof *w->y);
+    w->line = malloc((2 * w->n[0] + 4) * sizeof *w->line);
+    float *const r = calloc(3 * plane, sizeof *r);
+    for (size_t k = 0; k < 3 && r; k++) w->r[k] = r + k * plane;
+    return w->y && w->line && r ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+static void free_scratch(work *w)
+{
+    free(w->y);
+    free(w->r[0]);
+    free(w->runs);
+    free(w->plane);
+    free(w->kind);
+    free(w->target);
+    free(w->line);
 }
 
 apsm_status antialias(const antialias_input *in, float *values, double *inward)
 {
     work w = { .in = in, .u = values, .level = 0.5f };
-    antialias_fine(in, w.n);
-    const size_t count = w.n[0] * w.n[1] * w.n[2];
     const double s = in->smoothing;
+    antialias_fine(in, w.n);
     w.mu = s > 0.0 ? (float)(fidelity / (s * s * s * s)) : 0.0f;
     set_filter(&w);
-    w.y = malloc(count * sizeof *w.y);
-    w.r = malloc(count * sizeof *w.r);
-    w.kind = malloc(count);
-    w.line = malloc((2 * w.n[0] + 4) * sizeof *w.line);
     uint32_t *bins = malloc(BINS * sizeof *bins);
     unsigned char *firm = malloc(in->n[0] * in->n[1] * in->n[2]);
-    apsm_status status =
-        w.y && w.r && w.kind && w.line && bins && firm ? find_runs(&w) : APSM_ERR_MEMORY;
+    apsm_status status = bins && firm ? find_runs(&w) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = make_scratch(&w);
     if (status == APSM_OK) status = thin_mark(in->n, in->mask, firm);
-    if (status == APSM_OK) status = set_target(&w);
+    if (status == APSM_OK) status = start(&w, firm);
     if (status == APSM_OK) {
-        start(&w, firm);
         if (s > 0.0) smooth(&w, bins);
-        *inward = 0.9 * least_depth(&w);
+        *inward = 0.9 * least_depth(&w, firm);
+        const size_t count = w.n[0] * w.n[1] * w.n[2];
         for (size_t i = 0; i < count; i++) values[i] = w.level - values[i];
     }
-    free(w.y);
-    free(w.r);
-    free(w.kind);
-    free(w.target);
-    free(w.line);
-    free(w.runs);
+    free_scratch(&w);
     free(bins);
     free(firm);
     return status;
