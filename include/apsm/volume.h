@@ -18,7 +18,9 @@ typedef struct apsm_segment {
 /* Voxel (i,j,k) has label[i + n[0] * (j + n[1] * k)] and its centre at
  * origin + direction * (spacing[0] i, spacing[1] j, spacing[2] k) in LPS mm.  direction is
  * row-major; its columns are the grid's axes as unit vectors (det may be -1; a tilted gantry makes
- * axes that are not at right angles).  Owns its arrays; zero-initialise with {0}. */
+ * axes that are not at right angles).  Of an image that is empty around its shape only a part may
+ * be held: voxel (i,j,k) is then number first + (i,j,k) of `whole` voxels, and origin is the place
+ * of the image's first.  Owns its arrays; zero-initialise with {0}. */
 typedef struct apsm_volume {
     size_t n[3];
     double origin[3], spacing[3], direction[9];
@@ -29,6 +31,7 @@ typedef struct apsm_volume {
     float *value;          /* instead of labels: a function, such as a distance or a probability */
     char *picked; /* names of the labels that a mask was made of: "1 talus, 2 tibia", or NULL */
     char *notes;  /* what of the header had to be decided: lines, or NULL */
+    size_t first[3], whole[3]; /* of a part; whole 0: all of the image is held */
 } apsm_volume;
 
 APSM_API void apsm_volume_free(apsm_volume *volume);
@@ -37,7 +40,7 @@ APSM_API apsm_status apsm_volume_note(apsm_context *ctx, const char *path, apsm_
                                       const char *format, ...) APSM_PRINTF(4, 5) APSM_NODISCARD;
 /* to is overwritten, not freed; {0} on failure. */
 APSM_API apsm_status apsm_volume_copy(const apsm_volume *from, apsm_volume *to) APSM_NODISCARD;
-/* Row-major 4 x 4 map from (i,j,k) to LPS. */
+/* Row-major 4 x 4 map from (i,j,k), counted from the image's first voxel, to LPS. */
 APSM_API void apsm_volume_index_to_lps(const apsm_volume *volume, double M[16]);
 
 #ifdef __cplusplus

@@ -94,7 +94,7 @@ static apsm_status read_part(apsm_context *ctx, const sharing *s, size_t i, int 
     if (status == APSM_OK)
         status = shape.is_mesh
                      ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &opt, mesh, NULL)
-                     : apsm_groom_segmentation(ctx, c->path, &shape.volume, &opt, mesh, NULL);
+                     : groom_taken_segmentation(ctx, c->path, &shape.volume, &opt, mesh, NULL);
     apsm_input_shape_free(&shape);
     apsm_labels_free(&labels);
     return status;

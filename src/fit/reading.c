@@ -45,7 +45,7 @@ apsm_status fit_read_surface(apsm_context *ctx, const fit_reading *r, const apsm
     if (status == APSM_OK && shape.is_mesh)
         status = groom_surface(ctx, r, c->path, &shape.mesh, mesh, extent);
     else if (status == APSM_OK) {
-        status = apsm_groom_segmentation(ctx, c->path, &shape.volume, &r->groom, mesh, &report);
+        status = groom_taken_segmentation(ctx, c->path, &shape.volume, &r->groom, mesh, &report);
         if (*extent == APSM_EXTENT_AUTO)
             *extent = report.border ? APSM_EXTENT_PART : APSM_EXTENT_WHOLE;
     }

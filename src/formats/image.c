@@ -244,12 +244,12 @@ static apsm_status refuse_extension(apsm_context *ctx, const char *path)
         "%s: not an image format known here; use .nrrd, .nii, .nii.gz, .mha, .mgz or .tif", path);
 }
 
-apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
-                              apsm_volume *volume)
+static apsm_status from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
+                              bool foreground, apsm_volume *volume)
 {
     bool binary = true;
     const reader read = reader_of(path, &binary);
-    image m = { .layers = 1, .slope = 1.0 };
+    image m = { .layers = 1, .slope = 1.0, .foreground = foreground };
     scan s = binary
                  ? (scan){ .ctx = ctx, .path = path, .bytes = bytes, .size = size, .binary = true }
                  : scan_begin(ctx, path, bytes, size);
@@ -259,14 +259,31 @@ apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *b
     return image_finish(&s, &m, volume);
 }
 
-apsm_status apsm_read_volume(apsm_context *ctx, const char *path, apsm_volume *volume)
+apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
+                              apsm_volume *volume)
+{
+    return from_bytes(ctx, path, bytes, size, false, volume);
+}
+
+static apsm_status read_volume(apsm_context *ctx, const char *path, bool foreground,
+                               apsm_volume *volume)
 {
     char *bytes;
     size_t size;
     *volume = (apsm_volume){ 0 };
     if (!volume_is_known(path)) return refuse_extension(ctx, path);
     APSM_TRY(input_file_read(ctx, path, &bytes, &size));
-    const apsm_status status = volume_from_bytes(ctx, path, bytes, size, volume);
+    const apsm_status status = from_bytes(ctx, path, bytes, size, foreground, volume);
     free(bytes);
     return status;
+}
+
+apsm_status apsm_read_volume(apsm_context *ctx, const char *path, apsm_volume *volume)
+{
+    return read_volume(ctx, path, false, volume);
+}
+
+apsm_status volume_read_foreground(apsm_context *ctx, const char *path, apsm_volume *volume)
+{
+    return read_volume(ctx, path, true, volume);
 }

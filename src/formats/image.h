@@ -21,6 +21,7 @@ typedef struct image {
     const unsigned char *data; /* borrowed: where the packed, plain or written values are */
     size_t size, lead;         /* lead: bytes before the first voxel, once unpacked */
     char *detached;            /* the bytes of a data file; owned */
+    bool foreground;           /* set by who wants no more than what is around the labels */
     apsm_volume volume;        /* gets segments, notes, labels */
 } image;
 
@@ -47,6 +48,10 @@ bool volume_is_known(const char *path);
 /* "um", "mm", "m" ... in mm; 0 if it is none of them. */
 double unit_in_mm(word name);
 
+/* As apsm_read_volume, but of an image that is empty around its labels only the part with them, and
+ * a voxel around, where there is one: see apsm_volume. */
+apsm_status volume_read_foreground(apsm_context *ctx, const char *path,
+                                   apsm_volume *volume) APSM_NODISCARD;
 /* An image from bytes in memory, by path's extension: what apsm_read_volume does with them. */
 apsm_status volume_from_bytes(apsm_context *ctx, const char *path, const char *bytes, size_t size,
                               apsm_volume *volume) APSM_NODISCARD;

@@ -94,33 +94,103 @@ static apsm_status values_of(apsm_context *ctx, const char *path, const image *m
     return APSM_OK;
 }
 
-/* The voxel (i, j, k) is no label. */
+/* The voxel at[] is no label. */
 static apsm_status not_a_label(apsm_context *ctx, const char *path, const image *m,
-                               apsm_volume *volume, size_t i, size_t j, size_t k)
+                               apsm_volume *volume, const size_t at[3])
 {
-    const double x = value_at(m, place_of(m, j, k, 0) + i * m->stride[0]);
+    const double x = value_at(m, place_of(m, at[1], at[2], 0) + at[0] * m->stride[0]);
     free(volume->label);
     volume->label = NULL;
     if (m->layers == 1 && fabs(x) < 1e38 && floor(x) != x) return values_of(ctx, path, m, volume);
     return apsm_fail(ctx, APSM_ERR_FORMAT,
                      "%s: voxel (%zu, %zu, %zu) holds %g, which is not a label; give a "
                      "segmentation with integer values",
-                     path, i, j, k, x);
+                     path, at[0], at[1], at[2], x);
+}
+
+/* ---- what is around the labels ---- */
+
+/* lo, hi (inclusive, in and out) <- what reaches to the bytes of a row that are not 0. */
+static void grow_along(const unsigned char *row, size_t n, size_t size, size_t *lo, size_t *hi)
+{
+    size_t from = 0, to = n * size;
+    if (row[0] == 0 && memcmp(row, row + 1, to - 1) == 0) return;
+    while (!row[from]) from++;
+    while (!row[to - 1]) to--;
+    if (from / size < *lo) *lo = from / size;
+    if ((to - 1) / size > *hi) *hi = (to - 1) / size;
+}
+
+/* The box of voxels that are not 0, with one more on every side where there is one; false if there
+ * are none. */
+static bool find_box(const image *m, size_t lo[3], size_t hi[3])
+{
+    const size_t size = scalar_size(m->type);
+    bool any = false;
+    for (int c = 0; c < 3; c++) lo[c] = SIZE_MAX, hi[c] = 0;
+    for (size_t k = 0; k < m->n[2]; k++)
+        for (size_t j = 0; j < m->n[1]; j++) {
+            size_t from = SIZE_MAX, to = 0;
+            grow_along(m->data + size * place_of(m, j, k, 0), m->n[0], size, &from, &to);
+            if (from == SIZE_MAX) continue;
+            const size_t first[3] = { from, j, k }, last[3] = { to, j, k };
+            for (int c = 0; c < 3; c++) {
+                if (first[c] < lo[c]) lo[c] = first[c];
+                if (last[c] > hi[c]) hi[c] = last[c];
+            }
+            any = true;
+        }
+    for (int c = 0; c < 3 && any; c++) {
+        lo[c] -= lo[c] > 0;
+        hi[c] += hi[c] + 1 < m->n[c];
+    }
+    return any;
+}
+
+/* The part of the image that is held in volume, as an image by itself. */
+static image part_of(const image *m, apsm_volume *volume)
+{
+    image part = *m;
+    size_t lo[3], hi[3];
+    if (!m->foreground || m->layers != 1 || m->stride[0] != 1 || !is_stored_as_meant(m) ||
+        !find_box(m, lo, hi))
+        return part;
+    part.data += scalar_size(m->type) * (place_of(m, lo[1], lo[2], 0) + lo[0]);
+    for (int c = 0; c < 3; c++) {
+        part.n[c] = volume->n[c] = hi[c] - lo[c] + 1;
+        volume->first[c] = lo[c];
+        volume->whole[c] = m->n[c];
+    }
+    return part;
+}
+
+/* Back to all of it. */
+static void hold_whole(const image *m, apsm_volume *volume)
+{
+    for (int c = 0; c < 3; c++) {
+        volume->n[c] = m->n[c];
+        volume->first[c] = volume->whole[c] = 0;
+    }
 }
 
 apsm_status labels_of(apsm_context *ctx, const char *path, const image *m, apsm_volume *volume)
 {
-    const size_t voxels = m->n[0] * m->n[1] * m->n[2], size = scalar_size(m->type);
+    const image part = part_of(m, volume);
+    const size_t *const n = part.n, voxels = n[0] * n[1] * n[2], size = scalar_size(m->type);
     int32_t *const label = malloc(m->layers * voxels * sizeof *label);
     if (!label) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     volume->label = label;
     volume->layers = m->layers;
     for (size_t l = 0; l < m->layers; l++)
-        for (size_t k = 0; k < m->n[2]; k++)
-            for (size_t j = 0; j < m->n[1]; j++) {
-                int32_t *const row = label + l * voxels + m->n[0] * (j + m->n[1] * k);
-                const size_t good = label_row(m, m->data + size * place_of(m, j, k, l), row);
-                if (good < m->n[0]) return not_a_label(ctx, path, m, volume, good, j, k);
+        for (size_t k = 0; k < n[2]; k++)
+            for (size_t j = 0; j < n[1]; j++) {
+                int32_t *const row = label + l * voxels + n[0] * (j + n[1] * k);
+                const size_t good = label_row(&part, part.data + size * place_of(m, j, k, l), row);
+                if (good == n[0]) continue;
+                const size_t at[3] = { volume->first[0] + good, volume->first[1] + j,
+                                       volume->first[2] + k };
+                hold_whole(m, volume);
+                return not_a_label(ctx, path, m, volume, at);
             }
     return APSM_OK;
 }

@@ -111,6 +111,10 @@ typedef struct apsm_groom_report {
 apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
                                     const apsm_groom_options *opt, apsm_mesh *mesh_out,
                                     apsm_groom_report *report) APSM_NODISCARD;
+/* The same, and the volume's labels are freed as soon as they are not needed; options are given. */
+apsm_status groom_taken_segmentation(apsm_context *ctx, const char *name, apsm_volume *volume,
+                                     const apsm_groom_options *options, apsm_mesh *mesh_out,
+                                     apsm_groom_report *report) APSM_NODISCARD;
 
 /* mesh_out (owned by the caller, overwritten): mesh repaired, closed, outward, remeshed.
  * APSM_ERR_GEOMETRY, with the place, where no safe repair is known: a surface that cannot be

@@ -43,7 +43,7 @@ static apsm_status crop(const apsm_volume *v, const size_t lo[3], const size_t h
 {
     for (int c = 0; c < 3; c++) {
         m->n[c] = hi[c] - lo[c] + 1 + 2 * rim[c];
-        m->origin[c] = (ptrdiff_t)lo[c] - (ptrdiff_t)rim[c];
+        m->origin[c] = (ptrdiff_t)(v->first[c] + lo[c]) - (ptrdiff_t)rim[c];
     }
     m->in = calloc(m->n[0] * m->n[1] * m->n[2], 1);
     m->given = malloc(m->n[0] * m->n[1] * m->n[2]);
@@ -118,7 +118,8 @@ static void note_border(const apsm_volume *v, const mask *m, apsm_groom_report *
                 for (int c = 0; c < 3; c++) {
                     const ptrdiff_t p = (ptrdiff_t)at[c] + m->origin[c];
                     if (p == 0) r->border |= 1u << (2 * c);
-                    if (p == (ptrdiff_t)v->n[c] - 1) r->border |= 2u << (2 * c);
+                    if (p == (ptrdiff_t)(v->whole[c] ? v->whole[c] : v->n[c]) - 1)
+                        r->border |= 2u << (2 * c);
                 }
             }
 }

@@ -6,7 +6,7 @@
 
 typedef struct mask {
     size_t n[3];          /* of the crop */
-    ptrdiff_t origin[3];  /* of the crop in the volume, in voxels; negative where padded */
+    ptrdiff_t origin[3];  /* of the crop in the image, in voxels; negative where padded */
     unsigned char *in;    /* n, x fastest: 1 inside; owned */
     unsigned char *given; /* the same of the part that is kept, before anything is filled; owned */
 } mask;

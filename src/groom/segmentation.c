@@ -163,11 +163,10 @@ static double voxel_volume(const apsm_volume *v)
 }
 
 /* m (out) is the caller's to free. */
-static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_volume *volume,
-                                const apsm_groom_options *opt, mask *m, apsm_mesh *surface,
-                                apsm_groom_report *r)
+static apsm_status make_mask(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                             const apsm_groom_options *opt, mask *m, apsm_groom_report *r)
 {
-    antialias_input in = { .smoothing = opt->smooth }; /* at most */
+    antialias_input in = { .smoothing = opt->smooth };
     size_t rim[3];
     choose_refinement(volume, &in);
     antialias_rim(&in, rim);
@@ -175,10 +174,9 @@ static apsm_status make_surface(apsm_context *ctx, const char *name, const apsm_
     memcpy(r->supersampling, in.refine, sizeof in.refine);
     r->mask_volume = (double)r->voxels * voxel_volume(volume);
     say_mask(ctx, name, r);
-    if (r->voxels < LEAST_VOXELS)
-        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxel%s; no shape",
-                         name, r->voxels, r->voxels == 1 ? "" : "s");
-    return extract(ctx, volume, m, &in, opt->fairing * opt->smooth, surface, r);
+    if (r->voxels >= LEAST_VOXELS) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: the label has only %zu voxel%s; no shape", name,
+                     r->voxels, r->voxels == 1 ? "" : "s");
 }
 
 static double least_spacing(const apsm_volume *v)
@@ -218,18 +216,18 @@ static void lengths_in_unit(apsm_groom_report *r, double unit)
     for (size_t k = 0; k < sizeof lengths / sizeof *lengths; k++) *lengths[k] *= unit;
 }
 
-/* With voxels as the unit; m (out) is the caller's to free. */
+/* The surface of a mask, with voxels as the unit. */
 static apsm_status groom_mask(apsm_context *ctx, const char *name, const apsm_volume *grid,
-                              const apsm_groom_options *opt, mask *m, apsm_mesh *mesh_out,
+                              const apsm_groom_options *opt, const mask *m, apsm_mesh *mesh_out,
                               apsm_groom_report *r)
 {
     apsm_mesh surface = { 0 };
-    apsm_status status = make_surface(ctx, name, grid, opt, m, &surface, r);
+    antialias_input in = { .smoothing = opt->smooth }; /* at most */
+    choose_refinement(grid, &in);
+    apsm_status status = extract(ctx, grid, m, &in, opt->fairing * opt->smooth, &surface, r);
     if (status == APSM_OK) status = groom_surface(ctx, name, &surface, opt, mesh_out, r);
     apsm_mesh_free(&surface);
-    if (status == APSM_OK) status = mask_agreement(grid, m, mesh_out, r);
-    if (status != APSM_OK) apsm_mesh_free(mesh_out);
-    return status;
+    return status == APSM_OK ? mask_agreement(grid, m, mesh_out, r) : status;
 }
 
 static void say_mended(apsm_context *ctx, const char *name, double unit, const apsm_groom_report *r)
@@ -240,21 +238,6 @@ static void say_mended(apsm_context *ctx, const char *name, double unit, const a
         "%.4g, %ld left; --closing 0 keeps them all, --closing 0.1 fills narrow sinuses as well",
         name, r->handles_before, r->handles_before == 1 ? "" : "s", r->closed_voxels, r->cut_voxels,
         2.0 * unit * r->closing, r->genus);
-}
-
-/* The surface of the mended mask m. */
-static apsm_status groom_mended(apsm_context *ctx, const char *name, const apsm_volume *grid,
-                                const apsm_groom_options *opt, mask *m, apsm_mesh *mesh_out,
-                                apsm_groom_report *r)
-{
-    apsm_mesh surface = { 0 };
-    antialias_input in = { .smoothing = opt->smooth };
-    choose_refinement(grid, &in);
-    r->mask_volume = (double)r->voxels * voxel_volume(grid);
-    apsm_status status = extract(ctx, grid, m, &in, opt->fairing * opt->smooth, &surface, r);
-    if (status == APSM_OK) status = groom_surface(ctx, name, &surface, opt, mesh_out, r);
-    apsm_mesh_free(&surface);
-    return status == APSM_OK ? mask_agreement(grid, m, mesh_out, r) : status;
 }
 
 /* Handles, found on the surface, are filled or cut where they are narrow; mesh and report are
@@ -278,9 +261,10 @@ static apsm_status mend_handles(apsm_context *ctx, const char *name, const apsm_
                                  .cut_voxels = t.cut,
                                  .handles_before = r->genus,
                                  .border = r->border };
+    mended.mask_volume = (double)mended.voxels * voxel_volume(grid);
     memcpy(mended.border_normal, r->border_normal, sizeof mended.border_normal);
     memcpy(mended.supersampling, r->supersampling, sizeof mended.supersampling);
-    const apsm_status status = groom_mended(ctx, name, grid, opt, m, &other, &mended);
+    const apsm_status status = groom_mask(ctx, name, grid, opt, m, &other, &mended);
     if (status == APSM_OK && mended.genus < r->genus) {
         const apsm_mesh given = *mesh;
         *mesh = other;
@@ -293,37 +277,61 @@ static apsm_status mend_handles(apsm_context *ctx, const char *name, const apsm_
 }
 
 static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_volume *grid,
-                              const apsm_groom_options *opt, double unit, apsm_mesh *mesh_out,
-                              apsm_groom_report *r)
+                              const apsm_groom_options *opt, double unit, mask *m,
+                              apsm_mesh *mesh_out, apsm_groom_report *r)
 {
-    mask m = { .in = NULL };
-    apsm_status status = groom_mask(ctx, name, grid, opt, &m, mesh_out, r);
+    apsm_status status = groom_mask(ctx, name, grid, opt, m, mesh_out, r);
     const bool one_by_one = opt->closing < 0.0 && !(opt->closing_length > 0.0);
     if (status == APSM_OK && one_by_one && r->genus > 0)
-        status = mend_handles(ctx, name, grid, opt, &m, unit, mesh_out, r);
-    mask_free(&m);
+        status = mend_handles(ctx, name, grid, opt, m, unit, mesh_out, r);
     if (status != APSM_OK) apsm_mesh_free(mesh_out);
     return status;
+}
+
+/* Whoever owns the labels has them freed once the mask is made: (*labels), unless that is NULL. */
+static apsm_status groom_voxels(apsm_context *ctx, const char *name, const apsm_volume *volume,
+                                int32_t **labels, apsm_groom_options opt, apsm_mesh *mesh_out,
+                                apsm_groom_report *r)
+{
+    mask m = { .in = NULL };
+    double rest[3];
+    APSM_TRY(check_volume(ctx, name, volume));
+    const double unit = least_spacing(volume);
+    opt.closing_length /= unit;
+    opt.opening_length /= unit;
+    const apsm_volume grid = in_unit(volume, unit, rest);
+    apsm_status status = make_mask(ctx, name, &grid, &opt, &m, r);
+    if (labels) {
+        free(*labels);
+        *labels = NULL;
+    }
+    if (status == APSM_OK) status = groom_grid(ctx, name, &grid, &opt, unit, &m, mesh_out, r);
+    mask_free(&m);
+    if (status != APSM_OK) return status;
+    for (size_t k = 0; k < 3 * mesh_out->nv; k++)
+        mesh_out->V[k] = (double)(float)(unit * mesh_out->V[k] + rest[k % 3]);
+    r->mask_volume *= unit * unit * unit;
+    lengths_in_unit(r, unit);
+    return APSM_OK;
 }
 
 apsm_status apsm_groom_segmentation(apsm_context *ctx, const char *name, const apsm_volume *volume,
                                     const apsm_groom_options *options, apsm_mesh *mesh_out,
                                     apsm_groom_report *report)
 {
-    apsm_groom_options opt = options ? *options : apsm_groom_defaults();
     apsm_groom_report own, *r = report ? report : &own;
     *r = (apsm_groom_report){ 0 };
     *mesh_out = (apsm_mesh){ 0 };
-    APSM_TRY(check_volume(ctx, name, volume));
-    const double unit = least_spacing(volume);
-    opt.closing_length /= unit;
-    opt.opening_length /= unit;
-    double rest[3];
-    const apsm_volume grid = in_unit(volume, unit, rest);
-    APSM_TRY(groom_grid(ctx, name, &grid, &opt, unit, mesh_out, r));
-    for (size_t k = 0; k < 3 * mesh_out->nv; k++)
-        mesh_out->V[k] = (double)(float)(unit * mesh_out->V[k] + rest[k % 3]);
-    r->mask_volume *= unit * unit * unit;
-    lengths_in_unit(r, unit);
-    return APSM_OK;
+    return groom_voxels(ctx, name, volume, NULL, options ? *options : apsm_groom_defaults(),
+                        mesh_out, r);
+}
+
+apsm_status groom_taken_segmentation(apsm_context *ctx, const char *name, apsm_volume *volume,
+                                     const apsm_groom_options *options, apsm_mesh *mesh_out,
+                                     apsm_groom_report *report)
+{
+    apsm_groom_report own, *r = report ? report : &own;
+    *r = (apsm_groom_report){ 0 };
+    *mesh_out = (apsm_mesh){ 0 };
+    return groom_voxels(ctx, name, volume, &volume->label, *options, mesh_out, r);
 }

@@ -2,6 +2,7 @@
 #include <stdlib.h>
 
 #include "apsm/formats.h"
+#include "formats/image.h"
 #include "input/input.h"
 
 void apsm_input_shape_free(apsm_input_shape *shape)
@@ -16,14 +17,16 @@ apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
 {
     *shape = (apsm_input_shape){ .is_mesh = one->kind == APSM_INPUT_MESH };
     if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
-    APSM_TRY(one->kind == APSM_INPUT_DICOM ? apsm_read_dicom(ctx, one->path, &shape->volume)
-                                           : apsm_read_volume(ctx, one->path, &shape->volume));
+    APSM_TRY(one->kind == APSM_INPUT_DICOM
+                 ? apsm_read_dicom(ctx, one->path, &shape->volume)
+                 : volume_read_foreground(ctx, one->path, &shape->volume));
     return apsm_input_finish(ctx, one->path, labels, shape);
 }
 
 static apsm_status refuse_flat(apsm_context *ctx, const char *path, const apsm_volume *v)
 {
-    if (v->n[0] > 1 && v->n[1] > 1 && v->n[2] > 1) return APSM_OK;
+    const size_t *const n = v->whole[0] ? v->whole : v->n;
+    if (n[0] > 1 && n[1] > 1 && n[2] > 1) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_FORMAT,
                      "%s: is a flat image, not 3-D; give the whole stack of slices", path);
 }

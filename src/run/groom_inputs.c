@@ -133,7 +133,7 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     if (status == APSM_OK)
         status = shape.is_mesh
                      ? apsm_groom_mesh(ctx, c->path, &shape.mesh, &in->options, out, r)
-                     : apsm_groom_segmentation(ctx, c->path, &shape.volume, &in->options, out, r);
+                     : groom_taken_segmentation(ctx, c->path, &shape.volume, &in->options, out, r);
     if (status == APSM_OK) status = refuse_far(ctx, c->path, out);
     in->is_mask[i] = !shape.is_mesh;
     const double *s = shape.volume.spacing;

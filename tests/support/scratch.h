@@ -78,11 +78,11 @@ static inline char *scratch_read(const char *path, size_t *size)
 
 /* The call has failed as it should, with one line that holds both words. */
 static inline void expect_failure(apsm_context *ctx, apsm_status got, apsm_status wanted,
-                                  const char *word, const char *other)
+                                  const char *words, const char *other)
 {
     const char *const line = apsm_error_text(ctx);
     if (got != wanted) fail_msg("status %d instead of %d: %s", got, wanted, line);
-    if (!strstr(line, word)) fail_msg("'%s' is not in: %s", word, line);
+    if (!strstr(line, words)) fail_msg("'%s' is not in: %s", words, line);
     if (!strstr(line, other)) fail_msg("'%s' is not in: %s", other, line);
     if (strchr(line, '\n')) fail_msg("more than one line: %s", line);
 }
