@@ -521,22 +521,17 @@ static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
     }
 }
 
-/* Once for all, where a fault of pose or hand would hardly be seen. */
-static void tell_untold(apsm_context *ctx, const cohort_certificate *c)
+/* Once for all, where a fault of pose or hand would hardly be seen; of shapes that need review anyway
+ * there is nothing to add. */
+static void tell_untold(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c,
+                        apsm_aspect aspect, const char *text)
 {
-    const size_t pose = certify_untold(c, APSM_ASPECT_POSE);
-    const size_t hand = certify_untold(c, APSM_ASPECT_HAND);
-    if (pose > 0)
-        apsm_log(
-            ctx, APSM_LOG_WARNING,
-            "of %zu of %zu shapes the surface does not tell which way they lie: it is nearly the "
-            "same turned; make sure that they come in one orientation",
-            pose, c->I);
-    if (hand > 0)
-        apsm_log(ctx, APSM_LOG_WARNING,
-                 "of %zu of %zu shapes the surface does not tell left from right: it is nearly its "
-                 "own mirror image; make sure of the sides",
-                 hand, c->I);
+    size_t n = 0, first = 0;
+    for (size_t i = 0; i < c->I; i++)
+        if (is_untold(c, i, aspect) && !needs_review(c, i) && n++ == 0) first = i;
+    if (n > 0)
+        apsm_log(ctx, APSM_LOG_WARNING, "of %zu of %zu shapes the surface does not tell %s (%s%s)",
+                 n, c->I, text, cohort->shape[first].name, n > 1 ? ", ..." : "");
 }
 
 /* How many of the first `end` shapes are doubted for the same reasons as shape i, up to `most`. */
@@ -586,7 +581,11 @@ void certify_tell(apsm_context *ctx, const apsm_cohort *cohort, const cohort_cer
 {
     tell_notes(ctx, c);
     tell_doubted(ctx, cohort, c);
-    tell_untold(ctx, c);
+    tell_untold(ctx, cohort, c, APSM_ASPECT_POSE,
+                "which way they lie: it is nearly the same turned; make sure that they come in one "
+                "orientation");
+    tell_untold(ctx, cohort, c, APSM_ASPECT_HAND,
+                "left from right: it is nearly its own mirror image; make sure of the sides");
     if (!c->judged)
         apsm_log(ctx, APSM_LOG_WARNING,
                  "fewer than %d shapes: whether they belong, lie and correspond as the others do "
