@@ -521,8 +521,8 @@ static void tell_notes(apsm_context *ctx, const cohort_certificate *c)
     }
 }
 
-/* Once for all, where a fault of pose or hand would hardly be seen; of shapes that need review anyway
- * there is nothing to add. */
+/* Once for all, where a fault of pose or hand would hardly be seen; of shapes that need review
+ * anyway there is nothing to add. */
 static void tell_untold(apsm_context *ctx, const apsm_cohort *cohort, const cohort_certificate *c,
                         apsm_aspect aspect, const char *text)
 {
