@@ -4,7 +4,7 @@
  * distance; how far the others are it asks only where a particle has mismatches at 1.5 (swaps), or
  * if any has one at 2 (lost neighbours).  So a particle all of whose reference neighbours are seen
  * within 1.5 by sections needs no search, and one whose others are seen within 2 a search to 1.5;
- * once a search to 2 does not find one, all rows are searched to 2.
+ * of all others the row is what a search to 2 finds: what is beyond counts as lost, however far.
  *
  * Searches find distances a little too large (geodesic.c), sections the length of a way that is
  * there.  What is seen by sections has to be nearer by `margin`, so that a search would agree. */
@@ -55,31 +55,26 @@ static bool complete(looking *l, uint32_t j, double factor)
     return true;
 }
 
-/* seen: whether all reference neighbours of j are within `usual`. */
-static apsm_status look(looking *l, uint32_t j, bool *seen)
+/* l->row of particle j. */
+static apsm_status look(looking *l, uint32_t j)
 {
-    *seen = neighbourhood_by_sections(l->g, l->J, l->points, l->P, l->reference, j, strict / margin,
-                                      &l->row);
-    if (*seen) return APSM_OK;
+    if (neighbourhood_by_sections(l->g, l->J, l->points, l->P, l->reference, j, strict / margin,
+                                  &l->row))
+        return APSM_OK;
     APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, strict, &l->found));
-    *seen = complete(l, j, usual / margin);
-    if (*seen) return APSM_OK;
-    APSM_TRY(neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, usual, &l->found));
-    *seen = complete(l, j, 0.0);
-    return APSM_OK;
+    if (complete(l, j, usual / margin)) return APSM_OK;
+    return neighbourhood_search(l->g, l->w, l->J, l->points, l->P, j, usual, &l->row);
 }
 
 static apsm_status look_at_all(looking *l, apsm_neighbourhoods *rows)
 {
-    bool seen = true;
     APSM_TRY(apsm_neighbourhoods_resize(rows, l->J));
     rows->factor = usual;
-    for (uint32_t j = 0; j < l->J && seen; j++) {
-        APSM_TRY(look(l, j, &seen));
-        if (seen) APSM_TRY(neighbourhoods_append(rows, j, &l->row));
+    for (uint32_t j = 0; j < l->J; j++) {
+        APSM_TRY(look(l, j));
+        APSM_TRY(neighbourhoods_append(rows, j, &l->row));
     }
-    if (seen) return APSM_OK;
-    return apsm_geodesic_neighbourhoods(l->g, l->w, l->J, l->points, l->P, usual, rows);
+    return APSM_OK;
 }
 
 apsm_status apsm_certificate_rows(const apsm_geodesic *g, apsm_geodesic_work *w, size_t J,
