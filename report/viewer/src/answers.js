@@ -56,7 +56,7 @@ function copyButton(text, label = "Copy") {
       await navigator.clipboard.writeText(text());
       button.textContent = "Copied";
     } catch (error) {
-      button.textContent = "Your browser does not let pages copy: select and copy by hand";
+      button.textContent = "The browser does not allow copying: select the text and copy it by hand";
     }
     setTimeout(() => (button.textContent = label), 2500);
   } }, label);
@@ -142,7 +142,7 @@ function showTest(t, stage) {
   const modes = !mapped && t.statistic.length > 1 && el("details", {}, el("summary", {}, `Every mode (${t.statistic.length})`),
     table(["mode", "p", "p family-wise", "q", "share of variance"], t.statistic.map((_, k) => [String(k + 1), pText(t.p_uncorrected[k]), pText(t.p_familywise[k]), pText(t.q[k]), percent(t.share[k])]), [0, 1, 2, 3, 4]));
   return el("article", { class: "test" }, el("h3", {}, `${heading(t)}: ${plain(t)}`), el("p", {}, sentence(t)),
-    t.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${t.not_certified.slice(0, 8).join(", ")}${t.not_certified.length > 8 ? " and more" : ""}. Look at them before you trust this.`),
+    t.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${t.not_certified.slice(0, 8).join(", ")}${t.not_certified.length > 8 ? " and more" : ""}. Look at these shapes before you trust the result.`),
     t.left_out.length > 0 && el("p", { class: "soft" }, `Left out for unknown values: ${t.left_out.slice(0, 8).join(", ")}${t.left_out.length > 8 ? ` and ${t.left_out.length - 8} more` : ""}.`),
     map ? map.node : tableOf(), modes,
     el("details", {}, el("summary", {}, "Methods, for the manuscript"), el("p", {}, methods(t)), copyButton(() => methods(t), "Copy the text")));
@@ -165,7 +165,7 @@ function showAsymmetry(a) {
 
 function tellPrediction(p) {
   const [low, high] = p.share_interval;
-  if (p.levels.length) return `From its shape a subject is told to be ${p.levels[1]} rather than ${p.levels[0]} with an area under the ROC curve of ${show(p.auc, 2)}.`;
+  if (p.levels.length) return `Shape separates ${p.levels[1]} from ${p.levels[0]} with an area under the ROC curve of ${show(p.auc, 2)}.`;
   if (p.share_explained <= 0) return `Not shown to be predictable: shape tells ${p.of} no better than its mean does (left out, ${percent(p.share_explained)} of the variance; 95 %: ${percent(low)} to ${percent(high)}).`;
   return `${low > 0 ? "" : "Not shown to be predictable: "}${percent(p.share_explained)} of the variance of ${p.of} (95 %: ${percent(low)} to ${percent(high)}) is predicted by shape, with a mean error of ${show(p.mean_absolute_error)}.`;
 }
@@ -195,7 +195,7 @@ function sliderOf(p, stage) {
   const slider = el("input", { type: "range", min: lo, max: hi, step: (hi - lo) / 200, value: p.mean, "aria-label": p.of, oninput: draw });
   draw();
   return { box: el("div", { class: "main" }, box, tools.legend("signed", [`\u2212${show(reach)} inward`, "0", `+${show(reach)} outward`])),
-    control: el("label", { class: "stack" }, `The shape to be expected: ${p.of} `, text, slider) };
+    control: el("label", { class: "stack" }, `The expected shape: ${p.of} `, text, slider) };
 }
 
 function showPrediction(p, stage) {
@@ -207,7 +207,7 @@ function showPrediction(p, stage) {
     agreement({ title: `${p.of}: known and predicted`, onpick: stage.tools.choose, xLabel: p.of, yLabel: `${p.of} from shape, left out`,
       points: p.per_subject.map((s) => ({ index: stage.indexOf(s.name), x: s.value, y: s.predicted, title: `${s.name}: ${show(s.value)}, from shape ${show(s.predicted)}` })) }));
   return el("article", { class: "test" }, el("h3", {}, `${p.of} from shape`), el("p", {}, tellPrediction(p)),
-    p.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${p.not_certified.slice(0, 8).join(", ")}${p.not_certified.length > 8 ? " and more" : ""}. Look at them before you trust this.`),
+    p.not_certified.length > 0 && el("p", { class: "problem" }, `Not certified among the subjects: ${p.not_certified.slice(0, 8).join(", ")}${p.not_certified.length > 8 ? " and more" : ""}. Look at these shapes before you trust the result.`),
     el("div", { class: "split" }, map ? map.box : el("div", {}), el("div", {}, map && map.control, table(["figure", "value"], rows), plot)),
     p.new.length > 0 && table(["new shape", p.of, "95 %"], p.new.map((s) => [s.name, p.levels.length ? `${s.value} (${show(s.predicted, 2)})` : show(s.predicted), p.levels.length || s.interval[0] === null ? "\u2013" : `${show(s.interval[0])} to ${show(s.interval[1])}`]), [1]));
 }
@@ -275,8 +275,8 @@ export function fillAnswers(model, tools) {
   let at = null;
   const body = section.querySelector(".body");
   body.append(el("p", { class: "soft" }, answers.tests.length > 0
-    ? "What apsm test has found in this model. Begin with p of all together: if that is large, do not go looking among particles."
-    : "What is known of the subjects. apsm test asks whether shape goes with it."));
+    ? "What apsm test found in this model. Begin with the p of all particles together: if that is large, do not go looking among single particles."
+    : "What is known about the subjects. apsm test asks whether shape is related to it."));
   if (answers.tests.some((t) => t.p_cluster) || predictions.length > 0) at = weightsAt(V0, P0);
   const stage = { V0, F, N0: vertexNormals(V0, F), at, tools, J: model.J, scaleOf, indexOf: (name) => model.shapes.findIndex((s) => s.name === name) };
   // What has a map comes first; all but the first test are folded.

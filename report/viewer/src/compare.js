@@ -67,7 +67,7 @@ export function fillCompare(model, { makeView, viewTools, legend, surfaceGeometr
   };
   const options = list.map(([key, label]) => [key, label]);
   body.append(
-    el("p", { class: "soft" }, "Both are the template\u2019s surface as the particles carry it, so every point has its partner. Differences of groups are means only: apsm test tells whether they are more than chance."),
+    el("p", { class: "soft" }, "Both are the template\u2019s surface carried along by the particles, so every point has a counterpart. Group means differ by chance, too: apsm test tells whether there is more to it."),
     el("div", { class: "tools" },
       choice("First", options, state.a, (v) => { state.a = v; draw(); }), choice("second", options, state.b, (v) => { state.b = v; draw(); }),
       checkbox("Second laid over", false, (on) => { state.ghost = on; draw(); }), checkbox("Distance as colour", true, (on) => { state.colour = on; draw(); })),

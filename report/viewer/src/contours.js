@@ -86,7 +86,7 @@ export function fillContours(model) {
   const drawOne = () => {
     const s = model.shapes[state.chosen];
     own.draw([[model.mean, "#888", 1], [s.curve, "var(--accent, #06c)", 1.4]], [[s.particles, "var(--accent, #06c)"]]);
-    details.textContent = `${s.name}: ${word(s)}${s.reasons.length ? ` (${s.reasons.join("; ")})` : ""}. What its particles stand for is ${length(s.mean)} from it on average, ${length(s.max)} at most.`;
+    details.textContent = `${s.name}: ${word(s)}${s.reasons.length ? ` (${s.reasons.join("; ")})` : ""}. The curve through its particles is ${length(s.mean)} from it on average, ${length(s.max)} at most.`;
   };
   const choose = (k) => { state.chosen = k; picker.value = String(k); drawOne(); };
   const select = choice("Contour ", model.shapes.map((s, k) => [String(k), s.name]), "0", (v) => choose(Number(v))), picker = select.querySelector("select");
@@ -96,7 +96,7 @@ export function fillContours(model) {
   const head = ["name", "verdict", "distance_mean", "distance_max", "off", "rival"];
   const worst = model.shapes.map((s, k) => [s, k]).sort(([a], [b]) => b.reasons.length - a.reasons.length || b.off - a.off);
   list.append(
-    el("p", { class: "soft" }, "Off: the largest distance between a contour and what its particles stand for, in spacings; from 0.5 on it is not reproduced. Rival: how much worse another start or direction lies on the mean; below 1.1 it is as likely."),
+    el("p", { class: "soft" }, "Off: the largest distance between a contour and the curve through its particles, in spacings; from 0.5 on the contour is not reproduced. Rival: how much worse another start or direction fits the mean; below 1.1 it is just as likely."),
     tableSave(fileName(model.title, "contours"), () => [head, ...model.shapes.map((s) => [s.name, word(s), s.mean, s.max, s.off, s.rival])]),
     table(["contour", "verdict", "why", "distance, mean", "largest", "off", "rival"],
       worst.map(([s, k]) => [el("button", { type: "button", class: "link", onclick: () => { choose(k); byId("shape").scrollIntoView(); } }, s.name), badgeOf(s), s.reasons.join("; "),

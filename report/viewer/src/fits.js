@@ -114,7 +114,7 @@ export function fillFits(model, { radius }) {
     el("div", {}, el("strong", {}, `${count("good")} good. `),
       [["needs review", "to review"], ["refused", "refused"], ["failed", "could not be read"]]
         .filter(([v]) => count(v) > 0).map(([v, text]) => `${count(v)} ${text}. `),
-      "A shape that is refused is not of the model\u2019s kind, and has no particles.")));
+      "A shape that is refused is not of the model\u2019s kind and gets no particles.")));
 
   const section = clearPage([["shape", "Shape"], ["table", "Table"]]);
   const body = section("shape", "A shape and the mean");
@@ -152,7 +152,7 @@ export function fillFits(model, { radius }) {
     details.replaceChildren(f ? table(["what", "found"], facts(f)) : "");
     if (k === undefined) {
       view.set({ surface: null, particles: null });
-      key.replaceChildren(f ? "No surface of this shape is on the page." : "");
+      key.replaceChildren(f ? "The surface of this shape is not on this page." : "");
       chart.replaceChildren();
       return;
     }
@@ -188,7 +188,7 @@ export function fillFits(model, { radius }) {
   if (rows.length < all)
     list.append(el("p", { class: "soft" }, "Those that need review come first; all are in fit.csv."));
   if (model.shown.length < count("good") + count("needs review"))
-    list.append(el("p", { class: "soft" }, `Surfaces of ${model.shown.length} shapes are on this page, those that need review first; all are in meshes/.`));
+    list.append(el("p", { class: "soft" }, `This page shows the surfaces of ${model.shown.length} shapes, those that need review first; all are in meshes/.`));
   const head = ["name", "verdict", "reason", "surface_distance_mean", "mahalanobis", "tail_probability", "observed_share", "mirrored"];
   list.append(tableSave(`fits ${model.title}`, () => [head, ...rows.map((r) => [r.name, r.verdict, r.reason, r.surface_distance?.mean, r.mahalanobis, r.tail_probability, r.observed_share, r.mirrored])]),
     table(["shape", "verdict", "reason", "distance", "Mahalanobis", "probability", "seen", "hand"],

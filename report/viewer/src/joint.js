@@ -116,8 +116,8 @@ export function jointModes(model) {
 export function tellApart(model) {
   const { pose_variances, shape_variances, not_explained } = model.joint.apart, sum = (x) => x.reduce((a, b) => a + b, 0);
   const pose = sum(pose_variances), all = pose + sum(shape_variances) || 1;
-  return `How the parts lie to each other makes ${percent(pose / all)} of the variance, their shapes ${percent(1 - pose / all)}. ` +
-    "Modes of pose move the parts as rigid bodies, modes of shape leave them where they lie on average; in modes of both together a part that turns seems to change its shape." +
+  return `The position of the parts relative to each other accounts for ${percent(pose / all)} of the variance, their shapes for ${percent(1 - pose / all)}. ` +
+    "Modes of pose move the parts as rigid bodies, modes of shape leave them where they lie on average; in modes of both together, a part that turns seems to change its shape." +
     (not_explained > 0.001 ? ` Turns are no straight lines: ${percent(not_explained)} of what the particles vary is in neither.` : "");
 }
 

@@ -116,7 +116,7 @@ function makeView(label, options = {}) {
 /** Below a view: measuring, and what can be saved of it. */
 function viewTools(view, name, mesh) {
   const told = el("span", { class: "soft", "aria-live": "polite" });
-  const tell = (on) => (told.textContent = on ? "Click two points of the surface." : "");
+  const tell = (on) => (told.textContent = on ? "Click two points on the surface." : "");
   return el("div", { class: "tools screen" },
     checkbox("Measure", false, (on) => { view.measured = on ? [] : null; tell(on); view.invalidate(); }), told, saveTools(view, name, mesh));
 }
@@ -213,7 +213,7 @@ function fillHeader() {
     el("div", { class: `verdict ${fine ? "good" : "bad"}` },
       el("span", { class: "sign", "aria-hidden": "true" }, fine ? "\u2713" : "!"),
       el("div", {},
-        el("strong", {}, c.verdict === "not judged" ? "Too few shapes, or particles, to be judged by each other: nothing is certified. " : fine
+        el("strong", {}, c.verdict === "not judged" ? "Too few shapes, or particles, to judge them by each other: nothing is certified. " : fine
           ? c.shapes === 1 ? "The shape is certified. " : `All ${c.shapes} shapes are certified. `
           : `${c.shapes - c.certified} of ${plural(c.shapes, "shape")} need${c.shapes - c.certified === 1 ? "s" : ""} review: `),
         c.verdict === "not judged" ? "" : fine ? `Particles correspond: ${countsText()}.`
@@ -243,7 +243,7 @@ function commandTo(list) {
   if (out.length === 0 || kept < 3) return null;
   const text = `apsm exclude ${quote(model.title)} ${out.map((i) => quote(facts[i].name)).join(" ")}`;
   const button = el("button", { type: "button", onclick: () => copyText(button, text) }, "Copy");
-  return el("div", { class: "command screen" }, el("span", {}, `Look first; to go on without ${out.length === 1 ? "it" : "them"}: `),
+  return el("div", { class: "command screen" }, el("span", {}, `Look first. To continue without ${out.length === 1 ? "it" : "them"}: `),
     el("code", {}, text.length > 160 ? `${text.slice(0, 150)} \u2026` : text), " ", button,
     out.length < list.length && el("span", {}, ` ${facts[model.template].name} is the template: a new run with --exclude is needed for that.`));
 }
@@ -409,11 +409,11 @@ function fillModes() {
   const state = () => [...weight].flatMap((b, m) => (b === 0 ? [] : [`${of === "all" ? "" : `${of}_`}mode${m + 1}${b < 0 ? "" : "+"}${b.toFixed(1)}`])).join(" ") || "mean";
   put(body,
     el("p", { class: "soft" }, K === 0 ? "The shapes do not vary: there are no modes."
-      : `The mean of all shapes and its ${plural(K, "mode")}, each with its share of the variance. Colour: how far the surface has moved outward or inward; the scale ends at ${SLIDER} standard deviations.`),
+      : `The mean of all shapes and ${plural(K, "mode")} of variation, each with its share of the variance. Colour: how far the surface has moved outward or inward; the scale ends at ${SLIDER} standard deviations.`),
     ...(sets.pose ? [el("p", { class: "soft" }, tellApart(model))] : []),
     el("div", { class: "split" },
       el("div", { class: "main" }, box, key, viewTools(view, () => `${model.title} ${state()}`, () => ({ V, F, value, field: fields.find((f) => f.key === options.colour)?.name ?? "displacement" })),
-        el("p", { class: "small soft screen fine" }, "Drag turns, Shift and drag moves, Ctrl and wheel or two fingers zoom, double click resets. All views turn together.")),
+        el("p", { class: "small soft screen fine" }, "Drag to turn, Shift-drag to move, Ctrl-wheel or two fingers to zoom, double-click to reset. All views turn together.")),
       el("div", { class: "sliders" },
         el("div", { class: "tools" },
           el("button", { type: "button", onclick: reset }, "Reset to the mean"),
@@ -490,7 +490,7 @@ function fillCohort(strange) {
   const item = ([i, why]) => el("li", {},
     el("button", { type: "button", class: "link", onclick: () => chooseShape(i, { go: true }) }, facts[i].name), ` \u2013 ${why.join("; ")}`);
   const readout = el("p", { class: "small screen", "aria-live": "polite" });
-  const hint = "Point at a particle to find it on every shape; click keeps it. The comma and full stop keys go through all particles.";
+  const hint = "Point at a particle to find it on every shape; click to keep it. The comma and full stop keys step through the particles.";
   const tell = () => (readout.textContent = readoutText() || hint);
   refresh.particle.push(tell);
   tell();
@@ -535,7 +535,7 @@ function fillFidelity() {
     if (!landmarks) return;
     const own = landmarks.per_shape.find((s) => s.name === facts[i].name), cell = (x) => (typeof x === "number" ? length(x) : "\u2013");
     marks.replaceChildren(el("h3", {}, "Landmarks"),
-      el("p", { class: "small soft" }, `How far the template\u2019s landmarks, carried by the correspondence, end from the shape\u2019s own. ` + (landmarks.use === "judge" ? "They had no part in the model: an independent judge." : `They had a part in the model (${landmarks.use}), and are no independent judge.`)),
+      el("p", { class: "small soft" }, `How far from a shape\u2019s own landmarks those of the template end when the correspondence carries them there. ` + (landmarks.use === "judge" ? "They had no part in the model: an independent judge." : `They had a part in the model (${landmarks.use}) and are not an independent judge.`)),
       table(["landmark", "all shapes", facts[i].name], [["mean", cell(landmarks.mean), cell(own?.mean)], ...landmarks.names.map((n, k) => [n, cell(landmarks.means[k]), cell(own?.errors[k])])], [1, 2]));
   };
   const render = () => {
@@ -556,7 +556,7 @@ function fillFidelity() {
         [row("two-way", d), row("from reconstruction", d.pull), row("from original", d.push)], [1, 2, 3, 4, 5])
         : el("p", {}, "The surface distance was not measured (option surface_distance); the maps show distances of the vertices on the page."),
       el("p", { class: "small soft" },
-        i === model.template ? "This is the template: its reconstruction is itself. " : "",
+        i === model.template ? "This is the template: it is its own reconstruction. " : "",
         d ? `Two-way: vertices of both surfaces in one list. Diagonal of the shape's box: ${length(d.diagonal)}. ` : "",
         `Verdict: ${fact.certificate.verdict}${fact.certificate.reasons?.length ? ` (${fact.certificate.reasons.join("; ")})` : ""}${likely(fact.certificate)}.`),
     );
@@ -567,7 +567,7 @@ function fillFidelity() {
   };
   refresh.shape.push(render);
   put(body,
-    el("p", { class: "soft" }, "What the particles reproduce of a shape: the template\u2019s surface is warped to the shape\u2019s particles (the reconstruction) and compared with the original surface, both ways."),
+    el("p", { class: "soft" }, "How much of a shape the particles reproduce: the template\u2019s surface is warped to the shape\u2019s particles (the reconstruction) and compared with the original surface, both ways."),
     el("div", { class: "tools" }, select,
       el("button", { type: "button", "aria-label": "previous shape", onclick: () => step(-1) }, "\u2190"),
       el("button", { type: "button", "aria-label": "next shape", onclick: () => step(1) }, "\u2192"),
@@ -578,7 +578,7 @@ function fillFidelity() {
       el("div", {}, el("h3", {}, "Reconstruction"), right.box, viewTools(right.view, () => `${facts[state.chosen].name} reconstruction`, () => ({ ...surfaceOf(state.chosen, "warped"), field: "distance" })))),
     ends,
     model.evaluation.joint_spaces?.length > 0 && el("div", {}, el("h3", {}, "Joint spaces"),
-      el("p", { class: "soft" }, "Least distance between the surfaces of two parts, of the shapes themselves and as the particles rebuild them. A rebuilt space that closes where the shape\u2019s own does not is named by the certificate."), tableOfSpaces(model), el("p", {}, tellClosed(model))),
+      el("p", { class: "soft" }, "The least distance between the surfaces of two parts, in the shapes themselves and as the particles rebuild them. The certificate names every rebuilt space that closes where the shape\u2019s own does not."), tableOfSpaces(model), el("p", {}, tellClosed(model))),
     el("div", { class: "pair" }, el("div", {}, figures, savesOf("surface distances", null, distanceRows), marks), el("div", {}, chart, savesOf("histogram of distances", () => chart))),
   );
   return { showParticles: () => {
@@ -650,7 +650,7 @@ function fillQuality() {
           return { index: i, name: shorts[i], x, y, title: `${s.name}: ${show(x)} sd, ${show(y)} sd`, chosen: i === state.chosen, always: i === state.chosen };
         }),
       }),
-      el("p", {}, "Dashed: two standard deviations. Click a point to choose its shape; names are left out where they would collide."),
+      el("p", {}, "Dashed: two standard deviations. Click a point to choose its shape; names that would overlap are left out."),
       savesOf("scores of modes", () => plot));
   };
   if (K >= 2) {
@@ -725,7 +725,7 @@ function fillCertificate() {
       ? el("details", { class: "soft" }, el("summary", {}, `${notes.length} shapes: ${kind}`), notes.map((n) => el("p", {}, `${n.shape}: ${n.text}`)))
       : notes.map((n) => el("p", { class: "soft" }, `${n.shape}: ${n.text}`))),
     el("details", { class: "soft" }, el("summary", {}, "What the columns mean"), el("p", {}, `Compared with the template ${c.template}. A particle has lost neighbours if one that is beside it on the template is far from it on the shape, along the surface: farther than twice the closest, and than ${show(limits.stretch ?? 1.75)} times their distance on the template. It is stretched if a neighbour within 1.5 times the spacing is farther than 2 times the spacing: a strong stretch looks like that, too, and does not cost the certificate. Lengths in the table are in units of the mean neighbour distance, ${length(c.h)}.`)),
-    el("p", { class: "small screen" }, "Click a particle to see it on the shape."),
+    el("p", { class: "small screen" }, "Click a particle\u2019s number to see it on the shape."),
     savesOf("certificate", null, certificateRows),
     list(order.slice(0, Math.max(bad, 15))),
     order.length <= Math.max(bad, 15) ? "" : el("details", {}, el("summary", {}, `${order.length - Math.max(bad, 15)} more, certified`), list(order.slice(Math.max(bad, 15)))),
@@ -849,7 +849,7 @@ function tryGraphics() {
   try {
     gl.startGraphics();
   } catch (error) {
-    problem("This browser cannot draw in three dimensions (WebGL); figures and tables are complete all the same.");
+    problem("This browser cannot draw in three dimensions (no WebGL); figures and tables are complete all the same.");
   }
 }
 

@@ -94,8 +94,8 @@ export function fillNorms(model, { radius }) {
 
   const values = section("values", "Measurements"), modes = section("modes", "Modes"), list = section("table", "All shapes");
   const valuesAt = el("div", {}), modesAt = el("div", {});
-  values.append(el("p", { class: "soft" }, "Sizes, and the columns of numbers that the table of subjects has. Expected is what the norm says for such a person; the percentile is the share of such persons below the value."), valuesAt);
-  modes.append(el("p", { class: "soft" }, "How far the shape goes along each mode of the model from what is expected, in standard deviations of such persons."), modesAt);
+  values.append(el("p", { class: "soft" }, "Sizes, and the numeric columns of the table of subjects. Expected is what the norm says for such a person; the percentile is the share of such persons below the value."), valuesAt);
+  modes.append(el("p", { class: "soft" }, "How far the shape is from what is expected along each mode of the model, in standard deviations of such persons."), modesAt);
 
   const fillTables = (s) => {
     details.replaceChildren(table(["what", "found"], facts(s, model)));
@@ -113,7 +113,7 @@ export function fillNorms(model, { radius }) {
     fillTables(s);
     if (!shown) {
       view.set({ surface: null, particles: null });
-      key.replaceChildren("No surface of this shape is on the page.");
+      key.replaceChildren("The surface of this shape is not on this page.");
       return;
     }
     const parts = partsOf(state.chosen), reach = parts.reach;

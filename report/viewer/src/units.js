@@ -9,6 +9,6 @@ export const unitTail = () => (unit === null ? "" : `\u00a0${unit}`);
 /** A length for people. */
 export const length = (x, digits = 3) => (Number.isFinite(x) ? show(x, digits) + unitTail() : "\u2013");
 /** For the top of a page. */
-export const unitSentence = () => (unit === null ? "Mesh files do not tell the unit of lengths; --unit mm would." : `Lengths are in ${unit}.`);
+export const unitSentence = () => (unit === null ? "The unit of length is unknown, since mesh files do not say; --unit mm sets it." : `Lengths are in ${unit}.`);
 /** For labels of axes and heads of tables. */
 export const unitNote = () => (unit === null ? "unit of the input" : unit);
