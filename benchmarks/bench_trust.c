@@ -496,7 +496,7 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                "\"mismatched\": %.4f, \"swaps\": %zu, \"folds\": %zu, \"t_evidence\": %.3f, "
                "\"m_evidence\": %.3f, "
                "\"reasons\": %u, \"doubts\": "
-               "%u, \"true_slip\": %.3f}\n",
+               "%u, \"s_evidence\": %.3f, \"true_slip\": %.3f}\n",
                planted->name, planted->size, b->name[i], b->planted[i], i == b->t,
                isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
                fmax(f->turn[0].agreement, -9), f->turn[0].fit, fmax(f->turn[1].agreement, -9),
@@ -505,7 +505,8 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                f->flat_excess, f->off, f->off_excess, f->opposed,
                (double)own->lost / (double)own->J, (double)own->mismatched / (double)own->J,
                own->swaps, own->folds, fmin(f->turn[0].evidence, 99), fmin(f->turn[1].evidence, 99),
-               own->reasons, c->doubts[i], isfinite(b->slipped[i]) ? b->slipped[i] : -1.0);
+               own->reasons, c->doubts[i], fmin(f->turn[1].staying, 99),
+               isfinite(b->slipped[i]) ? b->slipped[i] : -1.0);
     }
 }
 

@@ -305,9 +305,17 @@ static void settle_given(aligner *a, size_t i)
     for (size_t k = 1; k < POSE_OPTIONS; k++) b->residual[0][k] = INFINITY;
 }
 
-/* Of the best poses, or others that fit about as well, four fifths must hardly turn: by chance one
- * in seventeen does.  The best may turn all of them: then it is the provisional template that
- * nearly agrees with itself when turned. */
+/* Four fifths, or, of nine or more, two thirds: by chance one in seventeen hardly turns, and of
+ * shapes that nearly agree with themselves when turned no more than a third (six kinds in any
+ * pose). */
+static bool are_enough(size_t n, size_t fit)
+{
+    enum { MANY = 9 };
+    return n < MANY ? 5 * fit >= 4 * n : 3 * fit >= 2 * n;
+}
+
+/* Of the best poses, or others that fit about as well, most must hardly turn.  The best may turn
+ * all of them: then it is the provisional template that nearly agrees with itself when turned. */
 static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
 {
     size_t fit = 0;
@@ -319,7 +327,7 @@ static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
     find_common_orientation(a);
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
-    a->oriented = a->opt->oriented || 5 * fit >= 4 * (a->n - 1);
+    a->oriented = a->opt->oriented || are_enough(a->n - 1, fit);
     for (size_t i = 0; a->oriented && i < a->n; i++) settle_given(a, i);
     return APSM_OK;
 }

@@ -408,7 +408,8 @@ const char *certify_grade(const cohort_certificate *c, size_t i, apsm_aspect asp
 double certify_probability(const cohort_certificate *c, size_t i)
 {
     const apsm_verdict_options options = apsm_verdict_defaults();
-    return c->judged ? apsm_verdict_probability(&c->judgement.shape[i], &options) : NAN;
+    const bool open = c->doubts[i] & (1u << APSM_DOUBT_POSE); /* form is not believed there */
+    return c->judged && !open ? apsm_verdict_probability(&c->judgement.shape[i], &options) : NAN;
 }
 
 double certify_expected_lost(const cohort_certificate *c)

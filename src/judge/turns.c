@@ -18,6 +18,7 @@
 #include "geometry/vec3.h"
 
 enum { TURNS = 24, ROUNDS = 8, MOST = 128, LANES = 8 };
+static const double near = 0.7; /* of particles that lie between others, in h */
 static const double wrong_share = 0.1, wrong_distance = 2.0; /* h */
 static const double least_spread = 0.01;                     /* of heights */
 
@@ -220,7 +221,9 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
     static const double flip[9] = { 1, 0, 0, 0, 1, 0, 0, 0, -1 };
     double c[3], A[9], S[9], reflection[16];
     moved m;
-    *best = (apsm_turn){ .agreement = -INFINITY, .mirrored = mirrored, .evidence = INFINITY };
+    *best = (apsm_turn){
+        .agreement = -INFINITY, .mirrored = mirrored, .evidence = INFINITY, .staying = INFINITY
+    };
     apsm_affine_identity(best->M);
     frame(in->J, in->X, c, A);
     start(c, A, flip, reflection);
@@ -234,7 +237,10 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
         cube_turn(k, S);
         start(c, A, S, M);
         const double fit = settle(in, M, &m, at);
-        if (!is_other(in, &m, at)) continue;
+        if (!is_other(in, &m, at)) {
+            if (mirrored && fit < near) best->staying = fmin(best->staying, evidence(in, &m, at));
+            continue;
+        }
         const double a = agreement(in, &m, at, m.target + 3 * m.n);
         best->evidence = fmin(best->evidence, evidence(in, &m, at));
         if (!(a > best->agreement)) continue;

@@ -23,6 +23,8 @@ typedef struct apsm_turn {
     double fit;       /* root mean square distance of the particles from usual ones, in h */
     double M[16];     /* how P would have to be moved; det < 0: mirrored */
     bool mirrored;
+    double staying;  /* mirrored: the same of ways that leave the particles about where they are, as
+                        they do of a shape that is thinner than they are apart */
     double evidence; /* least of all other ways: that the heights are as usual where they are and
                         not as usual there (J2a); INFINITY: there is no other way */
 } apsm_turn;

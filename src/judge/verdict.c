@@ -5,6 +5,8 @@
 /* So much better agreement of form decides for a pose, whatever the distances say, where there is
  * evidence for it, and this part of what shapes usually have. */
 static const double clearly = 0.3, decisive = 0.5;
+/* What has to speak for a hand where its mirror image leaves the particles in their places. */
+static const double told_in_place = 1.0;
 /* What speaks for a pose against the orientation that all others share, from where it is believed.
  */
 static const double against_others = 2.0;
@@ -72,7 +74,8 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
 
 bool apsm_verdict_tells(const apsm_findings *f, apsm_aspect aspect, const apsm_verdict_options *o)
 {
-    return f->turn[aspect == APSM_ASPECT_HAND].evidence > o->told;
+    const apsm_turn *other = &f->turn[aspect == APSM_ASPECT_HAND];
+    return other->evidence > o->told && other->staying > told_in_place;
 }
 
 double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_options *o)
@@ -89,7 +92,7 @@ double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_optio
 static bool is_settled(const apsm_findings *f, const apsm_turn *other, double usual,
                        const apsm_verdict_options *o)
 {
-    return f->agreement > other->agreement + clearly &&
+    return f->agreement > other->agreement + clearly && other->staying > 0.0 &&
            other->evidence > fmax(o->told, decisive * usual);
 }
 

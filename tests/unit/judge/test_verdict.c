@@ -268,9 +268,14 @@ static void evidence_decides_pose_and_hand(void **state)
     apsm_findings f = { .agreement = 1.5, .off = 1.0, .size = 1.0 };
     const apsm_verdict_options o = apsm_verdict_defaults();
     f.turn[0].evidence = 2.0;
+    f.turn[0].staying = f.turn[1].staying = INFINITY;
     f.turn[1].evidence = -0.1;
     assert_int_equal(apsm_verdict_doubts(&f, &o), 0);
     assert_true(apsm_verdict_tells(&f, APSM_ASPECT_POSE, &o));
+    assert_false(apsm_verdict_tells(&f, APSM_ASPECT_HAND, &o));
+    f.turn[1].evidence = f.turn[1].staying = 2.0;
+    assert_true(apsm_verdict_tells(&f, APSM_ASPECT_HAND, &o));
+    f.turn[1].staying = 0.5; /* a thin shape, whose mirror image is as good in the same places */
     assert_false(apsm_verdict_tells(&f, APSM_ASPECT_HAND, &o));
     f.turn[1].evidence = -0.5;
     assert_int_equal(apsm_verdict_doubts(&f, &o), 1u << APSM_DOUBT_MIRRORED);
@@ -323,6 +328,7 @@ static void form_settles_notes(void **state)
     apsm_findings f = { .agreement = 1.5 };
     f.turn[0].agreement = f.turn[1].agreement = 0.5;
     f.turn[0].evidence = f.turn[1].evidence = 2.0;
+    f.turn[0].staying = f.turn[1].staying = INFINITY;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_AMBIGUOUS, &o), 0);
     assert_int_equal(apsm_verdict_note_pose(&f, 5.0, APSM_POSE_AMBIGUOUS, &o),
                      1u << APSM_DOUBT_POSE);
@@ -330,6 +336,9 @@ static void form_settles_notes(void **state)
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_AMBIGUOUS, &o),
                      1u << APSM_DOUBT_POSE);
     assert_int_equal(apsm_verdict_note_hand(NULL, INFINITY, false, &o), mirrored);
+    assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), 0);
+    f.turn[1].staying = -0.1;
+    assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
     f.turn[1].agreement = 1.6;
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
     assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), 0); /* nobody's hand is told */
@@ -360,6 +369,7 @@ static void poses_against_the_others_have_to_be_clear(void **state)
     const apsm_verdict_options o = apsm_verdict_defaults();
     apsm_findings f = { .agreement = 1.6 };
     f.turn[0].agreement = 0.8;
+    f.turn[0].staying = INFINITY;
     f.turn[0].evidence = 1.5;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.2, APSM_POSE_AMBIGUOUS, &o), 0);
     assert_int_equal(apsm_verdict_note_pose(&f, 1.2, APSM_POSE_AGAINST, &o), 1u << APSM_DOUBT_POSE);
