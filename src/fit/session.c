@@ -86,23 +86,12 @@ static apsm_status fit_named(apsm_context *ctx, const session *s, const char *pa
 
 /* ---- one shape ---- */
 
-static apsm_status hash_input(apsm_context *ctx, const char *path, char hex[65])
-{
-    char *data = NULL;
-    if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
-    APSM_TRY(apsm_input_data_file(path, &data));
-    const char *const files[] = { path, data };
-    const apsm_status status = apsm_sha256_files(ctx, data ? 2 : 1, files, hex);
-    free(data);
-    return status;
-}
-
 static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_input_case *c,
                              fit_row *row, apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
     apsm_fit_options options = s->options;
-    APSM_TRY(hash_input(ctx, c->path, row->sha256));
+    APSM_TRY(apsm_input_hash(ctx, c->path, row->sha256));
     if (is_point_file(c->path))
         return s->landmarks.n > 0 ? fit_named(ctx, s, c->path, &options, fit)
                                   : fit_cloud(ctx, s, c->path, &options, fit);

@@ -211,7 +211,7 @@ static void check_sizes(scan *s, meta *h, image *m)
 static void load_several(scan *s, const meta *h, image *m)
 {
     several files = { .names = { s->bytes + s->at, scan_left(s) }, .skip = h->header_size };
-    files.pattern = several_is_pattern(h->file);
+    files.pattern = name_series_is_pattern(h->file);
     if (files.pattern) files.names = h->file;
     if (!h->binary || h->compressed)
         scan_refuse(s, APSM_ERR_UNSUPPORTED,
@@ -226,7 +226,7 @@ static void load(scan *s, const meta *h, image *m)
     char name[LONGEST_NAME];
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
-    if (several_files(h->file)) {
+    if (name_series_is(h->file)) {
         load_several(s, h, m);
         return;
     }

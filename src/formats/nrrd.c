@@ -237,7 +237,7 @@ static void read_lines(scan *s, nrrd *h, image *m)
             continue;
         }
         read_field(s, &l, h, m);
-        if (several_files(h->file) && !several_is_pattern(h->file)) break; /* names follow */
+        if (name_series_is(h->file) && !name_series_is_pattern(h->file)) break; /* names follow */
     }
     if (!h->dimension || !h->has_type || !h->has_sizes || !h->has_encoding)
         scan_refuse(s, APSM_ERR_FORMAT,
@@ -327,7 +327,7 @@ static void load_several(scan *s, const nrrd *h, image *m)
     several files = { .names = { s->bytes + s->at, scan_left(s) },
                       .packed = h->encoding == GZIP,
                       .skip = h->byte_skip };
-    files.pattern = several_is_pattern(h->file);
+    files.pattern = name_series_is_pattern(h->file);
     if (files.pattern) files.names = h->file;
     if (h->encoding == TEXT || h->line_skip > 0 || (files.packed && h->byte_skip != 0))
         scan_refuse(s, APSM_ERR_UNSUPPORTED,
@@ -344,7 +344,7 @@ static void load(scan *s, const nrrd *h, image *m)
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
     m->packing = as[h->encoding];
-    if (several_files(h->file)) {
+    if (name_series_is(h->file)) {
         load_several(s, h, m);
         return;
     }

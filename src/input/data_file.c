@@ -1,5 +1,5 @@
-/* Headers whose voxels are in another file: MetaImage's ElementDataFile, NRRD's data file, the
- * image of a NIfTI pair. */
+/* Headers whose voxels are in other files: MetaImage's ElementDataFile, NRRD's data file, the image
+ * of a NIfTI pair. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,9 +7,10 @@
 #include <unistd.h>
 
 #include "files/io.h"
+#include "formats/name_series.h"
 #include "input/input.h"
 
-enum { LINE = 4096, MOST_LINES = 1000 };
+enum { LINE = 4096, MOST_LINES = 1000, MOST_LISTED = 1 << 20 };
 
 /* The text after `key` and one of the signs, without blanks around it; NULL if the line has
  * another key.  Ends line where the text ends. */
@@ -45,42 +46,104 @@ static bool ends_in(const char *path, const char *extension)
     return n > end && strcasecmp(path + n - end, extension) == 0;
 }
 
-/* *data <- name in the folder of path; nothing if there is none. */
-static apsm_status beside(const char *path, const char *name, char **data)
+static apsm_status add(const char *path, const char *name, apsm_file_list *files)
 {
-    if (!name || !*name || strcmp(name, "LOCAL") == 0 || strncmp(name, "LIST", 4) == 0 ||
-        strchr(name, '%'))
-        return APSM_OK;
     char *const folder = apsm_path_folder(path);
-    *data = folder ? apsm_path_join(folder, name) : NULL;
+    char *const file = folder ? apsm_path_join(folder, name) : NULL;
+    char **const larger = file ? realloc(files->path, (files->n + 1) * sizeof *larger) : NULL;
     free(folder);
-    return *data ? APSM_OK : APSM_ERR_MEMORY;
-}
-
-/* "x.hdr" has its voxels in "x.img" or "x.img.gz". */
-static apsm_status image_of(const char *path, char **data)
-{
-    const size_t stem = strlen(path) - 4;
-    *data = malloc(stem + sizeof ".img.gz");
-    if (!*data) return APSM_ERR_MEMORY;
-    memcpy(*data, path, stem);
-    strcpy(*data + stem, ".img");
-    if (!apsm_file_exists(*data)) strcpy(*data + stem, ".img.gz");
+    if (!larger) {
+        free(file);
+        return APSM_ERR_MEMORY;
+    }
+    files->path = larger;
+    files->capacity = files->n + 1;
+    larger[files->n++] = file;
     return APSM_OK;
 }
 
-apsm_status apsm_input_data_file(const char *path, char **data)
+/* The names that a pattern counts; none if it is no pattern. */
+static apsm_status add_counted(const char *path, word pattern, apsm_file_list *files)
+{
+    name_series series;
+    char name[LINE];
+    if (!name_series_of_pattern(pattern, &series)) return APSM_OK;
+    while (series.count > 0 && name_series_next(&series, name, sizeof name))
+        APSM_TRY(add(path, name, files));
+    return APSM_OK;
+}
+
+/* The names in the lines that follow. */
+static apsm_status add_listed(const char *path, FILE *file, apsm_file_list *files)
+{
+    char line[LINE], name[LINE];
+    for (size_t n = 0; n < MOST_LISTED && fgets(line, sizeof line, file); n++) {
+        name_series series;
+        name_series_of_lines((word){ line, strlen(line) }, &series);
+        if (series.count > 0 && name_series_next(&series, name, sizeof name))
+            APSM_TRY(add(path, name, files));
+    }
+    return APSM_OK;
+}
+
+/* Those that the header means by `name`, the rest of which is in file. */
+static apsm_status add_named(const char *path, const char *name, FILE *file, apsm_file_list *files)
+{
+    const word w = { name, name ? strlen(name) : 0 };
+    if (!name || !*name || strcmp(name, "LOCAL") == 0) return APSM_OK;
+    if (!name_series_is(w)) return add(path, name, files);
+    return name_series_is_pattern(w) ? add_counted(path, w, files) : add_listed(path, file, files);
+}
+
+/* "x.hdr" has its voxels in "x.img" or "x.img.gz". */
+static apsm_status add_image_of(const char *path, apsm_file_list *files)
+{
+    const char *const slash = strrchr(path, '/'), *const base = slash ? slash + 1 : path;
+    const size_t stem = strlen(base) - 4;
+    char *const name = malloc(stem + sizeof ".img.gz");
+    if (!name) return APSM_ERR_MEMORY;
+    memcpy(name, base, stem);
+    strcpy(name + stem, ".img");
+    apsm_status status = add(path, name, files);
+    if (status == APSM_OK && !apsm_file_exists(files->path[0])) {
+        strcpy(name + stem, ".img.gz");
+        apsm_file_list_free(files);
+        status = add(path, name, files);
+    }
+    free(name);
+    return status;
+}
+
+apsm_status apsm_input_data_files(const char *path, apsm_file_list *files)
 {
     const bool meta = ends_in(path, ".mhd") || ends_in(path, ".mha");
     char line[LINE];
-    *data = NULL;
-    if (ends_in(path, ".hdr")) return image_of(path, data);
+    *files = (apsm_file_list){ 0 };
+    if (ends_in(path, ".hdr")) return add_image_of(path, files);
     if (!meta && !ends_in(path, ".nhdr") && !ends_in(path, ".nrrd")) return APSM_OK;
     int fd;
     FILE *file = NULL;
     if (apsm_open_regular(NULL, path, &fd) == APSM_OK && !(file = fdopen(fd, "rb"))) close(fd);
     if (!file) return APSM_OK; /* whoever reads it will say so */
-    const apsm_status status = beside(path, find_name(file, meta, line), data);
+    const apsm_status status = add_named(path, find_name(file, meta, line), file, files);
     fclose(file);
+    if (status != APSM_OK) apsm_file_list_free(files);
+    return status;
+}
+
+apsm_status apsm_input_hash(apsm_context *ctx, const char *path, char hex[65])
+{
+    apsm_file_list data;
+    if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
+    APSM_TRY(apsm_input_data_files(path, &data));
+    const char **const all = malloc((data.n + 1) * sizeof *all);
+    apsm_status status = all ? APSM_OK : apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    size_t n = 0;
+    if (all) all[n++] = path;
+    for (size_t k = 0; all && k < data.n; k++) /* what is not there, its reader will say */
+        if (apsm_file_exists(data.path[k])) all[n++] = data.path[k];
+    if (status == APSM_OK) status = apsm_sha256_files(ctx, n, all, hex);
+    free(all);
+    apsm_file_list_free(&data);
     return status;
 }

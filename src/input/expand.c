@@ -175,11 +175,13 @@ static apsm_status mark_data_files(const expansion *e, char *mark)
 {
     const search *s = &e->found;
     for (size_t i = 0; s->others > 0 && i < e->list->n; i++) {
-        char *data;
-        APSM_TRY(apsm_input_data_file(e->list->cases[i].path, &data));
-        char **known = data ? bsearch(&data, s->other, s->others, sizeof *s->other, by_text) : NULL;
-        if (known) mark[known - s->other] = 1;
-        free(data);
+        apsm_file_list data;
+        APSM_TRY(apsm_input_data_files(e->list->cases[i].path, &data));
+        for (size_t k = 0; k < data.n; k++) {
+            char **known = bsearch(&data.path[k], s->other, s->others, sizeof *s->other, by_text);
+            if (known) mark[known - s->other] = 1;
+        }
+        apsm_file_list_free(&data);
     }
     return APSM_OK;
 }

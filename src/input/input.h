@@ -6,6 +6,7 @@
 
 #include "apsm/mesh.h"
 #include "apsm/volume.h"
+#include "files/files.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -69,9 +70,11 @@ void apsm_input_list_free(apsm_input_list *list);
 /* The kind of a file by its extension, in any case; false if it is none of them. */
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind);
 
-/* *data <- the file that holds the voxels of a header of its own (.mhd, .nhdr, also .mha and
- * .nrrd), malloc'ed, or NULL if path is no such header or names several files. */
-apsm_status apsm_input_data_file(const char *path, char **data) APSM_NODISCARD;
+/* *files <- those that hold the voxels of a header of its own (.mhd, .nhdr, also .mha and .nrrd,
+ * .hdr), in their order; none if path is no such header. */
+apsm_status apsm_input_data_files(const char *path, apsm_file_list *files) APSM_NODISCARD;
+/* SHA-256 of a file, with those behind it that hold its voxels, or of a folder. */
+apsm_status apsm_input_hash(apsm_context *ctx, const char *path, char hex[65]) APSM_NODISCARD;
 
 /* Which labels of a segmentation are the shape.  {0}: the only one there is. */
 typedef struct apsm_labels {

@@ -142,18 +142,6 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     return status;
 }
 
-apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65])
-{
-    char *data;
-    if (apsm_is_folder(path)) return apsm_sha256_folder(ctx, path, hex);
-    APSM_TRY(apsm_input_data_file(path, &data));
-    const char *const files[] = { path, data };
-    const bool detached = data && apsm_file_exists(data); /* else whoever reads it will say so */
-    const apsm_status status = apsm_sha256_files(ctx, detached ? 2 : 1, files, hex);
-    free(data);
-    return status;
-}
-
 static void reflect(apsm_mesh *mesh, double M[16])
 {
     apsm_reflect(mesh, M);
@@ -219,7 +207,7 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
     const apsm_input_case *c = &in->list.cases[i];
     if (run_is_in_memory(t->run)) return read_and_groom(ctx, t->run, in, i);
     char key[65];
-    if (!in->again) APSM_TRY(groom_hash_input(ctx, c->path, in->sha256[i]));
+    if (!in->again) APSM_TRY(apsm_input_hash(ctx, c->path, in->sha256[i]));
     kept_groomed groomed = { 0 };
     content_key(in, i, key);
     *lost = kept_find_mesh(ctx, t->run, c, key, &in->mesh[i], &groomed);

@@ -54,9 +54,6 @@ apsm_status groom_inputs_refuse_bad(apsm_run *run, const groom_inputs *in);
 apsm_status groom_inputs_template(apsm_run *run, const groom_inputs *in, size_t *index);
 void groom_inputs_free(groom_inputs *in);
 
-/* SHA-256 of a file, or of a folder with a DICOM series. */
-apsm_status groom_hash_input(apsm_context *ctx, const char *path, char hex[65]);
-
 /* Puts mesh, which it takes over (in an error the caller keeps it), in the place of the groomed
  * one. */
 apsm_status groom_inputs_replace(apsm_context *ctx, const groom_inputs *in, size_t i,

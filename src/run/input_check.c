@@ -19,7 +19,7 @@ static apsm_status look_at(apsm_context *ctx, const char *path, input_check *c)
     char hex[65];
     if (!apsm_file_exists(path) && !apsm_is_folder(path)) return APSM_OK;
     c->state = INPUT_CHANGED;
-    APSM_TRY(groom_hash_input(ctx, path, hex));
+    APSM_TRY(apsm_input_hash(ctx, path, hex));
     if (strcmp(hex, c->sha256) == 0) c->state = INPUT_SAME;
     return APSM_OK;
 }

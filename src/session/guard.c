@@ -130,12 +130,13 @@ static apsm_status check_series(const guarding *g, const char *folder)
 
 static apsm_status check_input(const guarding *g, const char *path)
 {
-    char *data = NULL;
+    apsm_file_list data;
     if (apsm_is_folder(path)) return check_series(g, path);
     APSM_TRY(check_file(g, path));
-    APSM_TRY(apsm_input_data_file(path, &data));
-    const apsm_status status = check_file(g, data);
-    free(data);
+    APSM_TRY(apsm_input_data_files(path, &data));
+    apsm_status status = APSM_OK;
+    for (size_t k = 0; k < data.n && status == APSM_OK; k++) status = check_file(g, data.path[k]);
+    apsm_file_list_free(&data);
     return status;
 }
 

@@ -71,6 +71,11 @@ write("negative.nii", nifti(struct.pack("<%dh" % len(M), *[-v for v in M]), 4, 1
 write("bz2.nrrd", "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 30 26 22\nspacings: 1 1 1\nencoding: bzip2\n\nBZh9")
 write("absent.mhd", "NDims = 3\nDimSize = 30 26 22\nElementType = MET_UCHAR\nElementDataFile = nothere.raw\n")
 
+write("slices/list.mhd", "NDims = 3\nDimSize = 30 26 22\nElementSpacing = 1 1 1\nElementType = MET_UCHAR\n"
+      "ElementDataFile = LIST\n" + "".join("s%02d.raw\n" % k for k in range(22)))
+for k in range(22):
+    write("slices/s%02d.raw" % k, bytes(M[780 * k:780 * k + 780]))
+
 
 # ---- meshes ----
 def ply(V, F, order="ascii 1.0"):

@@ -37,6 +37,13 @@ taken gzip.nii ""
 taken plain.nii.gz ""
 taken negative.nii ""
 
+# ---- a header whose slices are in files of their own: all of them are the input ----
+expect 0 "" groom slices -o slices.model --faces 1000
+grep -q "no shape" said && fail "slices of a header are said to hold no shape: $(cat said)"
+expect 0 "" verify slices.model
+printf '\1' | dd of=slices/s20.raw bs=1 seek=400 conv=notrunc 2>/dev/null
+expect 1 "changed since it was groomed" verify slices.model
+
 # ---- meshes ----
 refused nan.ply "line 15: a coordinate is not finite"
 refused points.vtk "a point cloud?"

@@ -119,14 +119,16 @@ static void files_without_shapes_are_named(void **state)
 
 static void check_data_file(fixture *f, const char *name, const char *text, const char *wanted)
 {
-    char *data;
+    apsm_file_list data;
+    char all[512] = "";
     scratch_write(scratch_path(f->folder, name), text, strlen(text));
-    assert_int_equal(apsm_input_data_file(scratch_path(f->folder, name), &data), APSM_OK);
-    if (wanted)
-        assert_string_equal(data, scratch_path(f->folder, wanted));
-    else
-        assert_null(data);
-    free(data);
+    assert_int_equal(apsm_input_data_files(scratch_path(f->folder, name), &data), APSM_OK);
+    for (size_t k = 0; k < data.n; k++) {
+        assert_memory_equal(data.path[k], f->folder, strlen(f->folder));
+        strcat(strcat(all, k ? " " : ""), data.path[k] + strlen(f->folder) + 1);
+    }
+    assert_string_equal(all, wanted ? wanted : "");
+    apsm_file_list_free(&data);
 }
 
 static void data_files_of_headers_are_found(void **state)
@@ -134,11 +136,12 @@ static void data_files_of_headers_are_found(void **state)
     fixture *const f = *state;
     check_data_file(f, "a.mhd", "NDims = 3\r\nElementDataFile =  b c.raw \r\n", "b c.raw");
     check_data_file(f, "a.mha", "ElementDataFile = LOCAL\nElementDataFile = x.raw\n", NULL);
-    check_data_file(f, "b.mhd", "ElementDataFile = s%03d.raw 1 9 1\n", NULL);
+    check_data_file(f, "b.mhd", "ElementDataFile = s%03d.raw 8 10 1\n",
+                    "s008.raw s009.raw s010.raw");
     check_data_file(f, "c.mhd", "NDims = 3\n", NULL);
     check_data_file(f, "a.nhdr", "NRRD0004\ndata file: ./b.raw.gz\n", "./b.raw.gz");
     check_data_file(f, "b.nrrd", "NRRD0004\ntype: uchar\n\ndata file: b.raw\n", NULL);
-    check_data_file(f, "c.nhdr", "NRRD0004\ndata file: LIST\nb.raw\n", NULL);
+    check_data_file(f, "c.nhdr", "NRRD0004\ndata file: LIST\nb.raw\r\n\nc.raw", "b.raw c.raw");
     check_data_file(f, "a.nii", "ElementDataFile = b.raw\n", NULL);
 }
 
