@@ -134,7 +134,7 @@ static const cli_option own[] = {
       NULL },
     { "ignore", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "LIST", "ignore", NULL,
       "go on without something that a project asks for and apsm does not do: constraints, "
-      "landmarks, normals, fixed, domains, reflect",
+      "landmarks, normals, fields, geodesics, fixed, domains, reflect, shared",
       NULL },
     { "domain", 0, CLI_SETS, CLI_GROUP_INPUT, GROOMS | CLI_CHECK, "NAME", "domain", NULL,
       "of a project with several domains (shape_NAME, ...), the one to model alone; without it "

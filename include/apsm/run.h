@@ -111,7 +111,7 @@ static inline APSM_NODISCARD apsm_status apsm_run_import(apsm_run *run, const ap
 /* Whether text is a value of "unit": a word of a few letters, to show behind lengths. */
 APSM_API apsm_status apsm_run_check_unit(apsm_context *ctx, const char *text) APSM_NODISCARD;
 /* Whether text is a value of "ignore": words with commas, of constraints, landmarks, normals,
- * fixed, domains and reflect. */
+ * fields, geodesics, fixed, domains, reflect and shared. */
 APSM_API apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text) APSM_NODISCARD;
 
 /* The options in force, and any text setting ("" if not set). */

@@ -85,8 +85,7 @@ static apsm_status refuse_rows(const contour_job *j, const char *path)
                              "%s: %s has constraints, which contours are not cut by; cut the "
                              "contour, or keep the column unused with --ignore constraints",
                              path, subject->name);
-        if (apsm_says_yes(apsm_subject_column(subject, "fixed")) &&
-            !source_list_has(j->ignore, "fixed"))
+        if (source_is_fixed(p, subject) && !source_list_has(j->ignore, "fixed"))
             return apsm_fail(j->ctx, APSM_ERR_UNSUPPORTED,
                              "%s: %s is fixed, which no contour can be; --ignore fixed keeps the "
                              "column unused",

@@ -68,10 +68,30 @@ static bool is_normals(const char *name)
     return strcmp(name, "normals") == 0;
 }
 
-/* What option features says, and the normals that a project asks for. */
-static apsm_status settle(apsm_run *run, const apsm_project *p, feature_words *w)
+static bool is_named(const feature_words *w, const char *name, size_t length)
 {
-    APSM_TRY(parse(run->ctx, apsm_run_text(run, "features"), w));
+    for (size_t k = 0; k < w->n; k++)
+        if (strlen(w->name[k]) == length && strncmp(w->name[k], name, length) == 0) return true;
+    return false;
+}
+
+/* Fields that the project wants to correspond count as much as one another; option features says
+ * it better. */
+static apsm_status add_fields(apsm_context *ctx, const apsm_project *p, feature_words *w)
+{
+    const char *name;
+    size_t length;
+    for (size_t k = 0; (name = source_field(p, k, &length)); k++)
+        if (!is_named(w, name, length)) APSM_TRY(take_word(ctx, name, length, w));
+    return APSM_OK;
+}
+
+/* What option features says, and the fields and normals that a project asks for. */
+static apsm_status settle(apsm_context *ctx, const apsm_run *run, const apsm_project *p,
+                          feature_words *w)
+{
+    APSM_TRY(parse(ctx, apsm_run_text(run, "features"), w));
+    if (p->root && !source_ignores(run, "fields")) APSM_TRY(add_fields(ctx, p, w));
     const bool ignored = source_ignores(run, "normals");
     const double normals = p->root && !ignored ? source_normals(p) : 0;
     for (size_t k = 0; k < w->n; k++)
@@ -87,21 +107,26 @@ static apsm_status refuse_psm(apsm_run *run, const feature_words *w)
 {
     for (size_t k = 0; k < w->n; k++)
         if (w->weight[k] > 0 && run->options.optimize.method == APSM_METHOD_PSM)
-            return apsm_fail(
-                run->ctx, APSM_ERR_UNSUPPORTED,
-                "method psm has no features; drop '%s' (--ignore normals, if a project "
-                "asks for them), or sample it with weight 0",
-                w->name[k]);
+            return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED,
+                             "method psm has no features; drop '%s' (--ignore normals,fields, if a "
+                             "project asks for it), or sample it with weight 0",
+                             w->name[k]);
     return APSM_OK;
 }
 
 /* ---- from the inputs ---- */
 
+/* The project that is groomed. */
+static const apsm_project *source_of(const apsm_run *run, const groom_inputs *in)
+{
+    return in->own_source ? &run->project : &in->source;
+}
+
 /* The image that a column of the project names for this feature: malloc'ed, or NULL. */
 static char *image_of(const apsm_run *run, const groom_inputs *in, size_t i, const char *name)
 {
     static const char *const prefixes[] = { "image_", "feature_" };
-    const apsm_project *p = in->own_source ? &run->project : &in->source;
+    const apsm_project *p = source_of(run, in);
     const size_t s = p->root ? apsm_project_find(p, in->list.cases[i].name) : 0;
     for (size_t k = 0; k < 2 && p->root && s < p->n; k++) {
         char key[NAME_ROOM + 16];
@@ -203,7 +228,7 @@ static apsm_status take_field(apsm_context *ctx, const apsm_run *run, const groo
 apsm_status features_check(apsm_run *run, const groom_inputs *in)
 {
     feature_words w;
-    APSM_TRY(settle(run, in->own_source ? &run->project : &in->source, &w));
+    APSM_TRY(settle(run->ctx, run, source_of(run, in), &w));
     APSM_TRY(refuse_psm(run, &w));
     if (w.n > 0 && run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_UNSUPPORTED, "a job in memory has no features");
@@ -253,9 +278,8 @@ apsm_status features_write_mesh(apsm_context *ctx, const apsm_run *run, const gr
     feature_words w;
     apsm_mesh_field fields[MOST_FEATURES];
     size_t S = 0;
-    const char *text = apsm_run_text(run, "features");
-    if (!*text) return apsm_write_mesh(ctx, path, &in->mesh[i]);
-    APSM_TRY(parse(ctx, text, &w));
+    APSM_TRY(settle(ctx, run, source_of(run, in), &w));
+    if (w.n == 0) return apsm_write_mesh(ctx, path, &in->mesh[i]);
     double *value = malloc((w.n * in->mesh[i].nv + 1) * sizeof *value);
     if (!value) return APSM_ERR_MEMORY;
     apsm_status status = take_fields(ctx, run, in, i, &w, value, fields, &S);
@@ -331,7 +355,7 @@ apsm_status features_load(apsm_run *run)
 {
     feature_words w;
     features_free(&run->features);
-    APSM_TRY(settle(run, &run->project, &w));
+    APSM_TRY(settle(run->ctx, run, &run->project, &w));
     if (w.n == 0) return APSM_OK;
     APSM_TRY(take_names(run, &w));
     for (size_t i = 0; i < run->cohort.I; i++) APSM_TRY(read_shape(run, i));

@@ -1,4 +1,5 @@
 #include "run/fixed.h"
+#include "run/source.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -58,9 +59,9 @@ static bool is_in_list(const char *list, const char *name)
     return false;
 }
 
-static bool is_wanted(const char *option, const apsm_subject *s)
+static bool is_wanted(const char *option, const apsm_project *p, const apsm_subject *s)
 {
-    if (apsm_says_yes(apsm_subject_column(s, "fixed")) || is_in_list(option, s->name)) return true;
+    if (source_is_fixed(p, s) || is_in_list(option, s->name)) return true;
     return strcmp(option, "all") == 0 && s->local_particles;
 }
 
@@ -182,7 +183,7 @@ static apsm_status read_all(apsm_run *run, groom_inputs *in, const apsm_project 
     const char *option = apsm_run_text(run, "fixed");
     for (size_t i = 0; i < in->list.n; i++) {
         const size_t k = apsm_project_find(p, in->list.cases[i].name);
-        if (k < p->n && is_wanted(option, &p->subjects[k]))
+        if (k < p->n && is_wanted(option, p, &p->subjects[k]))
             APSM_TRY(read_shape(run, in, p, &p->subjects[k], i));
     }
     return APSM_OK;

@@ -10,7 +10,18 @@
 
 /* ---- what cannot be done yet ---- */
 
-enum { CONSTRAINTS, LANDMARKS, NORMALS, FIXED, DOMAINS, REFLECT, REQUESTS };
+enum {
+    CONSTRAINTS,
+    LANDMARKS,
+    NORMALS,
+    FIELDS,
+    GEODESICS,
+    FIXED,
+    DOMAINS,
+    REFLECT,
+    SHARED,
+    REQUESTS
+};
 static const struct {
     const char *word, *what;
 } requests[REQUESTS] = {
@@ -18,10 +29,15 @@ static const struct {
     { "landmarks",
       "landmarks that guide the particles (optimize.use_landmarks), of which it has none" },
     { "normals", "normals in the correspondence (optimize.use_normals)" },
+    { "fields", "fields of the surface in the correspondence (optimize.field_attributes)" },
+    { "geodesics",
+      "distances to landmarks in the correspondence (optimize.use_geodesics_to_landmarks)" },
     { "fixed", "fixed shapes, whose particles stay" },
     { "domains", "several domains, modelled together" },
-    { "reflect",
-      "shapes reflected by a column (groom.reflect; --reflect-match does it by name)" }
+    { "reflect", "shapes reflected about another axis than X, or by a column that no shape has "
+                 "(groom.reflect; --reflect-match does it by name)" },
+    { "shared", "the boundary that two domains share (groom.shared_boundary; --parts and "
+                "--shared-boundary do it with files)" }
 };
 
 static size_t find_word(const char *text, size_t length)
@@ -40,7 +56,7 @@ apsm_status apsm_run_check_ignore(apsm_context *ctx, const char *text)
         if (find_word(at, length) == REQUESTS)
             return apsm_fail(ctx, APSM_ERR_ARG,
                              "ignore = %s: '%.*s' is none of constraints, landmarks, normals, "
-                             "fixed, domains and reflect",
+                             "fields, geodesics, fixed, domains, reflect and shared",
                              text, (int)length, at);
         at += length + (at[length] == ',');
     }
@@ -95,17 +111,89 @@ static void count_row(const apsm_project *p, const apsm_subject *s, size_t count
     }
     count[CONSTRAINTS] += constrained;
     count[DOMAINS] += other;
-    count[FIXED] += apsm_says_yes(apsm_subject_column(s, "fixed"));
+    count[FIXED] += source_is_fixed(p, s);
+}
+
+static bool says(const json_t *pairs, const char *key)
+{
+    const json_t *value = json_object_get(pairs, key);
+    return json_is_true(value) || json_integer_value(value) != 0 ||
+           apsm_says_yes(json_string_value(value));
 }
 
 /* The value of a key of a group, or of the group's part for the domain. */
 static bool group_says(const apsm_project *p, const char *group, const char *key)
 {
     const json_t *pairs = json_object_get(p->root, group);
-    const json_t *value = json_object_get(pairs, key);
-    if (!value) value = json_object_get(json_object_get(pairs, p->domain), key);
-    return json_is_true(value) || json_integer_value(value) != 0 ||
-           apsm_says_yes(json_string_value(value));
+    return says(json_object_get(pairs, key) ? pairs : json_object_get(pairs, p->domain), key);
+}
+
+/* ---- rows that are chosen by a column ---- */
+
+/* Whether the row has the choice in the column that these keys name. */
+static bool is_chosen(const json_t *pairs, const char *column, const char *choice,
+                      const apsm_subject *s)
+{
+    const char *key = json_string_value(json_object_get(pairs, column)),
+               *want = json_string_value(json_object_get(pairs, choice));
+    const char *has = key && *key ? apsm_subject_column(s, key) : NULL;
+    return has && want && strcmp(has, want) == 0;
+}
+
+bool source_is_fixed(const apsm_project *p, const apsm_subject *s)
+{
+    const json_t *optimize = json_object_get(p->root, "optimize");
+    const char *column = json_string_value(json_object_get(optimize, "fixed_subjects_column"));
+    if (!says(optimize, "use_fixed_subjects") || !column || !*column)
+        return apsm_says_yes(apsm_subject_column(s, "fixed"));
+    return is_chosen(optimize, "fixed_subjects_column", "fixed_subjects_choice", s);
+}
+
+/* What of groom speaks of reflection: groom itself for at = 0, then its parts for the domains;
+ * NULL: there are no more. */
+static const json_t *reflecting(const apsm_project *p, size_t at)
+{
+    const json_t *groom = json_object_get(p->root, "groom");
+    const char *key;
+    json_t *value;
+    size_t k = 0;
+    if (at == 0) return groom;
+    json_object_foreach((json_t *)groom, key, value)
+    {
+        if (json_is_object(value) && ++k == at) return value;
+    }
+    return NULL;
+}
+
+/* A subject that is reflected is so as a whole: in all of its domains if one asks for it. */
+static bool is_reflected(const apsm_project *p, const apsm_subject *s)
+{
+    const json_t *pairs;
+    for (size_t k = 0; (pairs = reflecting(p, k)); k++)
+        if (says(pairs, "reflect") && is_chosen(pairs, "reflect_column", "reflect_choice", s))
+            return true;
+    return false;
+}
+
+static bool has_column(const apsm_project *p, const char *key)
+{
+    for (size_t i = 0; key && i < p->n; i++)
+        if (apsm_subject_column(&p->subjects[i], key)) return true;
+    return false;
+}
+
+/* Whether reflections are asked for that differ from ours, or cannot be told. */
+static bool reflects_otherwise(const apsm_project *p)
+{
+    const json_t *pairs;
+    for (size_t k = 0; (pairs = reflecting(p, k)); k++) {
+        const char *axis = json_string_value(json_object_get(pairs, "reflect_axis"));
+        if (!says(pairs, "reflect")) continue;
+        if (axis && *axis && strcmp(axis, "X") != 0 && strcmp(axis, "x") != 0) return true;
+        if (!has_column(p, json_string_value(json_object_get(pairs, "reflect_column"))))
+            return true;
+    }
+    return false;
 }
 
 bool source_wants_landmarks(const apsm_project *source)
@@ -121,6 +209,18 @@ double source_normals(const apsm_project *source)
     if (!group_says(source, "optimize", "use_normals")) return 0;
     return text && apsm_parse_number(text, strlen(text), &weight) && weight > 0 ? fmin(weight, 1e3)
                                                                                 : usual;
+}
+
+const char *source_field(const apsm_project *source, size_t k, size_t *length)
+{
+    static const char between[] = " ,;";
+    const char *at = apsm_project_get(source, "optimize", "field_attributes");
+    for (size_t i = 0; at && *(at += strspn(at, between)); i++) {
+        *length = strcspn(at, between);
+        if (i == k) return at;
+        at += *length;
+    }
+    return NULL;
 }
 
 static bool has_landmarks(const apsm_project *p)
@@ -139,7 +239,18 @@ static void count_requests(const apsm_project *p, const char *domain, size_t cou
     for (size_t i = 0; i < p->n; i++) count_row(p, &p->subjects[i], count);
     count[LANDMARKS] += source_wants_landmarks(p) && !has_landmarks(p);
     if (*domain) count[DOMAINS] = 0; /* one was chosen */
-    count[REFLECT] += group_says(p, "groom", "reflect");
+    count[REFLECT] += reflects_otherwise(p);
+    count[GEODESICS] += group_says(p, "optimize", "use_geodesics_to_landmarks");
+    count[SHARED] += group_says(p, "groom", "shared_boundary");
+}
+
+/* What is followed unless option ignore names it. */
+static void count_ignored(const apsm_project *p, const char *ignore, size_t count[REQUESTS])
+{
+    size_t length;
+    if (is_ignored(ignore, FIELDS)) count[FIELDS] += source_field(p, 0, &length) != NULL;
+    for (size_t i = 0; i < p->n && is_ignored(ignore, REFLECT); i++)
+        count[REFLECT] += is_reflected(p, &p->subjects[i]);
 }
 
 /* text grows by "; words", or by the words alone. */
@@ -147,6 +258,30 @@ static void add(char *text, size_t room, const char *between, const char *words)
 {
     const size_t used = strlen(text);
     snprintf(text + used, room - used, "%s%s", used ? between : "", words);
+}
+
+static void tell_fields(const apsm_run *run, const apsm_project *source)
+{
+    const char *fields = apsm_project_get(source, "optimize", "field_attributes");
+    if (fields && *fields && !source_ignores(run, "fields") && !*apsm_run_text(run, "features"))
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "the project's field_attributes (%s) must correspond, each with weight 1 (weights "
+                 "here have no unit); --features NAME:WEIGHT sets others",
+                 fields);
+}
+
+static void tell_fixed(const apsm_run *run, const apsm_project *p)
+{
+    bool any = !says(json_object_get(p->root, "optimize"), "use_fixed_subjects");
+    for (size_t i = 0; i < p->n && !any; i++) any = source_is_fixed(p, &p->subjects[i]);
+    if (any || source_ignores(run, "fixed")) return;
+    const char *column = apsm_project_get(p, "optimize", "fixed_subjects_column"),
+               *choice = apsm_project_get(p, "optimize", "fixed_subjects_choice");
+    apsm_log(
+        run->ctx, APSM_LOG_WARNING,
+        "the project asks for fixed shapes (optimize.use_fixed_subjects), but none has '%s' in "
+        "column '%s'; nothing is fixed",
+        choice ? choice : "yes", column ? column : "fixed");
 }
 
 /* A wish that is not taken over, but said. */
@@ -168,6 +303,7 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
     char asked[640] = "", words[96] = "", left[640] = "";
     const char *ignore = apsm_run_text(run, "ignore");
     APSM_TRY(apsm_run_check_ignore(run->ctx, ignore));
+    count_ignored(source, ignore, count);
     count_requests(source, apsm_run_text(run, "domain"), count);
     if (*apsm_run_text(run, "landmarks")) count[LANDMARKS] = 0; /* given otherwise */
     for (size_t k = 0; k < REQUESTS; k++) {
@@ -183,6 +319,8 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
                          "--ignore %s%s%s",
                          asked, ignore, *ignore ? "," : "", words);
     tell_particles(run, source);
+    tell_fields(run, source);
+    tell_fixed(run, source);
     if (!*left) return APSM_OK;
     apsm_log(run->ctx, APSM_LOG_WARNING, "ignored, as asked for by --ignore: %s", left);
     *ignored = strdup(left);
@@ -268,6 +406,14 @@ static apsm_status list_paths(apsm_run *run, const apsm_project *p, const char *
     return APSM_OK;
 }
 
+static void reflect_rows(const apsm_project *p, apsm_input_list *list)
+{
+    for (size_t i = 0; i < list->n; i++) {
+        const size_t k = apsm_project_find(p, list->cases[i].name);
+        if (k < p->n && is_reflected(p, &p->subjects[k])) list->cases[i].reflect = true;
+    }
+}
+
 apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *list)
 {
     const char **names = calloc(p->n + 1, sizeof *names);
@@ -288,6 +434,7 @@ apsm_status source_list(apsm_run *run, const apsm_project *p, apsm_input_list *l
                                        .exclude = apsm_run_text(run, "exclude"),
                                        .reflect_match = apsm_run_text(run, "reflect_match") };
     if (status == APSM_OK) status = apsm_input_choose(run->ctx, &choice, list);
+    if (status == APSM_OK && !source_ignores(run, "reflect")) reflect_rows(p, list);
     for (size_t i = 0; paths && i < p->n; i++) free(paths[i]);
     free(paths);
     free(names);

@@ -25,6 +25,13 @@ bool source_ignores(const apsm_run *run, const char *word);
  * none.
  */
 double source_normals(const apsm_project *source);
+/* Field k that the project wants to correspond (optimize.field_attributes), of *length; NULL: there
+ * are no more. */
+const char *source_field(const apsm_project *source, size_t k, size_t *length);
+
+/* Whether the particles of the row are to stay: column fixed, or if optimize.use_fixed_subjects
+ * names a column, the one that has its choice there. */
+bool source_is_fixed(const apsm_project *source, const apsm_subject *subject);
 
 /* Lists the cases of the project under the names that it gives them. */
 apsm_status source_list(apsm_run *run, const apsm_project *source, apsm_input_list *list);
