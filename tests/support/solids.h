@@ -83,7 +83,9 @@ static inline double solid_tip(const double x[3])
     double d = INFINITY;
     for (int i = 0; i < 80; i++) {
         const double c = -12.0 + 24.0 * i / 79.0;
-        d = fmin(d, solid_length(x[0] - c, x[1], x[2]) - (4.0 * (1.0 - (c + 12.0) / 26.0) + 0.7));
+        const double to =
+            solid_length(x[0] - c, x[1], x[2]) - (4.0 * (1.0 - (c + 12.0) / 26.0) + 0.7);
+        if (to < d) d = to; /* on fmin gcc 12 for aarch64 breaks off */
     }
     return d;
 }
