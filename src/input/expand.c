@@ -18,6 +18,7 @@
 #include "formats/mesh_io.h"
 #include "input/foreign.h"
 #include "input/names.h"
+#include "input/picture.h"
 #include "input/search.h"
 
 /* An expression and how often it matched. */
@@ -122,6 +123,14 @@ static apsm_status refuse_empty(const expansion *e, const char *folder, size_t u
         folder);
 }
 
+/* Whether one of the hits is no flat picture. */
+static bool any_shape(const search *s, size_t first)
+{
+    for (size_t k = first; k < s->n; k++)
+        if (!picture_is_one(s->hit[k].path)) return true;
+    return false;
+}
+
 static apsm_status add_folder(expansion *e, const char *folder, const char *name)
 {
     search *const s = &e->found;
@@ -129,9 +138,18 @@ static apsm_status add_folder(expansion *e, const char *folder, const char *name
     APSM_TRY(name ? search_series(e->ctx, folder, s)
                   : search_folder(e->ctx, folder, e->choice->pattern, s));
     if (s->n == first) return refuse_empty(e, folder, s->unmatched - unmatched);
+    const bool any = any_shape(s, first);
     for (size_t k = first; k < s->n; k++) {
         const search_hit *hit = &s->hit[k];
         const char *within = hit->within ? hit->path + hit->within : last_component(hit->path);
+        if (any && picture_is_one(hit->path)) {
+            apsm_log(e->ctx, APSM_LOG_WARNING,
+                     "%s: a flat picture beside shapes; left out (slices of a stack have to be one "
+                     "file)",
+                     hit->path);
+            e->list->skipped++;
+            continue;
+        }
         APSM_TRY(add_case(e, hit->path, within, hit->kind, name));
     }
     return APSM_OK;
@@ -253,6 +271,30 @@ static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
     return status;
 }
 
+static int by_name_in_any_case(const void *a, const void *b)
+{
+    return strcasecmp((*(const apsm_input_case *const *)a)->name,
+                      (*(const apsm_input_case *const *)b)->name);
+}
+
+/* Names that only capitals tell apart are files of one name on other systems. */
+static apsm_status tell_capitals(const expansion *e)
+{
+    const apsm_input_list *const list = e->list;
+    const apsm_input_case **const sorted = malloc((list->n + 1) * sizeof *sorted);
+    if (!sorted) return out_of_memory(e->ctx);
+    for (size_t i = 0; i < list->n; i++) sorted[i] = &list->cases[i];
+    qsort(sorted, list->n, sizeof *sorted, by_name_in_any_case);
+    for (size_t i = 1; i < list->n; i++)
+        if (strcasecmp(sorted[i - 1]->name, sorted[i]->name) == 0)
+            apsm_log(e->ctx, APSM_LOG_WARNING,
+                     "'%s' and '%s' differ in capitals alone: on a disk of Windows or macOS the "
+                     "files of one would take the place of the other's; rename one",
+                     sorted[i - 1]->name, sorted[i]->name);
+    free(sorted);
+    return APSM_OK;
+}
+
 static apsm_status check_names(expansion *e)
 {
     const apsm_input_list *const list = e->list;
@@ -265,7 +307,7 @@ static apsm_status check_names(expansion *e)
                              "%s and %s are both case '%s'; rename one, or leave it out by "
                              "--exclude",
                              list->cases[i - 1].path, list->cases[i].path, list->cases[i].name);
-    return APSM_OK;
+    return tell_capitals(e);
 }
 
 static void warn_unmatched(expansion *e, const pattern *p)

@@ -145,6 +145,55 @@ static void data_files_of_headers_are_found(void **state)
     check_data_file(f, "a.nii", "ElementDataFile = b.raw\n", NULL);
 }
 
+/* A TIFF without fields: 8 bytes of head, then no entries, and where the next page is. */
+static void put_tiff(const fixture *f, const char *name, bool big, char next)
+{
+    char bytes[14] = { 'I', 'I', 42, 0, 8 };
+    if (big) memcpy(bytes, "MM\0\052\0\0\0\010", 8);
+    bytes[big ? 13 : 10] = next;
+    scratch_write(scratch_path(f->folder, name), bytes, sizeof bytes);
+}
+
+/* One page beside shapes is a picture; all of a folder, or by their names, they are slices that
+ * whoever reads them refuses. */
+static void pictures_beside_shapes_are_left_out(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/a.ply", "d/b.ply"));
+    put_tiff(f, "d/p.tif", false, 0);
+    put_tiff(f, "d/q.TIFF", true, 0);
+    put_tiff(f, "d/stack.tif", false, 8);
+    f->log[0] = '\0';
+    apsm_status status = expand(f, NAMES("d"), NULL, NULL, &list);
+    expect_names(f, status, &list, "a b stack ");
+    assert_int_equal(list.skipped, 2);
+    assert_non_null(strstr(f->log, "d/p.tif: a flat picture"));
+    assert_non_null(strstr(f->log, "d/q.TIFF: a flat picture"));
+    apsm_input_list_free(&list);
+    status = expand(f, NAMES("d/p.tif", "d/a.ply"), NULL, NULL, &list);
+    expect_names(f, status, &list, "a p ");
+    apsm_input_list_free(&list);
+    make_files(f, NAMES("e/"));
+    put_tiff(f, "e/s1.tif", false, 0);
+    put_tiff(f, "e/s2.tif", false, 0);
+    status = expand(f, NAMES("e"), NULL, NULL, &list);
+    expect_names(f, status, &list, "s1 s2 ");
+    apsm_input_list_free(&list);
+}
+
+static void names_that_capitals_tell_apart_are_warned_of(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/e0.ply", "d/E0.ply", "d/e1.ply"));
+    f->log[0] = '\0';
+    const apsm_status status = expand(f, NAMES("d"), NULL, NULL, &list);
+    expect_names(f, status, &list, "E0 e0 e1 ");
+    assert_non_null(strstr(f->log, "differ in capitals alone"));
+    apsm_input_list_free(&list);
+}
+
 static void names_that_no_file_can_have_are_refused(void **state)
 {
     fixture *const f = *state;
@@ -474,6 +523,8 @@ int main(void)
         TEST(names_may_be_given),
         TEST(labels_are_parsed),
         TEST(labels_are_united),
+        TEST(pictures_beside_shapes_are_left_out),
+        TEST(names_that_capitals_tell_apart_are_warned_of),
         TEST(cases_are_read),
     };
     return cmocka_run_group_tests_name("expand", tests, NULL, NULL);
