@@ -367,5 +367,6 @@ apsm_status apsm_geodesic_correspondence(const apsm_walk_ground *ground, size_t 
     for (size_t i = 0; i < n; i++) APSM_TRY(treat(&a, s->order[i], report));
     if (report->moved > 0) APSM_TRY(renew_rows(&a));
     count_both(&a, report->after);
+    report->in_force = apsm_mismatches(reference, &s->now, options->geodesic_factor, s->count);
     return APSM_OK;
 }

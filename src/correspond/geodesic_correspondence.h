@@ -60,6 +60,7 @@ size_t apsm_missing_neighbours(const apsm_neighbourhoods *reference,
                                uint32_t *missing);
 
 enum { APSM_TARGET_MEAN, APSM_TARGET_FARTHEST };
+enum { APSM_STOP_RULE_EITHER, APSM_STOP_RULE_MATCHED, APSM_STOP_RULE_NEVER };
 #define APSM_WALK_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                         \
     BOOL(S, geodesic_correspondence, true, "run Algorithm 1 in stage 1")                           \
     INT(S, geodesic_interval, 25, 1, 1000000,                                                      \
@@ -71,7 +72,9 @@ enum { APSM_TARGET_MEAN, APSM_TARGET_FARTHEST };
     REAL(S, geodesic_walk, 1, 0.01, 1, "share of the walk that is made")                           \
     BOOL(S, geodesic_guard, true, "keep a move only if it does not make matters worse")            \
     REAL(S, stop_mismatched, 0.02, 0, 1,                                                           \
-         "stage 1 ends early when no shape has a larger share of mismatched particles")            \
+         "stage 1 ends early when no shape has a larger share of particles mismatched by F")       \
+    ENUM(S, stop_rule, "matched-or-stalled|matched|never",                                         \
+         "or when two passes brought nothing; only then (paper); or never")                        \
     FIXED(S, double, min_separation, 0.5,                                                          \
           "particles nearer than this come too near for the guard, in h")
 typedef struct apsm_walk_options {
@@ -84,6 +87,7 @@ apsm_walk_options apsm_walk_defaults(double h); /* strict */
 /* Mismatched particles at 1.5/1.5 (0 unless strict) and 1.5/2.0, and what the pass did. */
 typedef struct apsm_walk_report {
     size_t before[2], after[2];
+    size_t in_force; /* after, at 1.5/F */
     size_t moved, refused;
 } apsm_walk_report;
 

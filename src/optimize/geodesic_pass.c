@@ -80,7 +80,7 @@ static geodesic_pass_result sum_up(const pass *p)
     const size_t movers = cohort_movers(p->cohort);
     for (size_t i = 0; i < p->cohort->I; i++) {
         if (i == p->cohort->template_index || !cohort_moves(p->cohort, i)) continue;
-        const double share = (double)p->report[i].after[1] / (double)p->J;
+        const double share = (double)p->report[i].in_force / (double)p->J;
         r.mean += share / (double)movers;
         if (share > r.worst) r.worst = share;
         r.walked += (long)p->report[i].moved;

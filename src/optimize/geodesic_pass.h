@@ -7,7 +7,7 @@
 #include "optimize/options.h"
 
 typedef struct geodesic_pass_result {
-    double mean, worst; /* share of mismatched particles (1.5 / 2.0) after the pass, over the
+    double mean, worst; /* share of mismatched particles (1.5 / F) after the pass, over the
                            shapes other than the template */
     long walked;        /* particles moved, all shapes */
 } geodesic_pass_result;

@@ -133,18 +133,19 @@ static void count_gain(apsm_optimizer_state *s, const apsm_epoch_record *r)
 }
 
 /* The decay phase begins early if every shape has few mismatched particles, or if two passes
- * brought nothing. */
+ * brought nothing; without one, the stage's last epoch. */
 static void judge_pass(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
-    if (s->epoch >= op->schedule.decay1) return;
+    const long last = op->schedule.epochs - 1, decay = op->schedule.decay1;
+    if (s->epoch >= decay || op->o->walk.stop_rule == APSM_STOP_RULE_NEVER) return;
     count_gain(s, r);
     if (s->epoch == 0) return; /* the loss has not had its say yet */
     if (r->worst_mismatched <= op->o->walk.stop_mismatched)
         s->stage1_stop = APSM_STOP_MATCHED;
-    else if (s->passes_without_gain >= 2)
+    else if (s->passes_without_gain >= 2 && op->o->walk.stop_rule == APSM_STOP_RULE_EITHER)
         s->stage1_stop = APSM_STOP_STALLED;
-    if (s->stage1_stop != APSM_STOP_NOT_YET) s->epoch = op->schedule.decay1;
+    if (s->stage1_stop != APSM_STOP_NOT_YET) s->epoch = decay < last ? decay : last;
 }
 
 /* First particles of which many are mismatched were not brought by registration, or it failed.

@@ -116,6 +116,7 @@ static const char *const paper_literal[][2] = {
     { "geodesic_target", "farthest" },
     { "geodesic_walk", "1" },
     { "geodesic_guard", "false" },
+    { "stop_rule", "matched" },
     { "definition", "paper" },
     { "fidelity", "0" },
 };

@@ -300,6 +300,16 @@ particles seven 7 5
 expect 1 "faces" run cohort/s0.ply cohort/s1.ply -o crowd -J 1000 "${few[@]}"
 expect 0 "" run cohort -o plain "${few[@]}" -J 32 --align none --seed 7
 expect 0 "" run cohort -o literal "${few[@]}" -J 32 --preset paper-literal-femur
+# The paper's first stage ends by matched neighbours alone, and never, if not asked to; its last epoch is one of the stage.
+ends() {
+    local folder=$1
+    shift
+    expect 0 "" run cohort -o "$folder" -J 32 --faces 1500 --preset paper-literal-femur --stage1-epochs 8 --stage2-epochs 0 --set geodesic_interval=2 "$@"
+    awk -F, '$1 == 1 { n++; last = $2 } END { print n " " last }' "$folder/history.csv"
+}
+[ "$(ends matched --set stop_mismatched=1)" = "3 7" ] || fail "matched particles do not end stage 1"
+[ "$(ends never --set stop_mismatched=1 --set stop_rule=never)" = "8 7" ] || fail "stage 1 ends although it is not to"
+[ "$(ends stalled --set stop_mismatched=0)" = "8 7" ] || fail "the paper's stage 1 ends since it has stalled"
 particles literal 32 5
 expect 2 "nowhere" run cohort -o x --template nowhere
 expect 2 "the nearest is 'gamma'" run cohort -o x --set gama=1

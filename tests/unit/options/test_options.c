@@ -85,6 +85,7 @@ static void a_decimal_comma_of_the_process_changes_nothing(void **state)
     assert_int_equal(apsm_options_set(NULL, &o, "tau", "0,25"), APSM_ERR_ARG);
     assert_int_equal(apsm_options_preset(NULL, &o, "paper-literal-femur"), APSM_OK);
     assert_true(o.optimize.schedule.beta == 0.01);
+    assert_int_equal(o.optimize.walk.stop_rule, APSM_STOP_RULE_MATCHED);
     assert_int_equal(apsm_options_set(NULL, &o, "method", "xu2023"), APSM_OK);
     assert_true(o.optimize.schedule.gamma == 0.1);
     setlocale(LC_ALL, "C");
