@@ -15,6 +15,9 @@
 /* How far rows reach to tell how far neighbours beyond F = 2.0 are: that is looked up only where it
  * may change the verdict. */
 static const double far_factor = 4.0;
+/* The template is nobody's prediction: it differs from the others in details that they do not have.
+ */
+static const double of_template = 1.5;
 
 typedef struct judging {
     const apsm_cohort *cohort;
@@ -236,8 +239,11 @@ static apsm_status judge_by_others(apsm_context *ctx, const judging *g)
     if (c->I < APSM_LEAST_JUDGED) return APSM_OK;
     APSM_TRY(apsm_judge(ctx, g->cohort, g->J, g->P, &c->judgement));
     c->judged = true;
-    for (size_t i = 0; i < c->I; i++)
-        c->doubts[i] = apsm_verdict_doubts(&c->judgement.shape[i], &options);
+    for (size_t i = 0; i < c->I; i++) {
+        apsm_verdict_options own = options;
+        if (i == g->cohort->template_index) own.slip *= of_template;
+        c->doubts[i] = apsm_verdict_doubts(&c->judgement.shape[i], &own);
+    }
     return APSM_OK;
 }
 
