@@ -492,7 +492,7 @@ static apsm_status match_parts(apsm_context *ctx, fitting *f)
         f->part_of[k] = d;
         const char *labels = f->job.by_label ? f->job.part[k].what : f->o->labels;
         APSM_TRY(apsm_labels_parse(ctx, labels ? labels : "", &f->reading[d].labels));
-        f->reading[d].groom = apsm_fit_model_options(f->m.part[d])->groom;
+        f->reading[d].groom = fit_model_groom(f->m.part[d]);
     }
     return APSM_OK;
 }

@@ -141,6 +141,21 @@ apsm_status fit_scores(fit_job *job)
 
 /* ---- whole surfaces ---- */
 
+static bool is_open(const apsm_mesh *mesh)
+{
+    apsm_mesh_defects defects;
+    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
+}
+
+/* Particles on the rims of a model of open surfaces have no place on a closed one. */
+static void judge_opening(const fit_job *job)
+{
+    if (job->m->cohort.shape[0].rim.n > 0 && !is_open(job->mesh))
+        fit_object(
+            job->out, APSM_FIT_REFUSED,
+            "is a closed surface, and the model's shapes are open ones: cut it as they were");
+}
+
 static apsm_status place(apsm_context *ctx, fit_job *job)
 {
     apsm_bvh *bvh = NULL;
@@ -157,6 +172,7 @@ static apsm_status place(apsm_context *ctx, fit_job *job)
     out->mirrored = job->pose.mirrored;
     memcpy(out->M, job->pose.M, sizeof out->M);
     apsm_affine_identity(out->reflection);
+    judge_opening(job);
     fit_judge_pose(job);
     return APSM_OK;
 }
@@ -218,12 +234,12 @@ static apsm_status fit_part(apsm_context *ctx, fit_job *job)
     return status;
 }
 
-/* Whether it has openings. */
-static bool is_part(const apsm_mesh *mesh, const apsm_fit_options *o)
+/* Whether it has openings where the model's shapes have none.  Of a model of open surfaces an open
+ * one is whole unless the caller says otherwise. */
+static bool is_part(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_fit_options *o)
 {
-    apsm_mesh_defects defects;
     if (o->extent != APSM_EXTENT_AUTO) return o->extent == APSM_EXTENT_PART;
-    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
+    return m->cohort.shape[0].rim.n == 0 && is_open(mesh);
 }
 
 /* ---- the door ---- */
@@ -308,7 +324,7 @@ apsm_status apsm_fit_surface_sized(apsm_context *ctx, const apsm_fit_model *mode
     o.job.mesh = mesh;
     apsm_status status = fit_alloc(model, &o.fit);
     if (status == APSM_OK)
-        status = is_part(mesh, &o.options) ? fit_part(ctx, &o.job) : fit_whole(ctx, &o.job);
+        status = is_part(model, mesh, &o.options) ? fit_part(ctx, &o.job) : fit_whole(ctx, &o.job);
     return close_call(ctx, call, &o, status);
 }
 

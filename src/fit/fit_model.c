@@ -56,6 +56,13 @@ const apsm_mesh *apsm_fit_model_mesh(const apsm_fit_model *m)
     return &m->cohort.shape[0].mesh;
 }
 
+apsm_groom_options fit_model_groom(const apsm_fit_model *m)
+{
+    apsm_groom_options groom = m->options.groom;
+    groom.open |= m->cohort.shape[0].rim.n > 0;
+    return groom;
+}
+
 void fit_model_particles(const apsm_shape_model *model, double *P)
 {
     for (size_t i = 0; i < model->I; i++)

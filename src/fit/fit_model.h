@@ -80,6 +80,10 @@ apsm_status fit_calibrate_scores(apsm_context *ctx, const double *P,
 apsm_status fit_model_without(apsm_context *ctx, const apsm_fit_model *m, const bool *left_out,
                               apsm_fit_model **without) APSM_NODISCARD;
 
+/* How new shapes are groomed: as the cohort was, and where its shapes are open, be it by what
+ * constraints left of them, openings stay. */
+apsm_groom_options fit_model_groom(const apsm_fit_model *m);
+
 /* Particles of all shapes of a model: mean + scores; P (I x J x 3, out). */
 void fit_model_particles(const apsm_shape_model *model, double *P);
 

@@ -242,8 +242,7 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     APSM_TRY(take_labels(ctx, s));
     APSM_TRY(open_folder(ctx, o));
     fit_origin_of(s->model, o->model, &s->options, &s->origin);
-    const apsm_options *options = apsm_fit_model_options(s->model);
-    s->reading.groom = options->groom;
+    s->reading.groom = fit_model_groom(s->model);
     return fit_rows_open(ctx, o->folder, s->list.n, s->model->model.modes, &s->rows);
 }
 

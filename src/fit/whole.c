@@ -72,6 +72,7 @@ apsm_status fit_whole_particles(apsm_context *ctx, fit_job *job)
     apsm_status status = apsm_register_particles(m->registration, &job->shape.mesh, job->shape.bvh,
                                                  J, m->T, m->TN, m->h, P0 + D);
     if (status == APSM_OK) {
+        apsm_shape_keep_on_rim(&job->shape, J, m->fidelity->on_rim, P0 + D, NULL);
         memcpy(P, P0, 2 * D * sizeof *P);
         status = fit_rounds(job, P0, P);
     }

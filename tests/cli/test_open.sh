@@ -56,6 +56,15 @@ cmp m/groomed/e1.ply p/groomed/e1.ply || fail "constraints of a project are othe
 expect 0 "ignored, as asked for" groom p.swproj -o ignored --ignore constraints --faces 400
 [ -e ignored/groomed/whole ] && fail "ignored constraints cut surfaces"
 
+# ---- new shapes meet such models: open ones are whole, closed ones are refused ----
+"$synthetic" ellipsoid closed.ply index 1 level 2
+for of in bowl/m:bowl/shapes/b1.ply m:m/groomed/e1.ply; do
+    timeout 60 "$apsm" fit "${of%:*}" "${of#*:}" closed.ply -o fits --overwrite --hand same >said 2>&1
+    grep -q "closed: refused: is a closed surface, and the model's shapes are open ones" said || fail "fit ${of%:*}: $(cat said)"
+    grep -q '"partial": false' fits/fit.json || fail "an open shape is a part of an open model: $of: $(cat said)"
+    grep -q '"partial": true' fits/fit.json && fail "an open shape is a part of an open model: $of: $(cat said)"
+done
+
 # ---- one shape's, carried to the others ----
 mkdir one && cp limits/e2.json one
 expect 0 "3 of 4 shapes have no constraints: those of e2 are carried" run in -o c --constraints one \
