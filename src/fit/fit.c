@@ -385,7 +385,7 @@ apsm_status fit_named_landmarks(apsm_context *ctx, const apsm_fit_model *model, 
     if (status == APSM_OK) {
         o.fit.pose_residual = o.job.pose.residual;
         o.fit.mirror_ratio = o.job.pose.mirror_ratio;
-        o.job.landmark.name = given->name ? given->name[o.job.landmark.which] : NULL;
+        o.job.landmark.name = given->name;
         fit_judge_landmarks(&o.job);
     }
     return close_call(ctx, call, &o, status);

@@ -59,8 +59,9 @@ static void work_free(landmark_work *w)
 }
 
 /* Rows of the warp at the points of the mean's surface that are closest to `at`. */
-static apsm_status make_rows(const apsm_fit_model *m, const double *at, landmark_work *w)
+static apsm_status make_rows(fit_job *job, const double *at, landmark_work *w)
 {
+    const apsm_fit_model *m = job->m;
     const apsm_warp *warp = &m->fidelity->warp;
     apsm_mesh mean;
     apsm_bvh *bvh = NULL;
@@ -71,6 +72,10 @@ static apsm_status make_rows(const apsm_fit_model *m, const double *at, landmark
         apsm_closest c;
         apsm_bvh_closest(bvh, at + 3 * k, INFINITY, &c);
         vec3_sub(at + 3 * k, c.x, w->offset + 3 * k);
+        if (sqrt(c.distance2) > job->landmark.off_mean) {
+            job->landmark.farthest = k;
+            job->landmark.off_mean = sqrt(c.distance2);
+        }
         const uint32_t *corner = mean.F + 3 * (size_t)c.on.face;
         for (size_t j = 0; j < warp->J; j++) {
             double part = 0;
@@ -232,7 +237,7 @@ static void measure(const fit_job *job, const double *x, landmark_work *w)
 
 static apsm_status solve(fit_job *job, const double *at, const double *x, landmark_work *w)
 {
-    APSM_TRY(make_rows(job->m, at, w));
+    APSM_TRY(make_rows(job, at, w));
     APSM_TRY(find_pose(job, w->n, at, x));
     memcpy(w->P, job->m->model.mean, w->D * sizeof *w->P);
     for (int r = 0; r < ROUNDS; r++) APSM_TRY(step(job, x, r + 1 == ROUNDS, w));

@@ -18,10 +18,11 @@ typedef struct fit_job {
     unsigned faults;      /* the certificate's reasons */
     double pose_evidence; /* of a part: log of how much likelier its pose is than another */
     struct {
-        size_t which;
-        const char *name;       /* NULL: it has none */
-        double off, deviations; /* of it from where the others say it is: in h, and in theirs */
-    } landmark;                 /* the worst */
+        size_t which, farthest;  /* the worst, and the farthest from the mean's surface */
+        const char *const *name; /* NULL: they have none */
+        double off, deviations;  /* of which from where the others say it is: in h, and in theirs */
+        double off_mean;         /* of farthest */
+    } landmark;
     apsm_fit *out;
 } fit_job;
 

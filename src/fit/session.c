@@ -34,11 +34,38 @@ static bool is_point_file(const char *path)
     return apsm_points_extension(path) || landmark_is_file(path);
 }
 
+/* A list of landmarks by what it begins with: "name,x,y,z", or Slicer's markups. */
+static bool holds_names(const char *path)
+{
+    char first[16] = "";
+    FILE *f = landmark_is_file(path) ? fopen(path, "rb") : NULL;
+    if (f && !fgets(first, sizeof first, f)) first[0] = 0;
+    if (f) fclose(f);
+    return strncmp(first, "name,", 5) == 0 || strncmp(first, "# Markups", 9) == 0;
+}
+
+/* Points with names, of which nobody has said where they are on the mean: a cloud. */
+static apsm_status fit_nameless(apsm_context *ctx, const session *s, const char *path,
+                                const apsm_fit_options *options, apsm_fit *fit)
+{
+    landmark_list l;
+    APSM_TRY(landmark_list_read(ctx, path, &l));
+    apsm_log(
+        ctx, APSM_LOG_WARNING,
+        "%s: is fitted as a cloud of %zu points of the surface; if they are landmarks, say where "
+        "they are on the mean shape, --landmarks",
+        path, l.n);
+    const apsm_status status = apsm_fit_points(ctx, s->model, path, l.n, l.x, options, fit);
+    landmark_list_free(&l);
+    return status;
+}
+
 static apsm_status fit_cloud(apsm_context *ctx, const session *s, const char *path,
                              const apsm_fit_options *options, apsm_fit *fit)
 {
     size_t n;
     double *x = NULL;
+    if (holds_names(path)) return fit_nameless(ctx, s, path, options, fit);
     APSM_TRY(apsm_points_read(ctx, path, &n, &x));
     const apsm_status status = apsm_fit_points(ctx, s->model, path, n, x, options, fit);
     free(x);
@@ -60,7 +87,7 @@ static void pair_landmarks(apsm_context *ctx, const session *s, const char *path
         name[n++] = l->name[k];
     }
     *paired = (fit_landmark_set){ n, at, x, name };
-    if (n < l->n)
+    if (n >= 3 && n < l->n)
         apsm_log(ctx, APSM_LOG_WARNING,
                  "%s: %zu of %zu points have names that %s has not; left out", path, l->n - n, l->n,
                  s->settings->landmarks);
@@ -77,7 +104,13 @@ static apsm_status fit_named(apsm_context *ctx, const session *s, const char *pa
     apsm_status status = APSM_ERR_MEMORY;
     if (store) {
         pair_landmarks(ctx, s, path, &l, store, &paired);
-        status = fit_named_landmarks(ctx, s->model, path, &paired, &call);
+        status =
+            paired.n < 3
+                ? apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                            "%s: %zu of its points (the first is '%s') have names that %s has; 3 "
+                            "at least are needed",
+                            path, paired.n, l.name[0], s->settings->landmarks)
+                : fit_named_landmarks(ctx, s->model, path, &paired, &call);
     }
     free(store);
     landmark_list_free(&l);

@@ -24,6 +24,7 @@ static const double own_mirror = 1.5; /* usual residuals: a kind that differs le
 static const double tail_review = 1e-3;
 static const double pose_told = 3;    /* log of how much likelier the pose of a part has to be */
 static const double landmark_off = 6; /* deviations, of three coordinates together */
+static const double landmark_off_mean = 0.25;              /* of the radius */
 static const double part_refused = 0.5, part_review = 0.8; /* of a part, what fits */
 
 const char *apsm_fit_verdict_text(apsm_fit_verdict verdict)
@@ -126,18 +127,37 @@ void fit_judge_part(fit_job *job)
     judge_scores(job);
 }
 
+/* How landmark k is called. */
+static const char *name_of(const fit_job *job, size_t k, char number[32])
+{
+    snprintf(number, 32, "%zu", k + 1);
+    return job->landmark.name ? job->landmark.name[k] : number;
+}
+
 /* What one of them says against the others. */
 static void judge_worst_landmark(fit_job *job)
 {
     const double band = fmax(job->m->calibration.band[FIT_BANDS - 1], 1);
     char number[32];
-    if (!(job->landmark.deviations > landmark_off * band)) return;
-    snprintf(number, sizeof number, "%zu", job->landmark.which + 1);
-    fit_object(job->out, APSM_FIT_REVIEW,
-               "landmark %.60s is %.2g h from where the others say it is, %.2g standard "
-               "deviations: is it misplaced, or another one of that name?",
-               job->landmark.name ? job->landmark.name : number, job->landmark.off,
-               job->landmark.deviations);
+    if (job->landmark.deviations > landmark_off * band)
+        fit_object(job->out, APSM_FIT_REVIEW,
+                   "landmark %.60s is %.2g h from where the others say it is, %.2g standard "
+                   "deviations: is it misplaced, or another one of that name?",
+                   name_of(job, job->landmark.which, number), job->landmark.off,
+                   job->landmark.deviations);
+}
+
+/* Landmarks of another mean, or of this one in another frame, fit well and say nothing. */
+static void judge_mean_landmarks(fit_job *job)
+{
+    char number[32];
+    const double off = job->landmark.off_mean / job->m->radius;
+    if (off > landmark_off_mean)
+        fit_object(
+            job->out, APSM_FIT_REVIEW,
+            "landmark %.60s is %.2g radii off the mean's surface: are those of the mean shape "
+            "placed on this model's (meshes/mean.ply of its fits)?",
+            name_of(job, job->landmark.farthest, number), off);
 }
 
 /* A point a spacing off is in the wrong place, or of another shape. */
@@ -147,6 +167,7 @@ void fit_judge_landmarks(fit_job *job)
     if (out->counted_share < part_refused)
         fit_object(out, APSM_FIT_REFUSED, "another shape: only %.0f %% of the landmarks fit",
                    100 * out->counted_share);
+    judge_mean_landmarks(job);
     judge_worst_landmark(job);
     if (out->counted_share < 1)
         fit_object(out, APSM_FIT_REVIEW, "landmarks do not fit: one is %.3g h off",

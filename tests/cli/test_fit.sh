@@ -129,10 +129,17 @@ fit 0 "fitted" model points.csv --landmarks on_mean.csv -o landmarks
 grep -q '"observed_share": 0' landmarks/fit.json || fail "landmarks: $(cat landmarks/fit.json)"
 sed 's/^p1,/pX,/; s/^p31,/p1,/; s/^pX,/p31,/' points.csv >swapped.csv
 fit 0 "landmark p1 is" model swapped.csv --landmarks on_mean.csv -o swapped
+sed 's/^p/q/' points.csv >others.csv
+fit 1 "0 of its points (the first is 'q1') have names that on_mean.csv has" model others.csv --landmarks on_mean.csv -o landmarks2
+awk -F, 'NR > 1 { $2 += 50 } { print $1 "," $2 "," $3 "," $4 }' on_mean.csv >off_mean.csv
+fit 0 "off the mean's surface" model points.csv --landmarks off_mean.csv -o landmarks3
+awk -F, 'NR == 1 { print "name," $0; next } { print "c" NR "," $0 }' cloud.csv >named_cloud.csv
+fit 0 "is fitted as a cloud of 32 points" model named_cloud.csv -o named_cloud
+cmp -s cloud/particles/cloud_world.particles named_cloud/particles/named_cloud_world.particles || fail "names change a cloud"
 yes 1,2,3 | head -50 | sed '1i x,y,z' >same.csv
 fit 1 "only 1 of 50 points are different" model same.csv -o same_points
 echo 'p1,1,2' >>points.csv
-fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks2
+fit 1 "points.csv:9: is not name,x,y,z" model points.csv --landmarks on_mean.csv -o landmarks4
 
 # Two models: the same one, one with other particles, and what is none.
 "$apsm" compare model m.apsm -q >said 2>&1 || fail "compare: $(cat said)"

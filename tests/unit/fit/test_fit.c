@@ -166,7 +166,7 @@ static void parts(void **state)
     (void)state;
     apsm_context *ctx = apsm_context_new();
     apsm_fit_model *m = make_model(ctx);
-    const apsm_fit_options o = { APSM_HAND_SAME, APSM_EXTENT_AUTO, false, false };
+    const apsm_fit_options o = { .hand = APSM_HAND_SAME };
     apsm_mesh mesh = make_patient(false, 1), cloud = make_patient(false, 1);
     apsm_fit fit;
     size_t nf = 0;
