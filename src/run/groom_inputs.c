@@ -284,10 +284,12 @@ static size_t list_handles(const groom_inputs *in, long *before, long *after)
 static void tell_handles(const apsm_run *run, handles_kind kind, long common, size_t again)
 {
     if (kind == HANDLES_ANATOMY)
-        apsm_log(run->ctx, APSM_LOG_INFO,
-                 "most masks have %ld handle%s: taken for anatomy and kept, also by %zu of them "
-                 "where %s narrow",
-                 common, common == 1 ? "" : "s", again, common == 1 ? "it is" : "they are");
+        apsm_log(
+            run->ctx, APSM_LOG_WARNING,
+            "most masks have %ld handle%s: taken for anatomy and kept; the %zu where %s narrow "
+            "and mended, as said above, get %s back",
+            common, common == 1 ? "" : "s", again, common == 1 ? "it was" : "they were",
+            common == 1 ? "it" : "them");
     else
         apsm_log(run->ctx, APSM_LOG_WARNING,
                  "masks have many handles, all narrow and from shape to shape others, as a "
