@@ -5,7 +5,8 @@
 set -u
 apsm=$(realpath "$1") make=$(realpath "$2") root=$(cd "$(dirname "$0")/../.." && pwd)
 dir=$(mktemp -d)
-trap 'rm -rf "$dir"' EXIT
+slurm=$root/tests/support/one-node-slurm own_slurm=
+trap '[ -z "$own_slurm" ] || "$slurm" stop "$own_slurm"; rm -rf "$dir"' EXIT
 cd "$dir" || exit 1
 failed=0
 fail() { echo "FAILED: $*" && failed=1; }
@@ -59,10 +60,19 @@ if command -v snakemake >/dev/null; then
 else
     echo "SKIPPED: contrib/snakemake is not tested, there is no snakemake"
 fi
-if command -v sbatch >/dev/null && sinfo >/dev/null 2>&1; then
+if command -v sbatch >/dev/null && ! timeout 5 sinfo >/dev/null 2>&1; then # no cluster: one of ours
+    own_slurm=$dir/slurm-here
+    if "$slurm" start "$own_slurm" >log 2>&1; then
+        export SLURM_CONF=$own_slurm/slurm.conf
+    else
+        echo "no Slurm of this machine alone: $(tail -n 1 log)"
+    fi
+fi
+if command -v sbatch >/dev/null && timeout 5 sinfo >/dev/null 2>&1; then
     APSM=$apsm "$root/contrib/slurm/apsm-array" 2 in -o slurm "${job[@]}" >log || fail "sbatch"
     for ((t = 0; t < 120; t++)); do squeue -h | grep -q . || break; sleep 1; done
     same slurm
+    echo "contrib/slurm: jobs $(tr '\n' ' ' <log)of a Slurm"
 else
     # What would be submitted, by an sbatch of our own that runs it at once.
     mkdir bin
