@@ -314,17 +314,21 @@ static bool are_enough(size_t n, size_t fit)
     return n < MANY ? 5 * fit >= 4 * n : 3 * fit >= 2 * n;
 }
 
-/* Of the best poses, or others that fit about as well, most must hardly turn.  The best may turn
- * all of them: then it is the provisional template that nearly agrees with itself when turned. */
+/* Of the best poses, or others that fit about as well, most must hardly turn.  Where shapes are not
+ * few the best may turn all of them: then it is the provisional template that nearly agrees with
+ * itself when turned. */
 static apsm_status take_given_poses(apsm_context *ctx, aligner *a)
 {
-    size_t fit = 0;
+    enum { FEW = 6 };
+    size_t best = 0, fit = 0;
     for (size_t i = 0; i < a->n; i++) {
         if (i == a->base) continue;
         memcpy(a->P + 16 * i, a->ballot[i].M[0][0], 16 * sizeof *a->P);
         a->out->residual[i] = a->ballot[i].residual[0][0];
     }
     find_common_orientation(a);
+    for (size_t i = 0; i < a->n; i++) best += i != a->base && hardly_turns(a, i, a->P + 16 * i);
+    if (best == 0 && a->n < FEW && !a->opt->oriented) return APSM_OK;
     APSM_TRY(apsm_parallel_for(ctx, a->n, try_given_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) fit += i != a->base && a->fits[i];
     a->oriented = a->opt->oriented || are_enough(a->n - 1, fit);
