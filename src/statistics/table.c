@@ -200,6 +200,7 @@ typedef struct sheet {
     const char *path;
     char *at, separator;
     size_t line, columns;
+    bool kept;    /* lines of shapes that have left the model since are passed over */
     char **title; /* columns, borrowed from the data */
     char **cell;  /* columns: of the present line */
 } sheet;
@@ -306,6 +307,7 @@ static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char 
         APSM_TRY(next_line(s, s->cell, &there));
         if (!there) return APSM_OK;
         while (i < I && strcmp(names[i], s->cell[0]) != 0) i++;
+        if (i == I && s->kept) continue;
         if (i == I) return unknown_name(s, I, names);
         if (text[i])
             return apsm_fail(s->ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' stands here a second time",
@@ -341,14 +343,14 @@ static apsm_status read_sheet(sheet *s, size_t I, const char *const *names, apsm
     return status;
 }
 
-apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
-                            apsm_table *table)
+static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, size_t I,
+                              const char *const *names, apsm_table *table)
 {
     enum { LIMIT = 1 << 28 };
     char *data = NULL;
     size_t size;
     APSM_TRY(apsm_read_file(ctx, path, LIMIT, &data, &size));
-    sheet s = { .ctx = ctx, .path = path, .at = data };
+    sheet s = { .ctx = ctx, .path = path, .at = data, .kept = kept };
     if (size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0) s.at += 3;
     const size_t head = strcspn(s.at, "\n");
     s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
@@ -368,6 +370,12 @@ apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const
     return status;
 }
 
+apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
+                            apsm_table *table)
+{
+    return read_table(ctx, path, false, I, names, table);
+}
+
 /* ---- kept in a model folder ---- */
 
 static const char kept_name[] = "statistics/subjects.csv";
@@ -378,7 +386,7 @@ apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I
     char *path = apsm_path_join(folder, kept_name);
     if (!path) return APSM_ERR_MEMORY;
     const apsm_status status =
-        apsm_file_exists(path) ? apsm_table_read(ctx, path, I, names, table) : APSM_OK;
+        apsm_file_exists(path) ? read_table(ctx, path, true, I, names, table) : APSM_OK;
     free(path);
     return status;
 }

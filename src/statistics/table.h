@@ -37,7 +37,8 @@ apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const
                             apsm_table *table) APSM_NODISCARD;
 
 /* The table that an earlier test or measurement was given, or nothing: statistics/subjects.csv of a
- * model folder, which this reads and the next writes. */
+ * model folder, which this reads and the next writes.  Shapes that have left the model since may be
+ * in it. */
 apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I,
                                  const char *const *names, apsm_table *table) APSM_NODISCARD;
 /* Keeps the columns that the file `subjects` has, for the report and the next test. */

@@ -166,7 +166,9 @@ template=$(sed -n 's/.*"template_used": "\(.*\)".*/\1/p' model/project.swproj)
 leaver=s6
 [ "$template" = s6 ] && leaver=s5
 sum_of | grep -v "/${leaver}_" | grep -v "/$leaver\." >kept_before
-"$apsm" exclude model $leaver >said 2>&1 || fail "exclude: $(cat said)"
+awk -F, 'NR == 1 { print "name,age" } NR > 1 { print $1 "," 30 + NR % 5 }' model/scores.csv >ages.csv
+"$apsm" test model --subjects ages.csv --formula '~ age' --on size >said 2>&1 || fail "test: $(cat said)"
+"$apsm" exclude model $leaver >said 2>&1 || fail "exclude, the table names it: $(cat said)"
 "$apsm" verify model >said 2>&1 || fail "verify after exclude: $(cat said)"
 grep -q $leaver model/scores.csv && fail "an excluded shape has scores"
 "$apsm" exclude model "$template" >said 2>&1 && fail "the template was excluded"
