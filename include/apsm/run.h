@@ -43,6 +43,9 @@ typedef struct apsm_run_settings {
     size_t shard, shards;
     const struct apsm_company *company; /* borrowed; NULL: the processes do not know each other */
     const struct apsm_surroundings *surroundings; /* borrowed until apsm_run_close; NULL: nothing */
+    /* sizeof what company and surroundings point to, which may grow at their ends; 0: as they were
+       when these two fields were added. */
+    size_t company_size, surroundings_size;
 } apsm_run_settings;
 
 /* What lies around the shapes, such as the other bones of a joint: rebuilt surfaces that go into it

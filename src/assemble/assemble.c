@@ -145,6 +145,7 @@ static apsm_status groom_again(const joint_job *job, size_t d, const describing 
     settings.resume = false;
     settings.overwrite = true;
     settings.surroundings = &surroundings;
+    settings.surroundings_size = sizeof surroundings;
     w->around->of = d;
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s is aligned as the whole subjects are",
              job->part[d].name);
@@ -182,6 +183,7 @@ static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
         settings.overwrite = false;
     }
     settings.surroundings = &surroundings;
+    settings.surroundings_size = sizeof surroundings;
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu)", job->part[d].name, d + 1, job->n);
     apsm_status status = apsm_run_open(job->ctx, &settings, &run);
     if (status == APSM_OK)

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "geometry/bvh_guess.h"
+#include "geometry/vec3.h"
 #include "initialize/anchors.h"
 #include "optimize/snap.h"
 #include "optimize/terms.h"
@@ -112,6 +113,23 @@ static void snap_to_side(const apsm_shape *shape, size_t J, const double *N, dou
     }
 }
 
+/* Two of the template's rim particles that were to come closer than this stay where they were: in
+ * h, of which seats on a rim are about .7 apart. */
+static const double rim_apart = 0.4;
+
+static void keep_rim_apart(const optimizer *op, double *P)
+{
+    const double limit = rim_apart * rim_apart * op->state->h * op->state->h;
+    for (size_t j = 0; j < op->J; j++)
+        for (size_t k = 0; k < j && op->on_rim[j]; k++) {
+            if (!op->on_rim[k]) continue;
+            const double d2 = vec3_distance2(P + 3 * j, P + 3 * k);
+            if (d2 >= limit || d2 >= vec3_distance2(op->tP + 3 * j, op->tP + 3 * k)) continue;
+            memcpy(P + 3 * j, op->tP + 3 * j, 3 * sizeof *P);
+            memcpy(P + 3 * k, op->tP + 3 * k, 3 * sizeof *P);
+        }
+}
+
 /* Particles of the rim stay on it; of the template, too, no other comes there: which ones they are
  * is read from its positions. */
 static void keep_rim(const optimizer *op, size_t i, double *P)
@@ -121,6 +139,7 @@ static void keep_rim(const optimizer *op, size_t i, double *P)
     if (shape->rim.n == 0) return;
     apsm_shape_keep_on_rim(shape, J, op->on_rim, P, NULL);
     if (i != op->cohort->template_index) return;
+    keep_rim_apart(op, P);
     for (size_t j = 0; j < J; j++) {
         apsm_rim_point p;
         if (op->on_rim[j]) continue;

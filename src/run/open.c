@@ -1,4 +1,5 @@
 /* A run is opened, done as a whole, and closed. */
+#include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -86,6 +87,30 @@ static bool is_complete(const apsm_run_settings *s)
     return true;
 }
 
+/* Structs of callbacks grow at their ends, too: these are the sizes of the first version. */
+enum {
+    FIRST_COMPANY = offsetof(apsm_company, gather) + sizeof(void (*)(void)),
+    FIRST_SURROUNDINGS = offsetof(apsm_surroundings, turn) + sizeof(void (*)(void))
+};
+
+static apsm_status take_callbacks(apsm_run *run, const apsm_run_settings *s)
+{
+    static const char door[] = "apsm_run_open";
+    const size_t company = s->company_size ? s->company_size : FIRST_COMPANY,
+                 around = s->surroundings_size ? s->surroundings_size : FIRST_SURROUNDINGS;
+    if (s->company) {
+        APSM_TRY(apsm_take_settings(run->ctx, door, s->company, company, &run->company_known,
+                                    sizeof run->company_known));
+        run->company = &run->company_known;
+    }
+    if (s->surroundings) {
+        APSM_TRY(apsm_take_settings(run->ctx, door, s->surroundings, around,
+                                    &run->surroundings_known, sizeof run->surroundings_known));
+        run->surroundings = &run->surroundings_known;
+    }
+    return APSM_OK;
+}
+
 apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *given, size_t size,
                                 apsm_run **out)
 {
@@ -108,10 +133,9 @@ apsm_status apsm_run_open_sized(apsm_context *ctx, const apsm_run_settings *give
     run->overwrite = settings->overwrite;
     run->shard = settings->shard;
     run->shards = settings->shards;
-    run->company = settings->company;
-    run->surroundings = settings->surroundings;
     run->helps = settings->shards > 0 && !(settings->company && settings->shard == 0);
-    const apsm_status status = open_all(run, settings);
+    apsm_status status = take_callbacks(run, settings);
+    if (status == APSM_OK) status = open_all(run, settings);
     if (status == APSM_OK)
         *out = run;
     else

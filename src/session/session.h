@@ -49,8 +49,10 @@ struct apsm_run {
     bool helps;      /* keeps its share of a step for another process, and writes nothing else */
     bool share_kept; /* it has done so: the step ends there */
     size_t shard, shards;
-    const apsm_company *company;
+    const apsm_company *company; /* &company_known, or NULL */
     const apsm_surroundings *surroundings;
+    apsm_company company_known; /* what the program that gave them knows of */
+    apsm_surroundings surroundings_known;
     apsm_deal deal; /* while groom or initialize is under way, if there are shards */
     bool dry;
     bool has_manifest; /* in the folder */

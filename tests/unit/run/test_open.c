@@ -87,6 +87,33 @@ static void what_is_missing_is_told(void **state)
     apsm_context_free(ctx);
 }
 
+static size_t nobody(void *user, size_t value)
+{
+    (void)user;
+    return value;
+}
+
+/* Callbacks of a newer program are taken if it uses none that we do not know. */
+static void callbacks_carry_their_size(void **state)
+{
+    char path[TEST_PATH];
+    struct {
+        apsm_company known;
+        void *more;
+    } newer = { { NULL, nobody, NULL }, NULL };
+    apsm_run *run;
+    apsm_context *ctx = apsm_context_new();
+    const apsm_run_settings settings = { .folder = folder_path(state, "model", path),
+                                         .company = &newer.known,
+                                         .company_size = sizeof newer };
+    assert_int_equal(apsm_run_open(ctx, &settings, &run), APSM_OK);
+    assert_ptr_equal(run->company->meet, nobody);
+    apsm_run_close(run);
+    newer.more = &newer;
+    assert_int_equal(apsm_run_open(ctx, &settings, &run), APSM_ERR_ARG);
+    apsm_context_free(ctx);
+}
+
 /* What the project then holds, the program reads again. */
 static void a_decimal_comma_of_the_process_changes_no_file(void **state)
 {
@@ -110,6 +137,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = { IN_FOLDER(values_that_are_none_leave_no_folder),
                                         IN_FOLDER(words_for_true_are_one_option),
+                                        IN_FOLDER(callbacks_carry_their_size),
                                         cmocka_unit_test(what_is_missing_is_told),
                                         IN_FOLDER(a_decimal_comma_of_the_process_changes_no_file) };
     return cmocka_run_group_tests_name("session", tests, NULL, NULL);
