@@ -126,9 +126,12 @@ package: configure ## build-package/*.deb: apsm, libapsm0, libapsm-dev
 	    -DCMAKE_C_FLAGS="-fstack-protector-strong -Wformat -Werror=format-security -D_FORTIFY_SOURCE=2 -ffile-prefix-map=$(CURDIR)=." $(CMAKE_FLAGS)
 	@cmake --build $(BUILD)-package -j$(JOBS)
 	@cd $(BUILD)-package && umask 022 && cpack -G DEB
-	@# CPack calls ldconfig in scripts; the trigger in the package does what is needed.
-	@cd $(BUILD)-package && rm -rf repack && for deb in libapsm0_*.deb; do dpkg-deb -R $$deb repack && \
-	    rm -f repack/DEBIAN/postinst repack/DEBIAN/postrm && dpkg-deb --root-owner-group -b repack $$deb >/dev/null && rm -rf repack; done
+	@# CPack calls ldconfig in scripts; the trigger in the package does what is needed.  OpenBLAS comes first, so that apt
+	@# does not take the reference BLAS for LAPACKE's sake.
+	@cd $(BUILD)-package && rm -rf repack && for deb in apsm_*.deb libapsm0_*.deb; do dpkg-deb -R $$deb repack && \
+	    rm -f repack/DEBIAN/postinst repack/DEBIAN/postrm && \
+	    sed -i '/^Depends: .*libopenblas0,/{s/ libopenblas0,//;s/^Depends:/Depends: libopenblas0,/}' repack/DEBIAN/control && \
+	    dpkg-deb --root-owner-group -b repack $$deb >/dev/null && rm -rf repack; done
 	@ls $(BUILD)-package/*.deb
 
 clean: ## remove everything that was built

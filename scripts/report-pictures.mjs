@@ -7,6 +7,7 @@ const { chromium } = require("playwright-core");
 const [browserPath, report, out, section, width = "1200", height = "760"] = process.argv.slice(2);
 const browser = await chromium.launch({ executablePath: browserPath, args: ["--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader"] });
 const page = await browser.newPage({ viewport: { width: Number(width), height: Number(height) } });
+page.setDefaultTimeout(180e3); // on a busy machine without a graphics card
 await page.goto(pathToFileURL(report).href);
 await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
 await page.evaluate((id) => {
