@@ -205,7 +205,7 @@ static apsm_status make_clouds(apsm_fit_model *m)
     apsm_cloud spread;
     APSM_TRY(apsm_cloud_sample(mesh, apsm_align_defaults().points, 0, 0, &m->cloud));
     apsm_cloud_find_cuts(mesh, &m->cloud);
-    APSM_TRY(apsm_cloud_of_vertices(mesh, &m->cloud, &m->dense));
+    APSM_TRY(fit_pose_vertices(mesh, &m->cloud, &m->dense));
     APSM_TRY(apsm_cloud_spread(mesh, APSM_REGISTRATION_POINTS, &spread));
     const apsm_status status = apsm_registration_new(&spread, &m->registration);
     apsm_cloud_free(&spread);

@@ -32,13 +32,24 @@ static apsm_icp_options icp_options(const apsm_fit_model *m)
     return icp;
 }
 
+apsm_status fit_pose_vertices(const apsm_mesh *mesh, const apsm_cloud *sample, apsm_cloud *half)
+{
+    APSM_TRY(apsm_cloud_of_vertices(mesh, sample, half));
+    half->n = (half->n + 1) / 2;
+    for (size_t k = 0; k < half->n; k++) {
+        memmove(half->x + 3 * k, half->x + 6 * k, 3 * sizeof *half->x);
+        half->w[k] = half->w[2 * k];
+    }
+    return APSM_OK;
+}
+
 static apsm_status open_search(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_bvh *bvh,
                                search *s)
 {
     *s = (search){ .m = m, .mesh = mesh };
     APSM_TRY(apsm_cloud_sample(mesh, apsm_align_defaults().points, 0, 0, &s->cloud));
     apsm_cloud_find_cuts(mesh, &s->cloud);
-    APSM_TRY(apsm_cloud_of_vertices(mesh, &s->cloud, &s->dense));
+    APSM_TRY(fit_pose_vertices(mesh, &s->cloud, &s->dense));
     const size_t n[] = { s->dense.n, m->dense.n, s->cloud.n, m->cloud.n };
     size_t most = 0; /* a small mesh has fewer vertices than points are drawn on it */
     for (size_t k = 0; k < sizeof n / sizeof *n; k++) most = n[k] > most ? n[k] : most;

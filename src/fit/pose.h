@@ -34,4 +34,8 @@ apsm_status fit_pose_mirror(const apsm_fit_model *m, double *residual) APSM_NODI
 apsm_status fit_pose_residual(const apsm_fit_model *m, const apsm_mesh *mesh,
                               double *residual) APSM_NODISCARD;
 
+/* Every second vertex of the mesh, by which a pose comes to rest. */
+apsm_status fit_pose_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                              apsm_cloud *half) APSM_NODISCARD;
+
 #endif
