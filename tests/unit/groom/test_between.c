@@ -52,6 +52,36 @@ static void contours_that_move_leave_a_slope(void **state)
     free(values);
 }
 
+/* (A3) at every fine node: the slices' contours are straight, so that distances are along x. */
+static void values_are_those_of_the_formula(void **state)
+{
+    (void)state;
+    static unsigned char mask[NX * NY * NZ];
+    const double W = 0.6 * R;
+    const antialias_input in = {
+        .n = { NX, NY, NZ }, .mask = mask, .refine = { 1, 1, R }, .spacing = { 1, 1, R }
+    };
+    float *values = malloc(NX * NY * ((NZ - 1) * R + 1) * sizeof *values);
+    assert_non_null(values);
+    tilted(2.0 / 3.0, mask);
+    assert_ok(between_slices(&in, 2, values));
+    for (size_t z = 0; z <= (NZ - 1) * R; z++)
+        for (size_t x = 0; x < NX; x++) {
+            double depth = 0.0;
+            for (size_t k = 0; k < 2 && (k == 0 || z % R != 0); k++) {
+                const double t = (double)(z % R) / R, below = k ? t : 1.0 - t;
+                /* half a node from the last node with x < 8.25 + 2 slice */
+                const double edge = 8.5 + 2.0 * (double)(z / R + k);
+                depth += below * fmax(-W, fmin(W, edge - (double)x));
+            }
+            const double got = (double)values[x + NX * (3 + NY * z)];
+            if (fabs(got - (0.5 + depth / (2.0 * W))) > 1e-5)
+                fail_msg("x %zu, z %zu: %g", x, z, got);
+        }
+    assert_true(fabs((double)between_slope(&in, 2) - 1.0 / (2.0 * W)) < 1e-6);
+    free(values);
+}
+
 static void only_slices_are_slices(void **state)
 {
     (void)state;
@@ -99,6 +129,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(contours_that_move_leave_a_slope),
+        cmocka_unit_test(values_are_those_of_the_formula),
         cmocka_unit_test(only_slices_are_slices),
         cmocka_unit_test(axes_are_alike),
     };
