@@ -12,6 +12,7 @@
 #include "apsm/formats.h"
 #include "apsm/particles.h"
 #include "evaluate/metrics.h"
+#include "files/files.h"
 #include "geometry/affine.h"
 #include "geometry/bvh.h"
 #include "options/options.h"
@@ -67,9 +68,15 @@ static apsm_status read_operands(files_work *w, const cli_args *args)
 {
     size_t n = 0;
     while (n < args->n_inputs && holds_particles(args->inputs[n])) n++;
+    if (n == 0 && apsm_is_folder(args->inputs[0]))
+        return apsm_fail(w->ctx, APSM_ERR_ARG,
+                         "%s: is a folder; give its project.swproj, or files of particles and then "
+                         "meshes",
+                         args->inputs[0]);
     if (n == 0)
         return apsm_fail(w->ctx, APSM_ERR_ARG,
-                         "%s: is a mesh; particles come first, meshes after them", args->inputs[0]);
+                         "%s: holds no particles; they come first, meshes after them",
+                         args->inputs[0]);
     w->n_meshes = args->n_inputs - n;
     w->mesh_file = args->inputs + n;
     APSM_TRY(cli_sets_read(w->ctx, n, args->inputs, &w->in));

@@ -117,7 +117,8 @@ grep -q "are not on it" said || fail "evaluate with meshes: $(cat said)"
 convert many/e?_world.particles -o vtk --to vtk
 "$apsm" evaluate -q vtk/e?_world.vtk | cmp - eval_files || fail "evaluate on points of VTK"
 printf '# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 3 float\n0 0 0 1 0 0 0 1 0\nPOLYGONS 1 4\n3 0 1 2\n' >mesh.vtk
-"$apsm" evaluate mesh.vtk mesh.vtk mesh.vtk 2>&1 | grep -q "is a mesh; particles come first" || fail "meshes pass for particles"
+"$apsm" evaluate mesh.vtk mesh.vtk mesh.vtk 2>&1 | grep -q "holds no particles; they come first" || fail "meshes pass for particles"
+mkdir -p folder && "$apsm" certify folder 2>&1 | grep -q "is a folder; give its project.swproj" || fail "certify of a folder"
 
 # What is wrong leaves nothing behind.
 before=$(find . | sort)
