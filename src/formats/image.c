@@ -70,6 +70,19 @@ void image_load_data(scan *s, image *m, const char *name)
     free(path);
 }
 
+void image_load_word(scan *s, image *m, word name)
+{
+    enum { LONGEST = 1023 };
+    char text[LONGEST + 1];
+    if (name.length > LONGEST) {
+        scan_refuse(s, APSM_ERR_FORMAT, "names a data file of more than %d bytes; rename it",
+                    LONGEST);
+        return;
+    }
+    snprintf(text, sizeof text, "%.*s", (int)name.length, name.text);
+    image_load_data(s, m, text);
+}
+
 /* ---- the grid ---- */
 
 static void check_size(scan *s, const image *m)

@@ -29,6 +29,8 @@ typedef struct image {
 void image_simple(image *m);
 /* The data of an attached or detached header: `name` is taken from the folder of path. */
 void image_load_data(scan *s, image *m, const char *name);
+/* The same by a word of the header. */
+void image_load_word(scan *s, image *m, word name);
 /* The volume's sizes, spacing, origin and directions; axes that are not at right angles are kept,
  * and noted. */
 apsm_status image_place(apsm_context *ctx, const char *path, image *m) APSM_NODISCARD;

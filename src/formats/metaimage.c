@@ -1,13 +1,12 @@
 /* MetaImage: .mha with the voxels behind the header, .mhd with the voxels in a file of their own.
  * Row a of TransformMatrix is the direction of axis a. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "formats/header_line.h"
 #include "formats/several.h"
 
-enum { MOST_DIMENSIONS = 4, LONGEST_NAME = 1024 };
+enum { MOST_DIMENSIONS = 4 };
 
 typedef struct meta {
     int64_t dimensions, channels, header_size;
@@ -223,20 +222,13 @@ static void load_several(scan *s, const meta *h, image *m)
 
 static void load(scan *s, const meta *h, image *m)
 {
-    char name[LONGEST_NAME];
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
     if (name_series_is(h->file)) {
         load_several(s, h, m);
         return;
     }
-    if (h->file.length >= LONGEST_NAME) {
-        scan_refuse(s, APSM_ERR_FORMAT, "names a data file of more than %d bytes; rename it",
-                    LONGEST_NAME - 1);
-    } else if (!word_is_any_case(h->file, "LOCAL")) {
-        snprintf(name, sizeof name, "%.*s", (int)h->file.length, h->file.text);
-        image_load_data(s, m, name);
-    }
+    if (!word_is_any_case(h->file, "LOCAL")) image_load_word(s, m, h->file);
     if (!scan_ok(s)) return;
     m->packing = !h->binary ? WRITTEN : h->compressed ? PACKED : PLAIN;
     if (!(h->compressed_size >= 0.0) || h->compressed_size > (double)m->size)

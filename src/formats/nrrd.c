@@ -4,14 +4,13 @@
  * Axes without a space direction, or of a kind that is no domain, hold components: one is passed
  * over, a list of them is the layers of a segmentation, everything else is refused. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "formats/header_line.h"
 #include "formats/nrrd_segments.h"
 #include "formats/several.h"
 
-enum { MOST_AXES = 4, LONGEST_NAME = 1024 };
+enum { MOST_AXES = 4 };
 
 typedef enum packed_as { RAW, TEXT, GZIP } packed_as;
 
@@ -340,7 +339,6 @@ static void load_several(scan *s, const nrrd *h, image *m)
 static void load(scan *s, const nrrd *h, image *m)
 {
     static const packing as[] = { PLAIN, WRITTEN, PACKED };
-    char name[LONGEST_NAME];
     m->data = (const unsigned char *)s->bytes + s->at;
     m->size = scan_left(s);
     m->packing = as[h->encoding];
@@ -348,13 +346,7 @@ static void load(scan *s, const nrrd *h, image *m)
         load_several(s, h, m);
         return;
     }
-    if (h->file.length >= LONGEST_NAME) {
-        scan_refuse(s, APSM_ERR_FORMAT, "names a data file of more than %d bytes; rename it",
-                    LONGEST_NAME - 1);
-    } else if (h->file.length) {
-        snprintf(name, sizeof name, "%.*s", (int)h->file.length, h->file.text);
-        image_load_data(s, m, name);
-    }
+    if (h->file.length) image_load_word(s, m, h->file);
     for (int64_t k = 0; scan_ok(s) && k < h->line_skip; k++) {
         const unsigned char *const end = memchr(m->data, '\n', m->size);
         const size_t line = end ? (size_t)(end - m->data) + 1 : m->size;
