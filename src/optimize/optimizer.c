@@ -340,9 +340,7 @@ static apsm_status round_of_part(optimizer *op, size_t d, const double *P0, doub
     apsm_optimizer_state *s = op->state;
     apsm_fidelity_record r;
     APSM_TRY(apsm_fidelity_round(op->ctx, op->fidelity[d], s->epoch, P0, P, &r));
-    const double doubt = apsm_fidelity_doubt(op->fidelity[d]);
-    if (s->part) s->part[d].doubt = doubt;
-    add_part(op, d, doubt, &s->doubt);
+    add_part(op, d, apsm_fidelity_doubt(op->fidelity[d]), &s->doubt);
     add_part(op, d, r.after, &f->after);
     add_part(op, d, r.step, &f->step);
     return APSM_OK;
@@ -371,6 +369,8 @@ static apsm_status run_round(optimizer *op, apsm_epoch_record *r)
     apsm_fidelity_record f = { 0 };
     if (!op->fidelity[0]) APSM_TRY(begin_fidelity(op));
     APSM_TRY(op->cohort->part ? round_of_parts(op, &f) : round_of_part(op, 0, s->own, s->P, &f));
+    for (size_t d = 0; s->part && d < cohort_parts(op->cohort); d++)
+        s->part[d].doubt = apsm_fidelity_doubt(op->fidelity[d]); /* none where a part failed */
     *r = (apsm_epoch_record){ .stage = s->stage,
                               .epoch = s->epoch,
                               .alpha = NAN,
