@@ -90,6 +90,16 @@ static apsm_status take_features(apsm_fidelity *f)
     return APSM_OK;
 }
 
+/* W in single precision: steps of many particles need no more. */
+static apsm_status round_weights(apsm_fidelity *f)
+{
+    const size_t n = f->warp.nv * f->J;
+    f->W32 = malloc(n * sizeof *f->W32);
+    if (!f->W32) return APSM_ERR_MEMORY;
+    for (size_t k = 0; k < n; k++) f->W32[k] = (float)f->warp.W[k];
+    return APSM_OK;
+}
+
 static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
 {
     enum { PAIRS = APSM_NEIGHBOURS * (APSM_NEIGHBOURS - 1) / 2 };
@@ -122,7 +132,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
                                  &f->anchors));
     APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp));
-    return fidelity_warp_build(&f->warp, shape->mesh.V, T, f->h, &f->near);
+    return 2 * J > (size_t)f->o.dense ? round_weights(f) : APSM_OK;
 }
 
 apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size_t J,
@@ -134,7 +144,6 @@ apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size
     f->cohort = cohort;
     f->o = *options;
     f->J = J;
-    f->sparse = 2 * J > (size_t)f->o.dense;
     const apsm_status status = prepare(ctx, T, f);
     if (status == APSM_OK) return APSM_OK;
     apsm_fidelity_free(f);
@@ -146,7 +155,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
 {
     if (!f) return;
     apsm_warp_free(&f->warp);
-    fidelity_warp_free(&f->near);
+    free(f->W32);
     apsm_warp_free(&f->anchors);
     free(f->features);
     apsm_neighbourhoods_free(&f->reference);

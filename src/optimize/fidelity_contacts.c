@@ -10,7 +10,6 @@
 #include "optimize/fidelity_shape.h"
 
 #include <math.h>
-#include <string.h>
 
 #include "geometry/vec3.h"
 
@@ -50,10 +49,9 @@ void fidelity_add_contacts(const apsm_fidelity *f, const fidelity_weights *q,
     double *row = w->Se; /* scratch: 2J of 3J */
     for (size_t k = s->n; k < s->n + s->contacts; k++) {
         const fidelity_match *m = &s->match[k];
-        memset(row, 0, n * sizeof *row);
-        for (size_t a = f->near.start[m->vertex]; a < f->near.start[m->vertex + 1]; a++)
-            for (size_t x = 2 * f->near.index[a]; x < 2 * (f->near.index[a] + 1); x++)
-                row[x] = f->near.weight[a] * vec3_dot(m->direction, w->tangent + 3 * x);
+        const double *part = f->warp.W + m->vertex * J;
+        for (size_t x = 0; x < n; x++)
+            row[x] = part[x / 2] * vec3_dot(m->direction, w->tangent + 3 * x);
         for (size_t x = 0; x < n; x++) {
             w->g[x] += q->contact * m->distance * row[x];
             for (size_t y = 0; y <= x; y++) w->H[x * n + y] += q->contact * row[x] * row[y];

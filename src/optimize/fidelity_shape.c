@@ -23,6 +23,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/kernel.h"
 #include "geometry/vec3.h"
 #include "initialize/anchors.h"
 #include "linalg/linalg.h"
@@ -63,20 +64,17 @@ static void state_free(fidelity_state *s)
 
 apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w)
 {
-    const size_t J = f->J, holders = 3 * f->near.most + 1; /* of three corners */
-    const size_t matches = (f->cohort->obstacles.I > 0 ? 3 : 2) * most_vertices(f);
+    const size_t J = f->J, matches = (f->cohort->obstacles.I > 0 ? 3 : 2) * most_vertices(f);
     *w = (fidelity_work){ 0 };
     const bool states = state_alloc(J, matches, &w->a) && state_alloc(J, matches, &w->b);
     w->Y = malloc(3 * f->warp.nv * sizeof *w->Y);
     w->at = calloc(3 * J, sizeof *w->at);
     w->YN = malloc(3 * f->warp.nv * sizeof *w->YN);
     w->tangent = malloc(6 * J * sizeof *w->tangent);
-    w->moves = calloc(4 * J, sizeof *w->moves);
-    w->holder = malloc(2 * holders * sizeof *w->holder);
-    w->part = malloc(2 * holders * sizeof *w->part);
-    w->row = malloc(2 * holders * sizeof *w->row);
-    w->sparse = f->sparse;
-    w->rows = malloc(2 * J * (w->sparse ? 1 : FIDELITY_ROWS) * sizeof *w->rows);
+    w->part = malloc(J * sizeof *w->part);
+    w->sparse = f->W32 != NULL;
+    w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
+    w->near = malloc(2 * J * sizeof *w->near);
     w->H32 = malloc(4 * J * J * sizeof *w->H32);
     w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
@@ -90,8 +88,8 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
     if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at &&
-        w->YN && w->tangent && w->moves && w->holder && w->part && w->row && w->rows && w->H32 &&
-        w->H && w->g && w->e && w->Se && w->tangent_mode) {
+        w->YN && w->tangent && w->part && w->rows && w->near && w->H32 && w->H && w->g && w->e &&
+        w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -116,11 +114,9 @@ void fidelity_work_free(fidelity_work *w)
     free(w->YN);
     apsm_bvh_free(w->bvh);
     free(w->tangent);
-    free(w->moves);
-    free(w->holder);
     free(w->part);
-    free(w->row);
     free(w->rows);
+    free(w->near);
     free(w->H32);
     free(w->H);
     free(w->g);
@@ -183,9 +179,13 @@ static void warp_to(const apsm_fidelity *f, const double *P, fidelity_work *w)
     const size_t bytes = 3 * f->J * sizeof *P;
     if (memcmp(w->at, P, bytes) == 0) return;
     memcpy(w->at, P, bytes);
-    for (size_t x = 0; x < 3 * f->J; x++) w->moves[4 * (x / 3) + x % 3] = P[x] - f->T[x];
-    fidelity_warp_displace(&f->near, f->cohort->shape[f->cohort->template_index].mesh.V, w->moves,
-                           w->Y);
+    if (w->sparse) {
+        const double *V = f->cohort->shape[f->cohort->template_index].mesh.V;
+        for (size_t x = 0; x < 3 * f->J; x++) w->e[x] = P[x] - f->T[x];
+        apsm_warp_displace(f->warp.nv, f->J, f->W32, V, w->e, w->Y);
+    } else {
+        apsm_warp_apply(&f->warp, P, w->Y);
+    }
     apsm_bvh_refit(w->bvh);
 }
 
@@ -442,86 +442,77 @@ static void make_tangents(size_t J, const double *N, double *tangent)
     }
 }
 
-/* Adds a vertex's row of the warp, times by, to those that hold a point: both ascend, as what comes
- * of them, which goes behind (holder + holders, part + holders) and then to the front. */
-static void add_holders(const fidelity_warp *warp, size_t vertex, double by, fidelity_work *w)
+/* part (J) = sum over the corners of weight times the row of W. */
+static const double *particles_in(const apsm_fidelity *f, const fidelity_match *m, bool is_pull,
+                                  double *part)
 {
-    const size_t room = 3 * warp->most + 1, end = warp->start[vertex + 1];
-    uint32_t *out = w->holder + room;
-    double *part = w->part + room;
-    size_t a = 0, b = warp->start[vertex], n = 0;
-    while (a < w->hold || b < end) {
-        const uint32_t old = a < w->hold ? w->holder[a] : UINT32_MAX,
-                       new = b < end ? warp->index[b] : UINT32_MAX;
-        out[n] = old < new ? old : new;
-        part[n] = old <= new ? w->part[a] : 0;
-        if (new <= old) part[n] += by * warp->weight[b];
-        a += old <= new;
-        b += new <= old;
-        n++;
-    }
-    memcpy(w->holder, out, n * sizeof *out);
-    memcpy(w->part, part, n * sizeof *part);
-    w->hold = n;
+    const size_t J = f->J;
+    if (is_pull) return f->warp.W + m->vertex * J;
+    const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
+    const uint32_t *corner = mesh->F + 3 * (size_t)m->on.face;
+    const double *A = f->warp.W + corner[0] * J, *B = f->warp.W + corner[1] * J,
+                 *C = f->warp.W + corner[2] * J;
+    const double a = m->on.weight[0], b = m->on.weight[1], c = m->on.weight[2];
+    for (size_t j = 0; j < J; j++) part[j] = a * A[j] + b * B[j] + c * C[j];
+    return part;
 }
 
-/* Who holds the match's point of the warped template, and by what part. */
-static void find_holders(const apsm_fidelity *f, const fidelity_match *m, bool is_pull,
-                         fidelity_work *w)
+/* row (2J) = root times the derivative of the match's distance by the tangential moves; adds its
+ * part of the gradient to g. */
+APSM_KERNEL static void make_row(size_t J, const double *part, const double direction[3],
+                                 double root, double distance, const double *tangent, double *g,
+                                 float *row)
 {
-    w->hold = 0;
-    if (is_pull) {
-        add_holders(&f->near, m->vertex, 1, w);
-        return;
-    }
-    const uint32_t *corner = w->warped.F + 3 * (size_t)m->on.face;
-    for (size_t c = 0; c < 3; c++) add_holders(&f->near, corner[c], m->on.weight[c], w);
-}
-
-/* w->row = root times the derivative of the match's distance by the holders' tangential moves; adds
- * its part of the gradient to w->g. */
-static void make_row(const fidelity_match *m, double root, fidelity_work *w)
-{
-    for (size_t k = 0; k < w->hold; k++) {
-        const size_t j = w->holder[k];
-        for (size_t a = 0; a < 2; a++) {
-            const double along = vec3_dot(m->direction, w->tangent + 6 * j + 3 * a);
-            const double d = root * w->part[k] * along;
-            w->g[2 * j + a] += root * m->distance * d;
-            w->row[2 * k + a] = (float)d;
-        }
+    const double dx = root * direction[0], dy = root * direction[1], dz = root * direction[2];
+    const double pull = root * distance;
+    for (size_t j = 0; j < J; j++) {
+        const double *a = tangent + 6 * j, *b = a + 3;
+        const double p = part[j] * (dx * a[0] + dy * a[1] + dz * a[2]);
+        const double q = part[j] * (dx * b[0] + dy * b[1] + dz * b[2]);
+        g[2 * j] += pull * p;
+        g[2 * j + 1] += pull * q;
+        row[2 * j] = (float)p;
+        row[2 * j + 1] = (float)q;
     }
 }
 
-/* A row's part of H, but for pairs of particles whose parts are both small. */
-static void add_row(size_t J, fidelity_work *w)
+/* A row's part of H.  A point of the template hangs on the particles around it: a thirtieth of
+ * them, if they are many, have more than a thousandth of the largest weight, and all others
+ * together a hundred-thousandth of the sum of squares.  They are left out of H, not of the
+ * gradient. */
+static void add_row(size_t J, const double *part, const float *row, fidelity_work *w)
 {
-    static const double least = 1e-4;
+    static const double least = 3e-3;
     const size_t n = 2 * J;
+    uint32_t *near = w->near;
     double most = 0;
-    for (size_t k = 0; k < w->hold; k++) most = fmax(most, fabs(w->part[k]));
-    for (size_t a = 0; a < w->hold; a++) {
-        const float *x = w->row + 2 * a;
-        const double limit = least * most * most / fabs(w->part[a]);
-        double *H = w->H + 2 * n * w->holder[a];
+    size_t count = 0;
+    for (size_t j = 0; j < J; j++) most = fabs(part[j]) > most ? fabs(part[j]) : most;
+    for (size_t j = 0; j < J; j++)
+        if (fabs(part[j]) > least * most) near[count++] = (uint32_t)j;
+    for (size_t a = 0; a < count; a++) {
+        const float *x = row + 2 * near[a];
+        double *H = w->H + 2 * n * near[a];
         for (size_t b = 0; b <= a; b++) {
-            const size_t k = 2 * (size_t)w->holder[b];
-            const float *y = w->row + 2 * b;
-            if (!(fabs(w->part[b]) > limit)) continue;
-            H[k] += (double)(x[0] * y[0]);
-            H[k + 1] += (double)(x[0] * y[1]);
-            H[n + k] += (double)(x[1] * y[0]);
-            H[n + k + 1] += (double)(x[1] * y[1]);
+            const size_t k = 2 * near[b];
+            H[k] += (double)(x[0] * row[k]);
+            H[k + 1] += (double)(x[0] * row[k + 1]);
+            H[n + k] += (double)(x[1] * row[k]);
+            H[n + k + 1] += (double)(x[1] * row[k + 1]);
         }
     }
 }
 
-static void take_row(const apsm_fidelity *f, const fidelity_state *s, size_t k, fidelity_work *w)
+/* Row k of w->rows, and its part of the gradient. */
+static const double *take_row(const apsm_fidelity *f, const fidelity_state *s, size_t first,
+                              size_t k, fidelity_work *w)
 {
-    const fidelity_match *m = &s->match[k];
+    const fidelity_match *m = &s->match[first + k];
     const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
-    find_holders(f, m, k < s->pulls, w);
-    make_row(m, 1 / sqrt(scale), w);
+    const double *part = particles_in(f, m, first + k < s->pulls, w->part);
+    make_row(f->J, part, m->direction, 1 / sqrt(scale), m->distance, w->tangent, w->g,
+             w->rows + k * 2 * f->J);
+    return part;
 }
 
 /* The surface terms' part of H, one of two ways: in single precision, since it shapes the step,
@@ -532,13 +523,7 @@ static void add_rows(const apsm_fidelity *f, const fidelity_state *s, fidelity_w
     memset(w->H32, 0, n * n * sizeof *w->H32);
     for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
         const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
-        memset(w->rows, 0, rows * n * sizeof *w->rows);
-        for (size_t k = 0; k < rows; k++) {
-            take_row(f, s, first + k, w);
-            for (size_t a = 0; a < w->hold; a++)
-                memcpy(w->rows + k * n + 2 * (size_t)w->holder[a], w->row + 2 * a,
-                       2 * sizeof *w->row);
-        }
+        for (size_t k = 0; k < rows; k++) take_row(f, s, first, k, w);
         apsm_syrk_f32(n, rows, w->rows, 1, w->H32);
     }
     for (size_t x = 0; x < n; x++)
@@ -549,10 +534,7 @@ static void add_near(const apsm_fidelity *f, const fidelity_state *s, fidelity_w
 {
     const size_t n = 2 * f->J;
     for (size_t x = 0; x < n; x++) memset(w->H + x * n, 0, (x + 1) * sizeof *w->H);
-    for (size_t k = 0; k < s->n; k++) {
-        take_row(f, s, k, w);
-        add_row(f->J, w);
-    }
+    for (size_t k = 0; k < s->n; k++) add_row(f->J, take_row(f, s, k, 0, w), w->rows, w);
 }
 
 double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,

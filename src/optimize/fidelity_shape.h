@@ -5,21 +5,19 @@
 #include "correspond/certificate.h"
 #include "model/warp.h"
 #include "optimize/fidelity.h"
-#include "optimize/fidelity_warp.h"
 
 struct apsm_fidelity {
     const apsm_cohort *cohort;
     apsm_fidelity_options o;
     size_t J;
     double h;
-    apsm_warp warp;     /* of the template's vertices */
-    fidelity_warp near; /* the same by near particles: what the stage takes */
-    bool sparse;        /* particles are many: see `dense` */
-    apsm_warp anchors;  /* of its landmarks; nv 0: none */
-    double *features;   /* J x F: of its particles; NULL: none */
-    double *T, *TN;     /* J x 3: its particles and their normals */
-    bool *on_rim;       /* J: those on its rim, which stay on the shapes' rims */
-    uint32_t *N6;       /* J x 6 */
+    apsm_warp warp;    /* of the template's vertices */
+    float *W32;        /* its W; NULL where particles are few: see `dense` */
+    apsm_warp anchors; /* of its landmarks; nv 0: none */
+    double *features;  /* J x F: of its particles; NULL: none */
+    double *T, *TN;    /* J x 3: its particles and their normals */
+    bool *on_rim;      /* J: those on its rim, which stay on the shapes' rims */
+    uint32_t *N6;      /* J x 6 */
     size_t triangles;
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
     int *side;               /* triangles: that orientation */
@@ -73,13 +71,10 @@ typedef struct fidelity_work {
     apsm_mesh warped;     /* its triangles on Y */
     apsm_bvh *bvh;        /* of warped */
     double *tangent;      /* J x 2 x 3 */
-    double *moves;        /* J x 4: of the particles from the template's */
-    size_t hold;          /* particles that hold a point of the warped template, ascending: */
-    uint32_t *holder;     /* 3 x the longest row of `near`, twice: who; scratch of a merge */
-    double *part;         /* the same: by what part */
-    float *row;           /* 2 x that: derivatives by their tangential moves */
-    float *rows;          /* FIDELITY_ROWS x 2J; 2J if sparse */
-    bool sparse;          /* only what is near goes to H, whose step is found in float */
+    double *part;         /* J: of the particles in a point of the warped template */
+    float *rows;          /* FIDELITY_ROWS x 2J */
+    bool sparse;          /* only what is near in them goes to H, whose step is found in float */
+    uint32_t *near;       /* J: particles that are */
     float *H32;           /* 2J x 2J lower: the surface terms' part of H */
     double *H, *g;        /* 2J x 2J lower, 2J */
     double *e, *Se;       /* J x 3 */
