@@ -37,7 +37,8 @@ static apsm_status read_parts(const joint_job *job, joint_cohort *c)
 {
     for (size_t d = 0; d < c->n; d++) {
         APSM_TRY(model_folder_read(job->ctx, job->part[d].folder,
-                                   FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED,
+                                   FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED |
+                                       FOLDER_MANIFESTED,
                                    &c->folder[d]));
         c->first[d + 1] = c->first[d] + c->folder[d].J;
     }

@@ -6,6 +6,7 @@
 
 #include "apsm/report.h"
 #include "files/files.h"
+#include "folder/manifest_json.h"
 #include "folder/names.h"
 
 static apsm_status make_folders(const writing *w)
@@ -75,17 +76,24 @@ static json_t *json_inputs(const writing *w)
     return inputs;
 }
 
+static bool are_of_images(const writing *w)
+{
+    for (size_t d = 0; d < w->c->n; d++)
+        if (!manifest_is_of_images(w->c->folder[d].manifest)) return false;
+    return true;
+}
+
 static apsm_status write_manifest(writing *w)
 {
     json_t *files = json_object();
     char *path = apsm_path_join(w->job->settings->run.folder, FOLDER_MANIFEST);
     apsm_status status = path && files ? list_files(w, files) : APSM_ERR_MEMORY;
     if (status == APSM_OK) {
-        json_t *root =
-            json_pack("{s:s, s:i, s:s, s:o, s:o, s:{}, s:{s:o, s:o}, s:O}", "format",
-                      FORMAT_MANIFEST, "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options",
-                      json_options(w), "inputs", json_inputs(w), "stages", "joint", "parts",
-                      writing_parts(w), "left_out", json_incomplete(w), "outputs", files);
+        json_t *root = json_pack(
+            "{s:s, s:i, s:s, s:o, s:o, s:{}, s:{s:o, s:o, s:b}, s:O}", "format", FORMAT_MANIFEST,
+            "version", MANIFEST_VERSION, "apsm", APSM_VERSION, "options", json_options(w), "inputs",
+            json_inputs(w), "stages", "joint", "parts", writing_parts(w), "left_out",
+            json_incomplete(w), "of_images", are_of_images(w), "outputs", files);
         status = apsm_json_write_sealed(w->job->ctx, path, root);
         json_decref(root);
     }

@@ -135,5 +135,6 @@ const char *manifest_unit(const json_t *manifest)
     const json_t *said = json_object_get(json_object_get(manifest, "options"), "unit");
     const char *unit = json_string_value(said);
     if (unit && *unit) return unit;
+    if (json_is_true(json_object_get(json_object_get(manifest, "joint"), "of_images"))) return "mm";
     return manifest_is_of_images(manifest) ? "mm" : NULL;
 }

@@ -22,6 +22,7 @@ grep -q 's0: cropped to what all shapes hold: 2[0-9] % of its surface' said || f
 grep -q '"cropped": 0.2' cuts.model/parts/shaft/manifest.json || fail "nothing says that shafts were cropped"
 grep -q '"cropped": 0.[0-9]*[1-9]' cuts.model/parts/talus/manifest.json && fail "tali were cropped, too"
 expect 0 "agree" verify cuts.model
+grep -q '"of_images": true' cuts.model/manifest.json || fail "lengths of images are mm, and the joint does not say so"
 
 # A subject whose image lacks a label misses that part.
 mkdir lacking && cp whole/*.nrrd lacking
