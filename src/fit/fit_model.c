@@ -176,7 +176,7 @@ static apsm_status make_prior(apsm_fit_model *m)
 /* A finished model has a larger say in one shape's fit than unfinished ones had in the cohort's. */
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
-    static const double fit_prior = 550, fit_stay = 0.02;
+    static const double fit_prior = 200, fit_stay = 0.01;
     static const long fit_dense = 400; /* unknowns */
     apsm_fidelity_options o = m->options.optimize.fidelity;
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
