@@ -716,7 +716,7 @@ static void report(apsm_context *ctx, const aligner *a)
         else if (out->mirrored[i])
             apsm_log(ctx, APSM_LOG_WARNING,
                      "%s: looks mirrored; name the sides with --reflect-match, or set "
-                     "mirror_check=fix",
+                     "mirror_check=fix; of shapes that are alike on both sides it does not matter",
                      who);
         if (out->ambiguous[i])
             apsm_log(ctx, APSM_LOG_WARNING,
