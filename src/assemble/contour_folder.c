@@ -90,7 +90,8 @@ apsm_status contour_folder_is_ours(apsm_context *ctx, const char *folder, bool *
     return APSM_OK;
 }
 
-/* *names: a new array of the files that a manifest says are the job's. */
+/* *names: a new array of the files that a manifest says are the job's and that can be: its seal
+ * does not tell who wrote it. */
 static apsm_status files_of(const contour_job *j, const json_t *before, json_t **names)
 {
     const char *name;
@@ -100,11 +101,13 @@ static apsm_status files_of(const contour_job *j, const json_t *before, json_t *
     int failed = !*names;
     json_object_foreach(json_object_get((json_t *)before, "outputs"), name, value)
     {
-        failed = failed || json_array_append_new(*names, json_string(name));
+        if (contour_may_name(name))
+            failed = failed || json_array_append_new(*names, json_string(name));
     }
     json_array_foreach(files, k, value)
     {
-        if (json_is_string(value)) failed = failed || json_array_append(*names, value);
+        if (json_is_string(value) && contour_may_name(json_string_value(value)))
+            failed = failed || json_array_append(*names, value);
     }
     return failed ? no_memory(j) : APSM_OK;
 }
@@ -136,6 +139,7 @@ static apsm_status check_outputs(const contour_job *j, json_t *outputs)
     json_t *record;
     json_object_foreach(outputs, name, record)
     {
+        if (!contour_may_name(name)) continue;
         const char *was = json_string_value(json_array_get(record, 2));
         char hex[65], *path = contour_path(j, name);
         if (!path) return no_memory(j);

@@ -63,6 +63,7 @@ apsm_status contour_folder_is_ours(apsm_context *ctx, const char *folder, bool *
 char *contour_path(const contour_job *j, const char *name); /* malloc'ed */
 /* *names: a new array of all files but the manifest, from the folder on. */
 apsm_status contour_names(const contour_job *j, json_t **names);
+bool contour_may_name(const char *name); /* whether a job of contours can have such a file */
 apsm_status contour_write(contour_job *j);
 
 /* ---- contour_page.c ---- */

@@ -277,12 +277,29 @@ static apsm_status add_particles(const contour_job *j, json_t *names)
     return APSM_OK;
 }
 
+static const char *const fixed[] = { FOLDER_PROJECT,     FOLDER_MODEL,          FOLDER_SCORES_CSV,
+                                     FOLDER_CERTIFICATE, FOLDER_EVALUATION_CSV, FOLDER_EVALUATION,
+                                     FOLDER_REPORT,      "contours/mean.vtk" };
+
+/* Whether name is prefix, one part of a path, and suffix. */
+static bool is_made_of(const char *name, const char *prefix, const char *suffix)
+{
+    const size_t n = strlen(name), a = strlen(prefix), b = strlen(suffix);
+    return n > a + b && strncmp(name, prefix, a) == 0 && strcmp(name + n - b, suffix) == 0 &&
+           !strchr(name + a, '/');
+}
+
+bool contour_may_name(const char *name)
+{
+    for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++)
+        if (strcmp(name, fixed[k]) == 0) return true;
+    return is_made_of(name, "contours/mode_", "2sd.vtk") ||
+           is_made_of(name, "particles/", "_local.particles") ||
+           is_made_of(name, "particles/", "_world.particles");
+}
+
 apsm_status contour_names(const contour_job *j, json_t **names)
 {
-    static const char *const fixed[] = { FOLDER_PROJECT,        FOLDER_MODEL,
-                                         FOLDER_SCORES_CSV,     FOLDER_CERTIFICATE,
-                                         FOLDER_EVALUATION_CSV, FOLDER_EVALUATION,
-                                         FOLDER_REPORT,         "contours/mean.vtk" };
     json_t *list = json_array();
     int failed = !list;
     for (size_t k = 0; k < sizeof fixed / sizeof *fixed; k++)

@@ -28,3 +28,12 @@ expect() {
         fail "apsm $*: does not say '$words': $(tail -n 3 said)"
     fi
 }
+
+# seal FILE: the last key of a manifest is the sum of all before it.
+seal() {
+    sed -i '/^    "sha256": /,$d' "$1"
+    printf '    ' >>"$1"
+    local sum
+    sum=$(sha256sum "$1" | cut -d' ' -f1)
+    printf '"sha256": "%s"\n}\n' "$sum" >>"$1"
+}

@@ -100,6 +100,13 @@ cmp before.json less/manifest.json && grep -q mine less/particles/s4_world.parti
 rm less/particles/s4_world.particles
 sed -i 's/"finished": true/"finished": false/' less/manifest.json
 expect 1 "manifest.json: changed since" run in -o less -J 48 --overwrite
+# A received model whose sealed manifest names files of others: they stay.
+rm -rf less && cp -r whole less && echo mine >less/notes.txt && echo mine >others.txt
+sed -i "s|\"outputs\": {|&\"notes.txt\": [\"contours\", 5, \"\"], \"../others.txt\": [\"contours\", 5, \"\"],|" less/manifest.json
+seal less/manifest.json
+expect 0 "nothing to do" run in -o less -J 48 --resume
+expect 0 "5 of 5" run in -o less -J 48 --overwrite
+[ -e less/notes.txt ] && [ -e others.txt ] || fail "a manifest made apsm remove files of others"
 mkdir -p curves/contours && cp in/s0.vtk curves/contours/mean.vtk
 expect 1 "is not empty" run in -o curves -J 48
 cmp -s in/s0.vtk curves/contours/mean.vtk || fail "curves of the user were replaced"
