@@ -436,7 +436,7 @@ static apsm_status fit_parts(apsm_context *ctx, const fitting *f, size_t i)
         if (!c) continue;
         s->path[d] = c->path;
         s->given++;
-        if (!apsm_is_folder(c->path)) APSM_TRY(apsm_sha256_file(ctx, c->path, s->sha256[d]));
+        APSM_TRY(apsm_input_hash(ctx, c->path, s->sha256[d]));
         APSM_TRY(fit_part(ctx, f, d, c, f->options.hand, NULL, &s->part[d]));
         s->fitted[d] = s->part[d].J > 0;
         if (s->fitted[d]) continue;

@@ -34,12 +34,21 @@ const json_t *hdf5_json_find(const json_t *file, const char *name)
     return NULL;
 }
 
+/* Every row has as many entries: their product is no more than what the file holds. */
+static bool is_even(const json_t *matrix, size_t columns)
+{
+    for (size_t k = 0; k < json_array_size(matrix); k++)
+        if (json_array_size(json_array_get(matrix, k)) != columns) return false;
+    return true;
+}
+
 bool hdf5_json_size(const json_t *value, size_t *rows, size_t *columns)
 {
     const json_t *const first = json_array_get(value, 0);
     *rows = json_is_array(value) ? json_array_size(value) : 1;
     *columns = json_array_size(first);
-    return json_is_number(value) || json_is_number(first) || *columns > 0;
+    return json_is_number(value) || json_is_number(first) ||
+           (*columns > 0 && is_even(value, *columns));
 }
 
 bool hdf5_json_get(const json_t *value, size_t rows, size_t columns, double *x)

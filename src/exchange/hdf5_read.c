@@ -175,6 +175,8 @@ static void search_symbols(walk *w, search *q)
     for (size_t n = (size_t)whole(w, 2); n > 0 && !q->found && scan_ok(&w->s); n--) {
         const uint64_t name = whole(w, 8), at = whole(w, 8);
         (void)scan_bytes(&w->s, 24);
+        if (++w->steps > STEPS_MOST)
+            scan_fail(&w->s, "a group's tree is damaged: copy the file again");
         if (name > w->s.size || q->heap > w->s.size) continue;
         const size_t text = (size_t)(q->heap + name);
         if (scan_ok(&w->s) && name_is(w, q, text) && w->s.bytes[text + q->length] == '\0')
@@ -429,7 +431,7 @@ static apsm_status read_json(const h5_in *in, const char *name, size_t *rows, si
     if (!value) return lacks(in, name, "");
     if (!hdf5_json_size(value, &n, &m)) return lacks(in, name, "readable ");
     double *const numbers = malloc(n * (m ? m : 1) * sizeof *numbers);
-    if (!numbers) return APSM_ERR_MEMORY;
+    if (!numbers) return apsm_fail(in->ctx, APSM_ERR_MEMORY, "%s: out of memory", in->path);
     if (!hdf5_json_get(value, n, m, numbers)) {
         free(numbers);
         return lacks(in, name, "readable ");

@@ -1,13 +1,14 @@
 /* FreeSurfer's surfaces of triangles (lh.white, rh.pial): three bytes that mark them, two lines of
  * comment, counts, points and corners with the highest byte first, then what is known of the
  * volume.  Points are in the frame of that volume's centre, right, anterior, superior; where the
- * centre is given (c_ras), they come out in the scanner's frame, where the images are, as LPS. */
+ * centre is given (c_ras), they come out in the scanner's frame, where the images are, as LPS; so
+ * do those of which the file says that they are in that frame already. */
 #include <math.h>
 
 #include "formats/header_line.h"
 #include "formats/soup.h"
 
-enum { VOLUME_TAG = 20, MOST_LINES = 32 };
+enum { SCANNER_TAG = 2, VOLUME_TAG = 20, MOST_LINES = 32 };
 
 static void read_mark(scan *s)
 {
@@ -52,15 +53,19 @@ static void read_faces(scan *s, soup *m, size_t n)
     }
 }
 
-/* The tag of the volume, which two numbers may precede; s ends behind it. */
+/* The tag of the volume, behind which s ends.  Before it may be said whether the points are in the
+ * scanner's frame already: then the volume does not matter. */
 static bool find_volume(scan *s)
 {
-    for (int k = 0; k < 3 && scan_left(s) >= 4; k++)
-        if (scan_whole(s, SCALAR_I32, true) == VOLUME_TAG) return true;
-    return false;
+    int64_t tag = scan_left(s) >= 4 ? scan_whole(s, SCALAR_I32, true) : 0;
+    if (tag == SCANNER_TAG && scan_left(s) >= 8) {
+        if (scan_whole(s, SCALAR_I32, true) != 0) return false;
+        tag = scan_whole(s, SCALAR_I32, true);
+    }
+    return tag == VOLUME_TAG;
 }
 
-/* centre <- c_ras, if the file says it and that it is valid. */
+/* centre <- c_ras, if the file says it, that it is valid, and that it has to be added. */
 static void read_centre(scan s, double centre[3])
 {
     double x[3];

@@ -11,9 +11,20 @@ bool name_series_is_pattern(word file)
     return memchr(file.text, '%', file.length) != NULL;
 }
 
+/* "LIST", "LIST 2", "LIST2" or "LIST 2D": how many axes each file has follows from the count. */
+static bool is_list(word file)
+{
+    size_t at = 4;
+    if (file.length < at || memcmp(file.text, "LIST", at) != 0) return false;
+    if (at < file.length && (file.text[at] == ' ' || file.text[at] == '\t')) return true;
+    while (at < file.length && file.text[at] >= '0' && file.text[at] <= '9') at++;
+    if (at < file.length && file.text[at] == 'D') at++;
+    return at == file.length;
+}
+
 bool name_series_is(word file)
 {
-    return name_series_is_pattern(file) || (file.length >= 4 && memcmp(file.text, "LIST", 4) == 0);
+    return name_series_is_pattern(file) || is_list(file);
 }
 
 /* The next line that is not empty; empty at the end. */
@@ -37,6 +48,14 @@ bool name_series_of_lines(word lines, name_series *n)
     return true;
 }
 
+/* From first to last in steps of that width: no sum of them leaves what an integer holds. */
+static bool is_range(int64_t first, int64_t last, int64_t step)
+{
+    return first >= 0 && first < MOST_FILES && last >= 0 && last < MOST_FILES && step != 0 &&
+           step > -MOST_FILES && step < MOST_FILES &&
+           (last == first || (last > first) == (step > 0));
+}
+
 /* "%d" or "%03d", taken apart. */
 static bool split_number(word name, name_series *n)
 {
@@ -58,9 +77,8 @@ bool name_series_of_pattern(word pattern, name_series *n)
     *n = (name_series){ .pattern = true };
     const bool good = split_number(name, n) && word_integer(word_next(&pattern), &n->number) &&
                       word_integer(word_next(&pattern), &last) &&
-                      word_integer(word_next(&pattern), &n->step) && n->number >= 0 && last >= 0 &&
-                      n->number < MOST_FILES && last < MOST_FILES && n->step != 0 &&
-                      (last - n->number) / n->step >= 0;
+                      word_integer(word_next(&pattern), &n->step) &&
+                      is_range(n->number, last, n->step);
     if (good) n->count = (size_t)((last - n->number) / n->step) + 1;
     return good;
 }

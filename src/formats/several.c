@@ -56,7 +56,9 @@ static const unsigned char *share_of(scan *s, const joining *j, const image *m, 
     *own = NULL;
     if (!scan_ok(s)) return NULL;
     if (j->files->packed) {
-        if (inflate_bytes(m->data, m->size, j->share, own) == INFLATED) return *own;
+        const inflated how = inflate_bytes(m->data, m->size, j->share, own);
+        if (how == INFLATED) return *own;
+        if (how == INFLATE_NO_MEMORY) scan_no_memory(s); /* the first failure counts */
     } else if (m->size >= j->share && m->size - j->share >= skip) {
         return m->data + (j->files->skip < 0 ? m->size - j->share : skip);
     }

@@ -12,14 +12,27 @@ void apsm_input_shape_free(apsm_input_shape *shape)
     *shape = (apsm_input_shape){ 0 };
 }
 
+/* Whether the bound takes what is around the labels, too. */
+static bool takes_zero(const apsm_labels *labels)
+{
+    return (labels->side == '<' && labels->level > 0.0) ||
+           (labels->side == '>' && labels->level < 0.0);
+}
+
+static apsm_status read_image(apsm_context *ctx, const apsm_input_case *one,
+                              const apsm_labels *labels, apsm_volume *volume)
+{
+    if (one->kind == APSM_INPUT_DICOM) return apsm_read_dicom(ctx, one->path, volume);
+    return takes_zero(labels) ? apsm_read_volume(ctx, one->path, volume)
+                              : volume_read_foreground(ctx, one->path, volume);
+}
+
 apsm_status apsm_input_read(apsm_context *ctx, const apsm_input_case *one,
                             const apsm_labels *labels, apsm_input_shape *shape)
 {
     *shape = (apsm_input_shape){ .is_mesh = one->kind == APSM_INPUT_MESH };
     if (shape->is_mesh) return apsm_read_mesh(ctx, one->path, &shape->mesh);
-    APSM_TRY(one->kind == APSM_INPUT_DICOM
-                 ? apsm_read_dicom(ctx, one->path, &shape->volume)
-                 : volume_read_foreground(ctx, one->path, &shape->volume));
+    APSM_TRY(read_image(ctx, one, labels, &shape->volume));
     return apsm_input_finish(ctx, one->path, labels, shape);
 }
 

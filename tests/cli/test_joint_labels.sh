@@ -34,8 +34,12 @@ open("lacking/s2.nrrd", "wb").write(data)
 P
 expect 0 "s2: has no shaft" run lacking -o lacking.model "${run[@]}" --dry-run
 # So does a new one; one that cannot be read, or has neither, fails alone.
-mkdir new && cp whole/s1.nrrd lacking/s2.nrrd new && head -c 5000 whole/s3.nrrd >new/s3.nrrd
+mkdir new && cp lacking/s2.nrrd new && head -c 5000 whole/s3.nrrd >new/s3.nrrd
 python3 - <<'P'
+data = open("whole/s1.nrrd", "rb").read()
+at = data.index(b"\n\n") + 1
+open("new/s1.nhdr", "wb").write(data[:at] + b"data file: s1.raw\n")
+open("new/s1.raw", "wb").write(data[at + 1:])
 data = bytearray(open("whole/s4.nrrd", "rb").read())
 at = data.index(b"\n\n") + 2
 data[at:] = bytes(7 if v else 0 for v in data[at:])
@@ -43,6 +47,7 @@ open("new/s4.nrrd", "wb").write(data)
 P
 expect 1 "2 of 4 shapes were not fitted" fit whole.model new -o new.fit
 grep -q '^s1,good,,no,,' new.fit/joint_fit.csv && grep -q '^s2,.*,no,shaft,' new.fit/joint_fit.csv || fail "missing: $(cut -d, -f1-5 new.fit/joint_fit.csv | tr '\n' ';')"
+grep -q "\"sha256\": \"$(cat new/s1.nhdr new/s1.raw | sha256sum | cut -d' ' -f1)\"" new.fit/joint_fit.json || fail "the hash of s1 is not that of its header and voxels"
 [ -s new.fit/meshes/s2_shaft_fit.ply ] || fail "the part that is in no voxel was not completed"
 
 refused() { # refused CODE WORDS PARTS OPTION...

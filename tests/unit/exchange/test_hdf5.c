@@ -122,6 +122,77 @@ static void what_is_written_is_read(void **state)
     free(again);
 }
 
+static void put(char **at, uint64_t value, size_t size)
+{
+    for (; size > 0; size--, value >>= 8) *(*at)++ = (char)(value & 0xff);
+}
+
+/* A group of the old kind at 104, with its tree at 144, which names one table of 65535 symbols four
+ * times. */
+static char *crowded_file(size_t *size)
+{
+    enum { TREE = 144, CHILDREN = 4, HEAP = 256, TABLE = 288, SYMBOLS = 65535 };
+    char *const bytes = calloc(*size = TABLE + 8 + 40 * SYMBOLS, 1), *at = bytes + 40;
+    assert_non_null(bytes);
+    memcpy(bytes, "\x89HDF\r\n\x1a\n\0\0\0\0\0\x8\x8", 15);
+    put(&at, *size, 8);
+    at = bytes + 64, put(&at, 104, 8);
+    at = bytes + 104, put(&at, 1, 1), at += 7, put(&at, 24, 4), at += 4;
+    put(&at, 0x11, 2), put(&at, 16, 2), at += 4, put(&at, TREE, 8), put(&at, HEAP, 8);
+    at = bytes + TREE + 8;
+    memcpy(bytes + TREE, "TREE\0\0\x4", 8);
+    at += 24;
+    for (int k = 0; k < CHILDREN; k++) put(&at, TABLE, 8), put(&at, 0, 8);
+    memcpy(bytes + HEAP, "HEAP", 4);
+    at = bytes + HEAP + 24, put(&at, HEAP, 8);
+    memcpy(bytes + TABLE, "SNOD\1\0\xff\xff", 8);
+    return bytes;
+}
+
+/* Else a few megabytes would take minutes. */
+static void crowded_groups_are_given_up(void **state)
+{
+    const fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "crowd.h5");
+    size_t size;
+    bool there;
+    h5_in in;
+    char *const bytes = crowded_file(&size);
+    scratch_write(path, bytes, size);
+    free(bytes);
+    assert_int_equal(h5_open(f->ctx, path, &in), APSM_OK);
+    assert_int_equal(h5_has(&in, "/model", &there), APSM_ERR_FORMAT);
+    assert_non_null(strstr(apsm_error_text(f->ctx), "group's tree is damaged"));
+    h5_close(&in);
+}
+
+/* A long row and many short ones: a table of all would be of 320 GB. */
+static void ragged_tables_cost_nothing(void **state)
+{
+    enum { ROWS = 200000 };
+    const fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "ragged.json"),
+                      *const head = "{\"root\":\"g\",\"groups\":{\"g\":{\"links\":[{\"title\":"
+                                    "\"x\",\"collection\":\"datasets\",\"id\":\"d\"}]}},"
+                                    "\"datasets\":{\"d\":{\"value\":[[0";
+    char *const text = malloc(strlen(head) + 5 * ROWS + 8), *at = text;
+    size_t rows, columns;
+    double *x;
+    h5_in in;
+    assert_non_null(text);
+    at += sprintf(at, "%s", head);
+    for (int k = 1; k < ROWS; k++) at += sprintf(at, ",0");
+    *at++ = ']';
+    for (int k = 1; k < ROWS; k++) at += sprintf(at, ",[]");
+    at += sprintf(at, "]}}}");
+    scratch_write(path, text, (size_t)(at - text));
+    free(text);
+    assert_int_equal(h5_open(f->ctx, path, &in), APSM_OK);
+    assert_int_equal(h5_read(&in, "/x", &rows, &columns, &x), APSM_ERR_FORMAT);
+    assert_non_null(strstr(apsm_error_text(f->ctx), "has no readable"));
+    h5_close(&in);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -130,6 +201,8 @@ int main(void)
                                         teardown),
         cmocka_unit_test_setup_teardown(what_is_not_read_is_named, setup, teardown),
         cmocka_unit_test_setup_teardown(what_is_written_is_read, setup, teardown),
+        cmocka_unit_test_setup_teardown(crowded_groups_are_given_up, setup, teardown),
+        cmocka_unit_test_setup_teardown(ragged_tables_cost_nothing, setup, teardown),
     };
     return cmocka_run_group_tests_name("hdf5", tests, NULL, NULL);
 }

@@ -194,7 +194,7 @@ static const char volume_info[] =
     "voxelsize = 1.0000000000e+00 1 1\nxras   = -1 0 0\nyras   = 0 0 -1\nzras   = 0 1 0\n"
     "cras   = 5.5 -18 2.7e1\n";
 
-/* tag: 0 no volume, 1 the tag alone, 3 after two numbers. */
+/* tag: 0 no volume, 1 the tag alone, 3 after two numbers, 4 after two that say "in the scanner". */
 static size_t freesurfer_bytes(unsigned char *out, int tag, int valid)
 {
     unsigned char *at = out;
@@ -207,7 +207,7 @@ static size_t freesurfer_bytes(unsigned char *out, int tag, int valid)
         for (int c = 0; c < 3; c++) put_float(&at, points[v][c]);
     for (int t = 0; t < NF; t++)
         for (int k = 0; k < 3; k++) put_int(&at, (int32_t)corners[t][k], 4);
-    if (tag == 3) put_int(&at, 2, 4), put_int(&at, 0, 4);
+    if (tag >= 3) put_int(&at, 2, 4), put_int(&at, tag == 4, 4);
     if (tag) put_int(&at, 20, 4);
     snprintf(info, sizeof info, volume_info, valid);
     if (tag) put_text(&at, info);
@@ -228,6 +228,8 @@ static void freesurfer_surfaces_come_out_in_the_scanner(void **state)
     }
     const char *const path = scratch_path(f->folder, "x.surf");
     scratch_write(path, bytes, freesurfer_bytes(bytes, 3, 0));
+    expect_tetrahedron(f, path, -1, still);
+    scratch_write(path, bytes, freesurfer_bytes(bytes, 4, 1));
     expect_tetrahedron(f, path, -1, still);
 }
 

@@ -142,7 +142,21 @@ static void data_files_of_headers_are_found(void **state)
     check_data_file(f, "a.nhdr", "NRRD0004\ndata file: ./b.raw.gz\n", "./b.raw.gz");
     check_data_file(f, "b.nrrd", "NRRD0004\ntype: uchar\n\ndata file: b.raw\n", NULL);
     check_data_file(f, "c.nhdr", "NRRD0004\ndata file: LIST\nb.raw\r\n\nc.raw", "b.raw c.raw");
+    check_data_file(f, "d.nhdr", "NRRD0004\ndata file: LIST 2\nb.raw\n", "b.raw");
+    check_data_file(f, "d.mhd", "ElementDataFile = LIST2D\nb.raw\n", "b.raw");
+    check_data_file(f, "e.nhdr", "NRRD0004\ndata file: LISTER_01.raw\nb\n", "LISTER_01.raw");
+    check_data_file(f, "f.nhdr", "NRRD0004\ndata file: LIST01.raw\nb\n", "LIST01.raw");
     check_data_file(f, "a.nii", "ElementDataFile = b.raw\n", NULL);
+}
+
+static void only_ranges_that_are_some_are_counted(void **state)
+{
+    fixture *const f = *state;
+    check_data_file(f, "a.mhd", "ElementDataFile = s%d.raw 5 3 -1\n", "s5.raw s4.raw s3.raw");
+    check_data_file(f, "a.mhd", "ElementDataFile = s%d.raw 5 5 -1\n", "s5.raw");
+    check_data_file(f, "a.mhd", "ElementDataFile = s%d.raw 5 3 10\n", NULL);
+    check_data_file(f, "a.mhd", "ElementDataFile = s%d.raw 3 5 -10\n", NULL);
+    check_data_file(f, "a.mhd", "ElementDataFile = s%d.raw 1 1 9223372036854775807\n", NULL);
 }
 
 /* A TIFF without fields: 8 bytes of head, then no entries, and where the next page is. */
@@ -512,6 +526,7 @@ int main(void)
         TEST(expressions_choose_by_file_name),
         TEST(files_without_shapes_are_named),
         TEST(data_files_of_headers_are_found),
+        TEST(only_ranges_that_are_some_are_counted),
         TEST(names_that_no_file_can_have_are_refused),
         TEST(bad_inputs_are_refused),
         TEST(dicom_folders_are_cases),

@@ -8,6 +8,7 @@
 #include <math.h>
 
 #include "apsm/formats.h"
+#include "input/input.h"
 #include "scratch_fixture.h"
 
 static const char *const extensions[] = { ".nrrd", ".nii", ".nii.gz", ".mha" };
@@ -356,6 +357,33 @@ static void threads_do_not_disturb_each_other(void **state)
         fail_msg("%s", apsm_error_text(f->ctx));
 }
 
+/* One voxel of 60 is labelled.  What a bound takes of the others counts, wherever they lie. */
+static void bounds_see_the_whole_image(void **state)
+{
+    static const struct {
+        const char *text;
+        size_t taken;
+    } bounds[] = { { "<1", 59 }, { "<0.5", 59 }, { ">-1", 60 }, { ">0", 1 }, { ">0.5", 1 } };
+    fixture *const f = *state;
+    apsm_volume v = make_volume(0.3, false);
+    for (size_t i = 0; i < 60; i++) v.label[i] = i == 0;
+    const char *const path = scratch_path(f->folder, "one.nrrd");
+    assert_int_equal(apsm_write_volume(f->ctx, path, &v), APSM_OK);
+    for (size_t k = 0; k < sizeof bounds / sizeof *bounds; k++) {
+        const apsm_input_case one = { .path = (char *)path, .kind = APSM_INPUT_VOLUME };
+        apsm_labels labels;
+        apsm_input_shape shape;
+        size_t taken = 0;
+        assert_int_equal(apsm_labels_parse(f->ctx, bounds[k].text, &labels), APSM_OK);
+        assert_int_equal(apsm_input_read(f->ctx, &one, &labels, &shape), APSM_OK);
+        const size_t *const n = shape.volume.n;
+        for (size_t i = 0; i < n[0] * n[1] * n[2]; i++) taken += shape.volume.label[i] != 0;
+        assert_int_equal(taken, bounds[k].taken);
+        apsm_input_shape_free(&shape);
+    }
+    apsm_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -369,6 +397,7 @@ int main(void)
         cmocka_unit_test(wild_nifti_grids_are_refused),
         cmocka_unit_test(sheared_nifti_grids_are_kept),
         cmocka_unit_test(detached_voxels_are_read),
+        cmocka_unit_test(bounds_see_the_whole_image),
         cmocka_unit_test(threads_do_not_disturb_each_other),
     };
     return cmocka_run_group_tests_name("volume_io", tests, setup, teardown);
