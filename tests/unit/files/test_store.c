@@ -82,6 +82,15 @@ static size_t resident(void)
     return (size_t)pages * (size_t)sysconf(_SC_PAGESIZE);
 }
 
+#ifdef __SANITIZE_ADDRESS__
+/* What is freed is not kept for long, as it counts as resident. */
+__attribute__((visibility("default"))) const char *__asan_default_options(void);
+const char *__asan_default_options(void)
+{
+    return "quarantine_size_mb=1";
+}
+#endif
+
 /* 40 arrays of 4 MB, looked at again and again by several threads, in 64 MB above what the process
  * needs anyway. */
 typedef struct visiting {
