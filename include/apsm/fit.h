@@ -43,11 +43,12 @@ enum { APSM_EXTENT_AUTO, APSM_EXTENT_WHOLE, APSM_EXTENT_PART };
 typedef struct apsm_fit_options {
     int hand;
     int extent;
-    bool aligned; /* the shape is in the model's world frame: no pose is searched for */
-    bool force;   /* fit a stranger nevertheless */
-    const double
-        *start; /* 16, borrowed: about the map from the input's frame to the model's world,
-                   from which alone a whole surface is registered; NULL: it is looked for */
+    bool aligned;        /* the shape is in the model's world frame: no pose is searched for */
+    bool force;          /* fit a stranger nevertheless */
+    const double *start; /* 16, borrowed: about the map from the input's frame to the model's world,
+                            from which alone a whole surface is registered; NULL: it is looked for.
+                            Of apsm_fit_surface alone; APSM_ERR_ARG: not finite, singular, or of
+                            another hand than `hand` says */
 } apsm_fit_options;
 static inline apsm_fit_options apsm_fit_defaults(void) /* auto, auto, false, false, NULL */
 {

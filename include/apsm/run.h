@@ -41,8 +41,10 @@ typedef struct apsm_run_settings {
      * of a step whose result another process will gather, keep them in state/, and end; the same
      * call without it finds them there.  shards 0: all shapes. */
     size_t shard, shards;
-    const struct apsm_company *company; /* borrowed; NULL: the processes do not know each other */
-    const struct apsm_surroundings *surroundings; /* borrowed until apsm_run_close; NULL: nothing */
+    /* Both structs are copied; what `user` points to is borrowed until apsm_run_close.  NULL: the
+     * processes do not know each other; nothing lies around. */
+    const struct apsm_company *company;
+    const struct apsm_surroundings *surroundings;
     /* sizeof what company and surroundings point to, which may grow at their ends; 0: as they were
        when these two fields were added. */
     size_t company_size, surroundings_size;

@@ -246,14 +246,14 @@ typedef struct fitting {
     joint_subject_fit *subject; /* job.subjects */
 } fitting;
 
-/* start: the pose to begin with, or NULL. */
+/* start: the pose to begin with, of that hand, or NULL. */
 static apsm_status fit_part(apsm_context *ctx, const fitting *f, size_t d, const apsm_input_case *c,
                             int hand, const double *start, apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
     apsm_fit_options o = f->options;
     APSM_TRY(fit_read_surface(ctx, &f->reading[d], c, &mesh, &o.extent));
-    o.hand = c->reflect ? APSM_HAND_OTHER : hand;
+    o.hand = c->reflect && !start ? APSM_HAND_OTHER : hand;
     o.start = start;
     const apsm_status status = apsm_fit_surface(ctx, f->m.part[d], c->path, &mesh, &o, fit);
     apsm_mesh_free(&mesh);

@@ -141,19 +141,26 @@ apsm_status fit_scores(fit_job *job)
 
 /* ---- whole surfaces ---- */
 
-static bool is_open(const apsm_mesh *mesh)
+static apsm_status find_open(const apsm_mesh *mesh, bool *open)
 {
     apsm_mesh_defects defects;
-    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
+    *open = false;
+    APSM_TRY(apsm_mesh_inspect(mesh, &defects));
+    *open = defects.border_edges > 0;
+    return APSM_OK;
 }
 
 /* Particles on the rims of a model of open surfaces have no place on a closed one. */
-static void judge_opening(const fit_job *job)
+static apsm_status judge_opening(const fit_job *job)
 {
-    if (job->m->cohort.shape[0].rim.n > 0 && !is_open(job->mesh))
+    bool open;
+    if (job->m->cohort.shape[0].rim.n == 0) return APSM_OK;
+    APSM_TRY(find_open(job->mesh, &open));
+    if (!open)
         fit_object(
             job->out, APSM_FIT_REFUSED,
             "is a closed surface, and the model's shapes are open ones: cut it as they were");
+    return APSM_OK;
 }
 
 static apsm_status place(apsm_context *ctx, fit_job *job)
@@ -172,7 +179,7 @@ static apsm_status place(apsm_context *ctx, fit_job *job)
     out->mirrored = job->pose.mirrored;
     memcpy(out->M, job->pose.M, sizeof out->M);
     apsm_affine_identity(out->reflection);
-    judge_opening(job);
+    APSM_TRY(judge_opening(job));
     fit_judge_pose(job);
     return APSM_OK;
 }
@@ -236,10 +243,20 @@ static apsm_status fit_part(apsm_context *ctx, fit_job *job)
 
 /* Whether it has openings where the model's shapes have none.  Of a model of open surfaces an open
  * one is whole unless the caller says otherwise. */
-static bool is_part(const apsm_fit_model *m, const apsm_mesh *mesh, const apsm_fit_options *o)
+static apsm_status find_part(const fit_job *job, bool *part)
 {
-    if (o->extent != APSM_EXTENT_AUTO) return o->extent == APSM_EXTENT_PART;
-    return m->cohort.shape[0].rim.n == 0 && is_open(mesh);
+    *part = job->options->extent == APSM_EXTENT_PART;
+    if (job->options->extent != APSM_EXTENT_AUTO || job->m->cohort.shape[0].rim.n > 0)
+        return APSM_OK;
+    return find_open(job->mesh, part);
+}
+
+static apsm_status fit_surface(apsm_context *ctx, fit_job *job)
+{
+    bool part;
+    APSM_TRY(fit_alloc(job->m, job->out));
+    APSM_TRY(find_part(job, &part));
+    return part ? fit_part(ctx, job) : fit_whole(ctx, job);
 }
 
 /* ---- the door ---- */
@@ -265,6 +282,24 @@ static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_me
     if (!(area > 0 && area < INFINITY))
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                          "%s: has no area that can be fitted (%g); is it a surface?", name, area);
+    return APSM_OK;
+}
+
+static apsm_status check_start(apsm_context *ctx, const char *name, const apsm_fit_options *o)
+{
+    double back[16];
+    if (!o->start) return APSM_OK;
+    for (size_t k = 0; k < 16; k++)
+        if (!isfinite(o->start[k]))
+            return apsm_fail(ctx, APSM_ERR_ARG, "%s: number %zu of start is not finite", name, k);
+    if (apsm_affine_invert(o->start, back) != APSM_OK)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: start is no pose: its map is singular", name);
+    const int hand = apsm_affine_det(o->start) < 0 ? APSM_HAND_OTHER : APSM_HAND_SAME;
+    if (o->hand != APSM_HAND_AUTO && o->hand != hand)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%s: start and hand disagree: the one %s, the other does not; give one of "
+                         "them",
+                         name, hand == APSM_HAND_OTHER ? "mirrors" : "keeps the side");
     return APSM_OK;
 }
 
@@ -320,12 +355,10 @@ apsm_status apsm_fit_surface_sized(apsm_context *ctx, const apsm_fit_model *mode
     opened o;
     if (!mesh || !mesh->V || !mesh->F) return refuse_null(ctx, "apsm_fit_surface");
     APSM_TRY(open_call(ctx, "apsm_fit_surface", model, name, call, &o));
+    APSM_TRY(check_start(ctx, name, &o.options));
     APSM_TRY(check_mesh(ctx, name, mesh));
     o.job.mesh = mesh;
-    apsm_status status = fit_alloc(model, &o.fit);
-    if (status == APSM_OK)
-        status = is_part(model, mesh, &o.options) ? fit_part(ctx, &o.job) : fit_whole(ctx, &o.job);
-    return close_call(ctx, call, &o, status);
+    return close_call(ctx, call, &o, fit_surface(ctx, &o.job));
 }
 
 apsm_status apsm_fit_points_sized(apsm_context *ctx, const apsm_fit_model *model, const char *name,

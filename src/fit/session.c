@@ -311,8 +311,12 @@ apsm_status fit_take_settings(apsm_context *ctx, const char *door, const apsm_fi
         return apsm_fail(ctx, APSM_ERR_ARG, "%s: an argument is NULL", door);
     *options = apsm_fit_defaults();
     if (!settings->options) return APSM_OK;
-    return apsm_take_settings(ctx, door, settings->options, settings->options_size, options,
-                              sizeof *options);
+    APSM_TRY(apsm_take_settings(ctx, door, settings->options, settings->options_size, options,
+                                sizeof *options));
+    if (options->start)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%s: start is the pose of one shape; give it to apsm_fit_surface", door);
+    return APSM_OK;
 }
 
 apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *given, size_t size,

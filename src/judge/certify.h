@@ -40,7 +40,8 @@ const char *certify_verdict(const cohort_certificate *certificate);
 const char *certify_grade(const cohort_certificate *certificate, size_t i, apsm_aspect aspect);
 /* How likely more than a tenth of a shape's particles are over two spacings off; NAN: not told. */
 double certify_probability(const cohort_certificate *certificate, size_t i);
-/* The sum of those that are told: so many shapes can be expected to be. */
+/* The sum over the shapes of which it is told: so many of these can be expected to be.  A shape
+ * whose pose is doubted is none of them, so that its doubt lowers the sum. */
 double certify_expected_lost(const cohort_certificate *certificate);
 /* How many shapes pass in pose or hand only because their surface cannot tell. */
 size_t certify_untold(const cohort_certificate *certificate, apsm_aspect aspect);

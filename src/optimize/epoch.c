@@ -117,17 +117,31 @@ static void snap_to_side(const apsm_shape *shape, size_t J, const double *N, dou
  * h, of which seats on a rim are about .7 apart. */
 static const double rim_apart = 0.4;
 
-static void keep_rim_apart(const optimizer *op, double *P)
+static bool come_together(size_t j, size_t k, double apart, const double *tP, const double *P)
 {
-    const double limit = rim_apart * rim_apart * op->state->h * op->state->h;
-    for (size_t j = 0; j < op->J; j++)
-        for (size_t k = 0; k < j && op->on_rim[j]; k++) {
-            if (!op->on_rim[k]) continue;
-            const double d2 = vec3_distance2(P + 3 * j, P + 3 * k);
-            if (d2 >= limit || d2 >= vec3_distance2(op->tP + 3 * j, op->tP + 3 * k)) continue;
-            memcpy(P + 3 * j, op->tP + 3 * j, 3 * sizeof *P);
-            memcpy(P + 3 * k, op->tP + 3 * k, 3 * sizeof *P);
+    const double d2 = vec3_distance2(P + 3 * j, P + 3 * k);
+    return d2 < apart * apart && d2 < vec3_distance2(tP + 3 * j, tP + 3 * k);
+}
+
+/* One pass; whether it put any back. */
+static bool put_back(size_t J, const bool *on_rim, double apart, const double *tP, double *P)
+{
+    bool any = false;
+    for (size_t j = 0; j < J; j++)
+        for (size_t k = 0; k < j && on_rim[j]; k++) {
+            if (!on_rim[k] || !come_together(j, k, apart, tP, P)) continue;
+            memcpy(P + 3 * j, tP + 3 * j, 3 * sizeof *P);
+            memcpy(P + 3 * k, tP + 3 * k, 3 * sizeof *P);
+            any = true;
         }
+    return any;
+}
+
+/* It ends: every pass but the last puts back one more for good, since two that are where they were
+ * do not come together. */
+void keep_rim_apart(size_t J, const bool *on_rim, double apart, const double *tP, double *P)
+{
+    while (put_back(J, on_rim, apart, tP, P)) continue;
 }
 
 /* Particles of the rim stay on it; of the template, too, no other comes there: which ones they are
@@ -139,7 +153,7 @@ static void keep_rim(const optimizer *op, size_t i, double *P)
     if (shape->rim.n == 0) return;
     apsm_shape_keep_on_rim(shape, J, op->on_rim, P, NULL);
     if (i != op->cohort->template_index) return;
-    keep_rim_apart(op, P);
+    keep_rim_apart(J, op->on_rim, rim_apart * op->state->h, op->tP, P);
     for (size_t j = 0; j < J; j++) {
         apsm_rim_point p;
         if (op->on_rim[j]) continue;

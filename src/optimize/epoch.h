@@ -11,6 +11,10 @@ apsm_status gradients_of_shape(apsm_context *ctx, size_t k, int worker, void *us
 /* Takes the step of shape batch[k], shortened, and returns to the surface.  user: the optimizer. */
 apsm_status move_shape(apsm_context *ctx, size_t k, int worker, void *user);
 
+/* Particles of the rim that would come nearer to each other than both `apart` and where they were
+ * (tP, J x 3) go back there, and so on until none do.  O(J^3) at worst, one pass as a rule. */
+void keep_rim_apart(size_t J, const bool *on_rim, double apart, const double *tP, double *P);
+
 /* Normals of shape i's particles, J x 3; a shape's are looked up when it has moved, while its tree
  * is at hand. */
 const double *optimizer_normals(const optimizer *op, size_t i);

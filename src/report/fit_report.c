@@ -77,7 +77,10 @@ static size_t verdict_of(const json_t *shape)
 static apsm_status count_shape(apsm_context *ctx, size_t i, const json_t *shape, void *user)
 {
     fits *f = user;
-    (void)ctx, (void)i;
+    if (!json_is_object(shape))
+        return apsm_fail(ctx, APSM_ERR_FORMAT,
+                         "%s/fit.json: value %zu of 'shapes' is no shape; fit again", f->folder,
+                         i + 1);
     f->count[verdict_of(shape)]++;
     f->n++;
     return APSM_OK;

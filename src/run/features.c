@@ -75,6 +75,13 @@ static bool is_named(const feature_words *w, const char *name, size_t length)
     return false;
 }
 
+bool features_name(const apsm_run *run, const char *name)
+{
+    feature_words w;
+    return parse(run->ctx, apsm_run_text(run, "features"), &w) == APSM_OK &&
+           is_named(&w, name, strlen(name));
+}
+
 /* Fields that the project wants to correspond count as much as one another; option features says
  * it better. */
 static apsm_status add_fields(apsm_context *ctx, const apsm_project *p, feature_words *w)
@@ -241,7 +248,7 @@ apsm_status features_check(apsm_run *run, const groom_inputs *in)
 apsm_status features_check_added(apsm_run *run, const groom_inputs *in)
 {
     feature_words w;
-    APSM_TRY(parse(run->ctx, apsm_run_text(run, "features"), &w));
+    APSM_TRY(settle(run->ctx, run, &run->project, &w));
     for (size_t k = 0; k < w.n; k++)
         if (w.weight[k] > 0 && !is_normals(w.name[k]))
             return apsm_fail(
@@ -322,6 +329,16 @@ static apsm_status take_names(apsm_run *run, const feature_words *w)
     return APSM_OK;
 }
 
+/* Grooming once left alone what a project says of fields. */
+static apsm_status lacks_field(apsm_run *run, const char *path, const char *name)
+{
+    if (features_name(run, name)) return APSM_ERR_FORMAT; /* said by the reader */
+    return apsm_fail(run->ctx, APSM_ERR_FORMAT,
+                     "%s: has no field '%s', which the project's field_attributes ask for: it was "
+                     "groomed before fields were followed; groom again, or --ignore fields",
+                     path, name);
+}
+
 static apsm_status read_shape(apsm_run *run, size_t i)
 {
     run_features *f = &run->features;
@@ -329,8 +346,10 @@ static apsm_status read_shape(apsm_run *run, size_t i)
     f->value[i] = malloc((f->S * nv + 1) * sizeof **f->value);
     char *path = apsm_project_path(&run->project, run->project.subjects[i].groomed);
     apsm_status status = path && f->value[i] ? APSM_OK : APSM_ERR_MEMORY;
-    for (size_t s = 0; s < f->S && status == APSM_OK; s++)
+    for (size_t s = 0; s < f->S && status == APSM_OK; s++) {
         status = apsm_read_mesh_field(run->ctx, path, f->name[s], nv, f->value[i] + s * nv);
+        if (status == APSM_ERR_FORMAT) status = lacks_field(run, path, f->name[s]);
+    }
     free(path);
     return status;
 }

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "files/project_columns.h"
+#include "run/features.h"
 
 /* ---- what cannot be done yet ---- */
 
@@ -260,10 +261,18 @@ static void add(char *text, size_t room, const char *between, const char *words)
     snprintf(text + used, room - used, "%s%s", used ? between : "", words);
 }
 
+/* The fields that option features does not name. */
 static void tell_fields(const apsm_run *run, const apsm_project *source)
 {
-    const char *fields = apsm_project_get(source, "optimize", "field_attributes");
-    if (fields && *fields && !source_ignores(run, "fields") && !*apsm_run_text(run, "features"))
+    const char *name;
+    char fields[256] = "";
+    size_t length;
+    for (size_t k = 0; (name = source_field(source, k, &length)); k++) {
+        char word[64];
+        snprintf(word, sizeof word, "%.*s", (int)length, name);
+        if (!features_name(run, word)) add(fields, sizeof fields, " ", word);
+    }
+    if (*fields && !source_ignores(run, "fields"))
         apsm_log(run->ctx, APSM_LOG_INFO,
                  "the project's field_attributes (%s) must correspond, each with weight 1 (weights "
                  "here have no unit); --features NAME:WEIGHT sets others",

@@ -69,6 +69,14 @@ same_fit edited_fit || fail "a calibration of more modes than the model has was 
 rm alone/report.html && "$apsm" report alone -q >said && cmp -s alone/report.html file/report.html &&
     fail "two folders have one title"
 [ -s alone/report.html ] || fail "report of fits is not made again"
+cp -r alone damaged
+python3 -c '
+import json
+fits = json.load(open("damaged/fit.json"))
+fits["shapes"].append(1)
+json.dump(fits, open("damaged/fit.json", "w"))'
+"$apsm" report damaged -q >said 2>&1 && fail "a damaged fit.json makes a report"
+grep -qF "value 2 of 'shapes' is no shape; fit again" said || fail "damaged: $(cat said)"
 mkdir page && echo mine >page/report.html
 fit 1 "holds a report.html that no fit has left" model new/whole.ply -o page
 [ "$(cat page/report.html)" = mine ] || fail "a stranger's report was replaced"

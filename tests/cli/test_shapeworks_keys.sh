@@ -33,8 +33,15 @@ expect 0 "ignored" run k.swproj -o x "${run[@]}" --dry-run --ignore geodesics,sh
 project '"optimize": {"field_attributes": "heat", "field_attribute_weights": "100"}' >f.swproj
 expect 0 "field_attributes (heat) must correspond" run f.swproj -o f "${run[@]}" --reflect-match '^m'
 head -n 1 f/features.csv | grep -q heat || fail "the field was not sampled"
+"$synthetic" bump in/new.ply level 3 index 2 wobble 0.05 seed 4 patch 70 || exit 1
+expect 1 "its shapes correspond by 'heat', too" add f in/new.ply
+expect 0 "field_attributes (heat) must correspond" run f.swproj -o x "${run[@]}" --reflect-match '^m' --features normals --dry-run
+expect 0 "" run f.swproj -o x "${run[@]}" --reflect-match '^m' --features heat:2 --dry-run
+grep -q 'must correspond' said && fail "--features heat:2: the project's weight is told"
 expect 0 "" run f.swproj -o g "${run[@]}" --reflect-match '^m' --ignore fields
 [ -e g/features.csv ] && fail "--ignore fields: the field was sampled"
+cp g/groomed/* f/groomed/ # as grooming left them when fields were not followed
+expect 1 "groom again, or --ignore fields" evaluate f
 project '"optimize": {"field_attributes": "heat cold"}' >n.swproj
 expect 1 "cold" run n.swproj -o x "${run[@]}"
 

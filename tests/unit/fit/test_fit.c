@@ -135,6 +135,46 @@ static void whole_shapes(void **state)
     apsm_context_free(ctx);
 }
 
+/* A start is a pose, and of the hand that is asked for. */
+static void bad_starts(void **state)
+{
+    (void)state;
+    apsm_context *ctx = apsm_context_new();
+    apsm_fit_model *m = make_model(ctx);
+    apsm_fit_options o = apsm_fit_defaults();
+    apsm_mesh mesh = make_patient(false, 1);
+    apsm_fit fit = { 0 }, again = { 0 };
+    double start[16];
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &fit), APSM_OK);
+    memcpy(start, fit.M, sizeof start);
+    o.start = start;
+    o.hand = APSM_HAND_SAME;
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_OK);
+    assert_true(miss_of(&again) < 0.15);
+    o.hand = APSM_HAND_OTHER;
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_ERR_ARG);
+    o.hand = APSM_HAND_AUTO;
+    start[6] = NAN;
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_ERR_ARG);
+    memset(start, 0, sizeof start);
+    assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_ERR_ARG);
+    const char *const inputs[] = { "patient.ply" };
+    const apsm_fit_settings run = { .model = "memory",
+                                    .n_inputs = 1,
+                                    .inputs = inputs,
+                                    .folder = "x",
+                                    .options = &o,
+                                    .options_size = sizeof o };
+    apsm_fit_totals totals;
+    assert_int_equal(apsm_fit_run(ctx, &run, &totals), APSM_ERR_ARG);
+    assert_non_null(strstr(apsm_error_text(ctx), "one shape"));
+    apsm_fit_free(&fit);
+    apsm_fit_free(&again);
+    apsm_mesh_free(&mesh);
+    apsm_fit_model_free(m);
+    apsm_context_free(ctx);
+}
+
 static void strangers(void **state)
 {
     (void)state;
@@ -336,12 +376,11 @@ static void side_of_a_symmetric_kind(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(whole_shapes),
-                                        cmocka_unit_test(strangers),
-                                        cmocka_unit_test(parts),
-                                        cmocka_unit_test(swapped_landmarks),
-                                        cmocka_unit_test(no_surface),
-                                        cmocka_unit_test(model_file),
-                                        cmocka_unit_test(side_of_a_symmetric_kind) };
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(whole_shapes),      cmocka_unit_test(bad_starts),
+        cmocka_unit_test(strangers),         cmocka_unit_test(parts),
+        cmocka_unit_test(swapped_landmarks), cmocka_unit_test(no_surface),
+        cmocka_unit_test(model_file),        cmocka_unit_test(side_of_a_symmetric_kind)
+    };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

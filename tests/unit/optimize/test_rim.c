@@ -4,6 +4,7 @@
 
 #include "geometry/clip.h"
 #include "geometry/vec3.h"
+#include "optimize/epoch.h"
 #include "optimize/optimizer.h"
 #include "synthetic.h"
 
@@ -130,6 +131,19 @@ static void rim_goes_to_rim(void **state)
     free_scene(&s);
 }
 
+/* The second goes back from the third, to where the first has come: that goes back, too.  The
+ * fourth is not of the rim. */
+static void crowded_rim_particles_keep_apart(void **state)
+{
+    (void)state;
+    const bool on[4] = { true, true, true, false };
+    const double before[12] = { 0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0 };
+    double P[12] = { 0.9, 0, 0, 1.6, 0, 0, 1.8, 0, 0, 1.7, 0, 0 };
+    keep_rim_apart(4, on, 0.4, before, P);
+    assert_memory_equal(P, before, 9 * sizeof *P);
+    assert_true(P[9] == 1.7);
+}
+
 /* Near-surface points come from above and below the surface, not from beyond its rim. */
 static void nothing_is_drawn_beyond_the_rim(void **state)
 {
@@ -158,6 +172,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(rim_goes_to_rim),
+        cmocka_unit_test(crowded_rim_particles_keep_apart),
         cmocka_unit_test(nothing_is_drawn_beyond_the_rim),
     };
     return cmocka_run_group_tests_name("rim", tests, NULL, NULL);
