@@ -141,21 +141,12 @@ apsm_status fit_scores(fit_job *job)
 
 /* ---- whole surfaces ---- */
 
-static apsm_status find_open(const apsm_mesh *mesh, bool *open)
-{
-    apsm_mesh_defects defects;
-    *open = false;
-    APSM_TRY(apsm_mesh_inspect(mesh, &defects));
-    *open = defects.border_edges > 0;
-    return APSM_OK;
-}
-
 /* Particles on the rims of a model of open surfaces have no place on a closed one. */
 static apsm_status judge_opening(const fit_job *job)
 {
     bool open;
     if (job->m->cohort.shape[0].rim.n == 0) return APSM_OK;
-    APSM_TRY(find_open(job->mesh, &open));
+    APSM_TRY(apsm_mesh_find_open(job->mesh, &open));
     if (!open)
         fit_object(
             job->out, APSM_FIT_REFUSED,
@@ -248,7 +239,7 @@ static apsm_status find_part(const fit_job *job, bool *part)
     *part = job->options->extent == APSM_EXTENT_PART;
     if (job->options->extent != APSM_EXTENT_AUTO || job->m->cohort.shape[0].rim.n > 0)
         return APSM_OK;
-    return find_open(job->mesh, part);
+    return apsm_mesh_find_open(job->mesh, part);
 }
 
 static apsm_status fit_surface(apsm_context *ctx, fit_job *job)

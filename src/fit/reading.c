@@ -8,18 +8,13 @@
 /* A cap of more than this share of the surface is a part that is not there. */
 static const double small_cap = 0.02;
 
-static bool is_open(const apsm_mesh *mesh)
-{
-    apsm_mesh_defects defects;
-    return apsm_mesh_inspect(mesh, &defects) == APSM_OK && defects.border_edges > 0;
-}
-
 /* *extent: WHOLE or PART.  A part is taken as it is. */
 static apsm_status groom_surface(apsm_context *ctx, const fit_reading *r, const char *path,
                                  apsm_mesh *raw, apsm_mesh *mesh, int *extent)
 {
     apsm_groom_report report;
-    const bool may_be_part = *extent == APSM_EXTENT_AUTO && is_open(raw);
+    bool may_be_part = false;
+    if (*extent == APSM_EXTENT_AUTO) APSM_TRY(apsm_mesh_find_open(raw, &may_be_part));
     apsm_status status = APSM_ERR_GEOMETRY;
     if (*extent != APSM_EXTENT_PART) {
         memset(&report, 0, sizeof report);

@@ -257,6 +257,15 @@ apsm_status apsm_mesh_inspect(const apsm_mesh *mesh, apsm_mesh_defects *defects)
     return status;
 }
 
+apsm_status apsm_mesh_find_open(const apsm_mesh *mesh, bool *open)
+{
+    apsm_mesh_defects defects;
+    *open = false;
+    APSM_TRY(apsm_mesh_inspect(mesh, &defects));
+    *open = defects.border_edges > 0;
+    return APSM_OK;
+}
+
 bool apsm_mesh_is_closed_manifold(const apsm_mesh_defects *d)
 {
     return d->components > 0 && d->border_edges == 0 && d->nonmanifold_edges == 0 &&

@@ -45,6 +45,9 @@ typedef struct apsm_mesh_defects {
 /* O(nv + nf).  APSM_ERR_GEOMETRY as above, APSM_ERR_MEMORY. */
 apsm_status apsm_mesh_inspect(const apsm_mesh *mesh, apsm_mesh_defects *defects) APSM_NODISCARD;
 
+/* Whether it has border edges; fails as above. */
+apsm_status apsm_mesh_find_open(const apsm_mesh *mesh, bool *open) APSM_NODISCARD;
+
 /* Closed, consistently oriented 2-manifold without degenerate faces.  Invariant used by asserts
  * and tests alike. */
 bool apsm_mesh_is_closed_manifold(const apsm_mesh_defects *defects);

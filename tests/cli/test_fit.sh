@@ -73,8 +73,8 @@ cp -r alone damaged
 python3 -c '
 import json
 fits = json.load(open("damaged/fit.json"))
-fits["shapes"].append(1)
-json.dump(fits, open("damaged/fit.json", "w"))'
+fits["shapes"].append([1])
+json.dump(fits, open("damaged/fit.json", "w"), indent=4)'
 "$apsm" report damaged -q >said 2>&1 && fail "a damaged fit.json makes a report"
 grep -qF "value 2 of 'shapes' is no shape; fit again" said || fail "damaged: $(cat said)"
 mkdir page && echo mine >page/report.html
