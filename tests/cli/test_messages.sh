@@ -101,13 +101,17 @@ expect 1 "the same file as" check units
 if [ -e units/metre.ply ]; then
     expect 1 "metre: about 1000 times smaller than the others: another unit?" check units
 fi
+# A program with sanitizers reserves more than any limit of memory.
+limited=yes
+(ulimit -v 1500000 && "$apsm" version) >/dev/null 2>&1 || limited=
+[ -n "$limited" ] || echo "NOT TESTED: what a limit of memory (ulimit -v) does; this program has sanitizers" >&2
 # a giant would fill the memory with its distance field
 cp -r in giant && "$synthetic" bump giant/mm.ply index 3 level 2 scale 1000 || failed=1
-(ulimit -v 1500000 && expect 1 "mm: about 1000 times as large as the template" run giant -o g -J 16; exit $failed) || failed=1
+[ -z "$limited" ] || (ulimit -v 1500000 && expect 1 "mm: about 1000 times as large as the template" run giant -o g -J 16; exit $failed) || failed=1
 
 # ---- limits of the shell ----
 quick=(-J 16 --faces 200 --stage1-epochs 2 --stage2-epochs 2 --fidelity-rounds 2
     --specificity-samples 10 --threads 2)
-(ulimit -v 400000 && expect 1 "ulimit -v" run in -o v "${quick[@]}"; exit $failed) || failed=1
+[ -z "$limited" ] || (ulimit -v 400000 && expect 1 "ulimit -v" run in -o v "${quick[@]}"; exit $failed) || failed=1
 (ulimit -s 64 && expect 0 "" run in -o s "${quick[@]}"; exit $failed) || failed=1
 exit $failed
