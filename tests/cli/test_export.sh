@@ -71,7 +71,9 @@ for seconds in 0.01 0.05 0.1; do
         fail "a killed export leaves no list: $(ls killed)"
     [ -e killed/export.json ] && rm -r killed # it was faster
 done
-mkdir -p killed && printf 'export.json\nmean.stl\n' >killed/export.json.unfinished
+[ ! -d killed ] || export_ 0 "" model --to stl -o killed
+rm -rf killed
+mkdir killed && printf 'export.json\nmean.stl\n' >killed/export.json.unfinished
 echo half >killed/mean.stl.77.tmp && echo half >killed/mean.stl
 echo mine >killed/notes.txt
 export_ 1 "notes.txt: is not of an earlier call" model --to stl -o killed
