@@ -75,7 +75,8 @@ static bool is_named(const feature_words *w, const char *name, size_t length)
     return false;
 }
 
-bool features_name(const apsm_run *run, const char *name)
+/* Whether option features names it. */
+static bool is_asked(const apsm_run *run, const char *name)
 {
     feature_words w;
     return parse(run->ctx, apsm_run_text(run, "features"), &w) == APSM_OK &&
@@ -232,9 +233,31 @@ static apsm_status take_field(apsm_context *ctx, const apsm_run *run, const groo
     return status;
 }
 
+/* The fields of a project that option features does not name. */
+static apsm_status tell_fields(const apsm_run *run, const apsm_project *p)
+{
+    feature_words w;
+    const char *name;
+    char fields[256] = "";
+    size_t length, used = 0;
+    APSM_TRY(parse(run->ctx, apsm_run_text(run, "features"), &w));
+    for (size_t k = 0; (name = source_field(p, k, &length)) && used < sizeof fields; k++)
+        if (!is_named(&w, name, length))
+            used += (size_t)snprintf(fields + used, sizeof fields - used, "%s%.*s", used ? " " : "",
+                                     (int)length, name);
+    if (used > 0)
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "the project's field_attributes (%s) must correspond, each with weight 1 (weights "
+                 "here have no unit); --features NAME:WEIGHT sets others",
+                 fields);
+    return APSM_OK;
+}
+
 apsm_status features_check(apsm_run *run, const groom_inputs *in)
 {
     feature_words w;
+    if (!in->own_source && in->source.root && !source_ignores(run, "fields"))
+        APSM_TRY(tell_fields(run, &in->source));
     APSM_TRY(settle(run->ctx, run, source_of(run, in), &w));
     APSM_TRY(refuse_psm(run, &w));
     if (w.n > 0 && run_is_in_memory(run))
@@ -332,7 +355,7 @@ static apsm_status take_names(apsm_run *run, const feature_words *w)
 /* Grooming once left alone what a project says of fields. */
 static apsm_status lacks_field(apsm_run *run, const char *path, const char *name)
 {
-    if (features_name(run, name)) return APSM_ERR_FORMAT; /* said by the reader */
+    if (is_asked(run, name)) return APSM_ERR_FORMAT; /* said by the reader */
     return apsm_fail(run->ctx, APSM_ERR_FORMAT,
                      "%s: has no field '%s', which the project's field_attributes ask for: it was "
                      "groomed before fields were followed; groom again, or --ignore fields",

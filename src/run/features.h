@@ -9,10 +9,8 @@
 /* Whether text is a value of "features": NAME[:WEIGHT],... ; normals is the normals' name. */
 apsm_status features_check_text(apsm_context *ctx, const char *text);
 
-/* Whether option features names it. */
-bool features_name(const apsm_run *run, const char *name);
-
-/* Refuses shapes that have not all fields that are asked for: before the long part. */
+/* Tells which fields the project asks for, and refuses shapes that have not all: before the long
+ * part. */
 apsm_status features_check(apsm_run *run, const groom_inputs *in);
 /* The same of shapes that a finished model is to take by their form alone: refused where scalar
  * fields had a say in its correspondence. */

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "files/project_columns.h"
-#include "run/features.h"
 
 /* ---- what cannot be done yet ---- */
 
@@ -261,24 +260,6 @@ static void add(char *text, size_t room, const char *between, const char *words)
     snprintf(text + used, room - used, "%s%s", used ? between : "", words);
 }
 
-/* The fields that option features does not name. */
-static void tell_fields(const apsm_run *run, const apsm_project *source)
-{
-    const char *name;
-    char fields[256] = "";
-    size_t length;
-    for (size_t k = 0; (name = source_field(source, k, &length)); k++) {
-        char word[64];
-        snprintf(word, sizeof word, "%.*s", (int)length, name);
-        if (!features_name(run, word)) add(fields, sizeof fields, " ", word);
-    }
-    if (*fields && !source_ignores(run, "fields"))
-        apsm_log(run->ctx, APSM_LOG_INFO,
-                 "the project's field_attributes (%s) must correspond, each with weight 1 (weights "
-                 "here have no unit); --features NAME:WEIGHT sets others",
-                 fields);
-}
-
 static void tell_fixed(const apsm_run *run, const apsm_project *p)
 {
     bool any = !says(json_object_get(p->root, "optimize"), "use_fixed_subjects");
@@ -328,7 +309,6 @@ apsm_status source_check(apsm_run *run, const apsm_project *source, char **ignor
                          "--ignore %s%s%s",
                          asked, ignore, *ignore ? "," : "", words);
     tell_particles(run, source);
-    tell_fields(run, source);
     tell_fixed(run, source);
     if (!*left) return APSM_OK;
     apsm_log(run->ctx, APSM_LOG_WARNING, "ignored, as asked for by --ignore: %s", left);

@@ -4,7 +4,8 @@
 #ifndef APSM_RUN_SOURCE_H
 #define APSM_RUN_SOURCE_H
 
-#include "run/groom_inputs.h"
+#include "input/input.h"
+#include "session/session.h"
 
 /* *source <- the project that the run's inputs are, or {0} if they are files or folders.  Without
  * inputs it is the folder's own, which is left to the run. */
