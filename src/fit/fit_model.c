@@ -237,7 +237,8 @@ static apsm_status measure_poses(const double *P, apsm_fit_model *m)
     enum { SOME = 8 };
     const size_t I = m->model.I, n = I < SOME ? I : SOME;
     apsm_mesh mesh;
-    apsm_status status = apsm_mesh_copy(&m->cohort.shape[0].mesh, &mesh);
+    APSM_TRY(apsm_mesh_copy(&m->cohort.shape[0].mesh, &mesh));
+    apsm_status status = APSM_OK;
     m->calibration.pose = 0;
     for (size_t k = 0; k < n && status == APSM_OK; k++) {
         double residual = 0;
@@ -245,7 +246,7 @@ static apsm_status measure_poses(const double *P, apsm_fit_model *m)
         status = fit_pose_residual(m, &mesh, &residual);
         m->calibration.pose += residual / (double)n;
     }
-    if (status == APSM_OK) apsm_mesh_free(&mesh);
+    apsm_mesh_free(&mesh);
     return status;
 }
 

@@ -18,7 +18,10 @@ apsm_status reduce_mesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     apsm_status status = APSM_ERR_GEOMETRY;
     if (mesh->nf > faces) status = apsm_remesh(ctx, mesh, bvh, &options, shown, NULL);
     if (status == APSM_ERR_GEOMETRY) status = apsm_mesh_copy(mesh, shown);
-    return status == APSM_OK ? order_mesh(shown) : status;
+    APSM_TRY(status);
+    status = order_mesh(shown);
+    if (status != APSM_OK) apsm_mesh_free(shown);
+    return status;
 }
 
 static apsm_status reduce_part(apsm_context *ctx, size_t faces, apsm_mesh *mesh)
