@@ -3,10 +3,11 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "apsm/particles.h"
 #include "core/sized.h"
-#include "files/files.h"
+#include "files/io.h"
 #include "fit/fit_folder.h"
 #include "fit/landmarks.h"
 #include "fit/outputs.h"
@@ -38,9 +39,11 @@ static bool is_point_file(const char *path)
 static bool holds_names(const char *path)
 {
     char first[16] = "";
-    FILE *f = landmark_is_file(path) ? fopen(path, "rb") : NULL;
-    if (f && !fgets(first, sizeof first, f)) first[0] = 0;
-    if (f) fclose(f);
+    int fd;
+    if (!landmark_is_file(path) || apsm_open_regular(NULL, path, &fd) != APSM_OK) return false;
+    const ssize_t n = read(fd, first, sizeof first - 1);
+    close(fd);
+    if (n < 0) return false; /* whoever reads it says why */
     return strncmp(first, "name,", 5) == 0 || strncmp(first, "# Markups", 9) == 0;
 }
 

@@ -3,7 +3,6 @@
 
 #include <dirent.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "files/files.h"
+#include "files/io.h"
 #include "input/glob.h"
 
 enum { DEEPEST = 32, MOST_LOOKED_AT_BELOW = 20000 };
@@ -79,11 +78,9 @@ static apsm_status add_hit(const walk *w, const char *path, apsm_input_kind kind
 bool search_is_dicom(const char *path)
 {
     char head[132];
-    struct stat info;
-    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (fd < 0) return false;
-    const bool is_file = fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
-    const ssize_t n = is_file ? read(fd, head, sizeof head) : 0;
+    int fd;
+    if (apsm_open_regular(NULL, path, &fd) != APSM_OK) return false;
+    const ssize_t n = read(fd, head, sizeof head);
     close(fd);
     return n == (ssize_t)sizeof head && memcmp(head + 128, "DICM", 4) == 0;
 }

@@ -9,18 +9,13 @@
 #include "apsm/run.h"
 #include "core/random.h"
 #include "readers.h"
-#include "scratch.h"
+#include "scratch_fixture.h"
 #include "shapes.h"
 
 static uint64_t rounds = 40; /* of each file; `make test-fuzz` does more */
 static const char *only;     /* NULL, or the one file */
 static const char *seeds;    /* folder */
 enum { MOST_SECONDS = 5 };
-
-typedef struct fixture {
-    apsm_context *ctx;
-    char folder[SCRATCH_LENGTH];
-} fixture;
 
 static void expect_ok(const fixture *f, apsm_status status)
 {
@@ -133,26 +128,15 @@ static void make_model(const fixture *f)
     apsm_fit_model_free(m);
 }
 
-static int setup(void **state)
+static int setup_model(void **state)
 {
-    fixture *const f = calloc(1, sizeof *f);
-    f->ctx = apsm_context_new();
+    if (setup(state) != 0) return -1;
+    fixture *const f = *state;
     apsm_context_set_threads(f->ctx, 1);
-    scratch_make(f->folder);
     write_texts(f);
     make_model(f);
     copy(f, scratch_path(f->folder, "model/model.json"), "n.json");
     copy(f, scratch_path(f->folder, "model/state/optimize.ckpt"), "o.ckpt");
-    *state = f;
-    return 0;
-}
-
-static int teardown(void **state)
-{
-    fixture *const f = *state;
-    scratch_remove(f->folder);
-    apsm_context_free(f->ctx);
-    free(f);
     return 0;
 }
 
@@ -304,7 +288,7 @@ int main(int argc, char **argv)
     const struct CMUnitTest seed[] = { cmocka_unit_test(write_seeds) };
     if (argc > 2 && strcmp(argv[1], "seeds") == 0) {
         seeds = argv[2];
-        return cmocka_run_group_tests_name("seeds", seed, setup, teardown);
+        return cmocka_run_group_tests_name("seeds", seed, setup_model, teardown);
     }
     if (argc > 1) rounds = strtoull(argv[1], NULL, 10);
     if (argc > 2) only = argv[2];
@@ -313,5 +297,5 @@ int main(int argc, char **argv)
         cmocka_unit_test(damaged_files_are_survived),
         cmocka_unit_test(huge_numbers_of_models_are_survived),
     };
-    return cmocka_run_group_tests_name("damaged files", tests, setup, teardown);
+    return cmocka_run_group_tests_name("damaged files", tests, setup_model, teardown);
 }

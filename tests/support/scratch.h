@@ -77,10 +77,10 @@ static inline char *scratch_read(const char *path, size_t *size)
 }
 
 /* The call has failed as it should, with one line that holds both words. */
-static inline void expect_failure(apsm_context *ctx, apsm_status got, apsm_status wanted,
+static inline void expect_failure(apsm_context *context, apsm_status got, apsm_status wanted,
                                   const char *words, const char *other)
 {
-    const char *const line = apsm_error_text(ctx);
+    const char *const line = apsm_error_text(context);
     if (got != wanted) fail_msg("status %d instead of %d: %s", got, wanted, line);
     if (!strstr(line, words)) fail_msg("'%s' is not in: %s", words, line);
     if (!strstr(line, other)) fail_msg("'%s' is not in: %s", other, line);

@@ -10,25 +10,10 @@
 #include <time.h>
 
 #include "apsm/formats.h"
+#include "context_fixture.h"
 #include "scratch.h"
 
 #define CASES APSM_TEST_DATA "/cases/"
-
-static apsm_context *ctx;
-
-static int setup(void **state)
-{
-    (void)state;
-    ctx = apsm_context_new();
-    return ctx ? 0 : -1;
-}
-
-static int teardown(void **state)
-{
-    (void)state;
-    apsm_context_free(ctx);
-    return 0;
-}
 
 static apsm_volume must_read(const char *path)
 {
@@ -211,5 +196,5 @@ int main(void)
         cmocka_unit_test(vtp_is_read_however_it_is_written),
         cmocka_unit_test(damaged_files_end_in_one_line),
     };
-    return cmocka_run_group_tests_name("cases", tests, setup, teardown);
+    return cmocka_run_group_tests_name("cases", tests, set_up, tear_down);
 }
