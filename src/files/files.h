@@ -52,6 +52,11 @@ apsm_status apsm_replace_file(apsm_context *ctx, const char *temp, const char *p
  * more than limit bytes is refused (APSM_ERR_FORMAT). */
 apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, char **data,
                            size_t *size) APSM_NODISCARD;
+/* The same of a text: without a mark of byte order, and where lines end in a bare CR, in LF. */
+apsm_status apsm_read_text(apsm_context *ctx, const char *path, size_t limit, char **data,
+                           size_t *size) APSM_NODISCARD;
+/* Whether the bytes begin like a text in UTF-16. */
+bool apsm_is_utf16(const char *data, size_t size);
 
 /* ---- Folders and paths ------------------------------------------------------------------ */
 
@@ -59,6 +64,7 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);
+bool apsm_is_root(const char *path); /* "/", by whatever name */
 
 /* *holds: whether the folder has a file or folder of that name.  APSM_ERR_MEMORY: not known. */
 apsm_status apsm_folder_holds(const char *folder, const char *name, bool *holds) APSM_NODISCARD;

@@ -124,7 +124,7 @@ apsm_status apsm_particles_read(apsm_context *ctx, const char *path, size_t *n, 
     size_t size;
     *n = 0;
     *P = NULL;
-    APSM_TRY(apsm_read_file(ctx, path, PARTICLES_LIMIT, &data, &size));
+    APSM_TRY(apsm_read_text(ctx, path, PARTICLES_LIMIT, &data, &size));
     double *points = malloc((count_lines(data, size) + 1) * 3 * sizeof *points);
     const apsm_status status = points ? parse(ctx, path, data, size, n, points)
                                       : apsm_fail_errno(ctx, path, "cannot be read", ENOMEM);

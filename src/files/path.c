@@ -14,6 +14,13 @@ bool apsm_is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
+bool apsm_is_root(const char *path)
+{
+    struct stat info, root;
+    return stat(path, &info) == 0 && stat("/", &root) == 0 && info.st_dev == root.st_dev &&
+           info.st_ino == root.st_ino;
+}
+
 bool apsm_file_exists(const char *path)
 {
     struct stat info;

@@ -64,7 +64,6 @@ static apsm_status parse(apsm_context *ctx, const char *path, const char *at, co
                          size_t *n, double *P)
 {
     field f[3];
-    if (end - at >= 3 && memcmp(at, "\xef\xbb\xbf", 3) == 0) at += 3; /* byte order mark */
     for (size_t line = 1; at < end; line++) {
         const char *stop = memchr(at, '\n', (size_t)(end - at));
         if (!stop) stop = end;
@@ -85,7 +84,7 @@ apsm_status apsm_points_csv_read(apsm_context *ctx, const char *path, size_t *n,
     size_t size, lines = 1;
     *n = 0;
     *P = NULL;
-    APSM_TRY(apsm_read_file(ctx, path, CSV_LIMIT, &data, &size));
+    APSM_TRY(apsm_read_text(ctx, path, CSV_LIMIT, &data, &size));
     for (size_t k = 0; k < size; k++) lines += data[k] == '\n';
     double *points = malloc(3 * lines * sizeof *points);
     const apsm_status status = points ? parse(ctx, path, data, data + size, n, points)

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -79,4 +80,29 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
         *size = 0;
     }
     return status;
+}
+
+bool apsm_is_utf16(const char *data, size_t size)
+{
+    return size > 1 && (memcmp(data, "\xff\xfe", 2) == 0 || memcmp(data, "\xfe\xff", 2) == 0);
+}
+
+apsm_status apsm_read_text(apsm_context *ctx, const char *path, size_t limit, char **data,
+                           size_t *size)
+{
+    APSM_TRY(apsm_read_file(ctx, path, limit, data, size));
+    char *const text = *data;
+    if (apsm_is_utf16(text, *size)) {
+        free(text);
+        *data = NULL;
+        *size = 0;
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: is text in UTF-16; save it as UTF-8", path);
+    }
+    if (*size >= 3 && memcmp(text, "\xef\xbb\xbf", 3) == 0) {
+        *size -= 3;
+        memmove(text, text + 3, *size + 1);
+    }
+    for (size_t k = 0; k < *size; k++)
+        if (text[k] == '\r' && text[k + 1] != '\n') text[k] = '\n';
+    return APSM_OK;
 }

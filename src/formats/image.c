@@ -235,7 +235,8 @@ static reader reader_of(const char *path, bool *binary)
                   { ".nii", read_nifti, true },      { ".nii.gz", read_nifti, true },
                   { ".hdr", read_nifti, true },      { ".tif", read_tiff, true },
                   { ".tiff", read_tiff, true },      { ".mgh", read_mgh, true },
-                  { ".mgz", read_mgh, true },        { ".mgh.gz", read_mgh, true } };
+                  { ".mgz", read_mgh, true },        { ".mgh.gz", read_mgh, true },
+                  { ".vtk", read_vtk_image, false } };
     for (size_t k = 0; k < sizeof known / sizeof *known; k++)
         if (path_ends_in(path, known[k].extension)) {
             *binary = known[k].binary;

@@ -44,6 +44,7 @@ void read_nrrd(scan *s, image *m);
 void read_metaimage(scan *s, image *m);
 void read_tiff(scan *s, image *m);
 void read_mgh(scan *s, image *m);
+void read_vtk_image(scan *s, image *m); /* DATASET STRUCTURED_POINTS */
 
 /* Whether the extension is that of an image. */
 bool volume_is_known(const char *path);

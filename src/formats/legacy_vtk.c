@@ -7,55 +7,14 @@
 #include "files/files.h"
 #include "formats/soup.h"
 #include "formats/vtk_grid.h"
+#include "formats/vtk_text.h"
 
-typedef struct file {
-    bool ascii;
-    bool offsets; /* version 5: cells as OFFSETS and CONNECTIVITY */
-} file;
-
-static scalar read_type(scan *s, word name)
-{
-    static const struct {
-        const char *name;
-        scalar type;
-    } known[] = { { "char", SCALAR_I8 },
-                  { "signed_char", SCALAR_I8 },
-                  { "unsigned_char", SCALAR_U8 },
-                  { "short", SCALAR_I16 },
-                  { "unsigned_short", SCALAR_U16 },
-                  { "int", SCALAR_I32 },
-                  { "vtkIdType", SCALAR_I32 }, /* written as int */
-                  { "unsigned_int", SCALAR_U32 },
-                  { "long", SCALAR_I64 },
-                  { "vtktypeint64", SCALAR_I64 },
-                  { "unsigned_long", SCALAR_U64 },
-                  { "vtktypeuint64", SCALAR_U64 },
-                  { "float", SCALAR_F32 },
-                  { "double", SCALAR_F64 } };
-    for (size_t k = 0; k < sizeof known / sizeof *known; k++)
-        if (word_is_any_case(name, known[k].name)) return known[k].type;
-    scan_expected(s, "a number type of VTK", name);
-    return SCALAR_U8;
-}
-
-static size_t least_size(const file *f, scalar type)
-{
-    return f->ascii ? 2 : scalar_size(type);
-}
-
-/* The line with the section's keyword ends; in a binary file values follow at once. */
-static void begin_values(scan *s, const file *f)
-{
-    scan_rest_of_line(s);
-    s->binary = !f->ascii;
-}
-
-static void read_points(scan *s, const file *f, soup *m)
+static void read_points(scan *s, const vtk_text *f, soup *m)
 {
     const int64_t n = scan_integer(s, "a number of points");
-    const scalar type = read_type(s, scan_word(s));
-    begin_values(s, f);
-    const size_t count = scan_check_count(s, n, "number of points", 3 * least_size(f, type));
+    const scalar type = vtk_type(s, scan_word(s));
+    vtk_begin_values(s, f);
+    const size_t count = scan_check_count(s, n, "number of points", 3 * vtk_least_size(f, type));
     soup_reserve_points(s, m, count);
     for (size_t v = 0; v < count && scan_ok(s); v++) {
         double x[3];
@@ -69,9 +28,9 @@ static void read_points(scan *s, const file *f, soup *m)
 }
 
 /* NULL on failure, which is recorded. */
-static int64_t *read_integers(scan *s, const file *f, int64_t n, scalar type)
+static int64_t *read_integers(scan *s, const vtk_text *f, int64_t n, scalar type)
 {
-    const size_t count = scan_check_count(s, n, "number of values", least_size(f, type));
+    const size_t count = scan_check_count(s, n, "number of values", vtk_least_size(f, type));
     if (scan_ok(s) && scalar_is_real(type))
         scan_fail(s, "cells of numbers that are not integers; export the mesh again");
     int64_t *const values = scan_ok(s) ? malloc((count + 1) * sizeof *values) : NULL;
@@ -93,9 +52,9 @@ static void add_cell(scan *s, soup *m, const int64_t *corner, int64_t n, cells k
 }
 
 /* Versions before 5: n cells in `size` values, each the number of its corners and they. */
-static void read_old_cells(scan *s, const file *f, int64_t n, int64_t size, cells kind, soup *m)
+static void read_old_cells(scan *s, const vtk_text *f, int64_t n, int64_t size, cells kind, soup *m)
 {
-    begin_values(s, f);
+    vtk_begin_values(s, f);
     int64_t *const value = read_integers(s, f, size, SCALAR_I32), found = 0;
     for (int64_t at = 0; scan_ok(s) && at < size; found++) {
         const int64_t corners = value[at++];
@@ -113,16 +72,16 @@ static void read_old_cells(scan *s, const file *f, int64_t n, int64_t size, cell
     free(value);
 }
 
-static int64_t *read_section(scan *s, const file *f, const char *keyword, int64_t n)
+static int64_t *read_section(scan *s, const vtk_text *f, const char *keyword, int64_t n)
 {
     scan_expect(s, keyword);
-    const scalar type = read_type(s, scan_word(s));
-    begin_values(s, f);
+    const scalar type = vtk_type(s, scan_word(s));
+    vtk_begin_values(s, f);
     return read_integers(s, f, n, type);
 }
 
 /* Version 5: n offsets, that is n - 1 cells, and the corners of all. */
-static void read_new_cells(scan *s, const file *f, int64_t n, int64_t size, cells kind, soup *m)
+static void read_new_cells(scan *s, const vtk_text *f, int64_t n, int64_t size, cells kind, soup *m)
 {
     int64_t *const start = read_section(s, f, "OFFSETS", n);
     int64_t *const corner = start ? read_section(s, f, "CONNECTIVITY", size) : NULL;
@@ -136,7 +95,7 @@ static void read_new_cells(scan *s, const file *f, int64_t n, int64_t size, cell
     free(corner);
 }
 
-static void read_cells(scan *s, const file *f, cells kind, soup *m)
+static void read_cells(scan *s, const vtk_text *f, cells kind, soup *m)
 {
     const int64_t n = scan_integer(s, "a number of cells");
     const int64_t size = scan_integer(s, "a number of values");
@@ -147,77 +106,26 @@ static void read_cells(scan *s, const file *f, cells kind, soup *m)
         read_old_cells(s, f, n, size, kind, m);
 }
 
-/* FIELD name n, then n arrays: name components tuples type, values. */
-static void skip_field(scan *s, const file *f)
-{
-    scan_word(s);
-    const size_t arrays = scan_count(s, "a number of arrays", 8);
-    for (size_t k = 0; k < arrays && scan_ok(s); k++) {
-        scan_word(s);
-        const size_t components = scan_count(s, "a number of components", 1);
-        const size_t tuples = scan_count(s, "a number of tuples", 1);
-        const scalar type = read_type(s, scan_word(s));
-        if (components && tuples > scan_left(s) / components)
-            scan_fail(s, "a field array that is larger than the file; export the mesh again");
-        begin_values(s, f);
-        if (!f->ascii) scan_bytes(s, components * tuples * scalar_size(type));
-        for (size_t v = 0; f->ascii && v < components * tuples && scan_ok(s); v++)
-            if (!scan_word(s).length) scan_expected(s, "a value", (word){ "", 0 });
-        s->binary = false;
-    }
-}
-
-/* Ends with an empty line. */
-static void skip_metadata(scan *s)
-{
-    scan_rest_of_line(s);
-    while (scan_ok(s) && scan_left(s) && scan_rest_of_line(s).length) {
-    }
-}
-
-/* *set: the word behind DATASET. */
-static void read_header(scan *s, file *f, word *set)
-{
-    static const char key[] = "# vtk DataFile Version ";
-    const word first = scan_rest_of_line(s);
-    double version = 0.0;
-    word number = { first.text + sizeof key - 1, 0 };
-    if (first.length > sizeof key - 1 && memcmp(first.text, key, sizeof key - 1) == 0)
-        while (sizeof key - 1 + number.length < first.length && number.text[number.length] != ' ')
-            number.length++;
-    if (!number.length || !word_number(number, &version)) {
-        scan_refuse(s, APSM_ERR_FORMAT,
-                    "does not begin with '# vtk DataFile Version': not a legacy VTK file");
-        return;
-    }
-    f->offsets = version >= 5.0;
-    scan_rest_of_line(s);
-    const word encoding = scan_word(s);
-    f->ascii = word_is_any_case(encoding, "ASCII");
-    if (!f->ascii && !word_is_any_case(encoding, "BINARY"))
-        scan_expected(s, "ASCII or BINARY", encoding);
-    scan_expect(s, "DATASET");
-    *set = scan_word(s);
-}
-
 static void refuse_other_set(scan *s, word set)
 {
     char shown[WORD_SHOWN];
-    if (scan_ok(s) && !word_is_any_case(set, "POLYDATA"))
-        scan_fail(s,
-                  "the file holds %s, not POLYDATA; extract the surface and save it as poly data",
-                  word_show(set, shown));
+    if (!scan_ok(s) || word_is_any_case(set, "POLYDATA")) return;
+    const bool image =
+        word_is_any_case(set, "RECTILINEAR_GRID") || word_is_any_case(set, "STRUCTURED_POINTS");
+    scan_fail(s, "the file holds %s, not POLYDATA; %s", word_show(set, shown),
+              image ? "an image: save it as .nrrd or .nii.gz, or as structured points"
+                    : "extract the surface and save it as poly data");
 }
 
 /* ---- a field of the points ---- */
 
 /* n tuples of one attribute; kept if it is the one that is wanted and has one component. */
-static void read_values(scan *s, const file *f, word name, size_t components, size_t n, scalar type,
-                        soup *m)
+static void read_values(scan *s, const vtk_text *f, word name, size_t components, size_t n,
+                        scalar type, soup *m)
 {
     const bool wanted = components == 1 && word_is(name, m->want_field) && !m->field;
     const size_t count =
-        scan_check_count(s, (int64_t)(components * n), "number of values", least_size(f, type));
+        scan_check_count(s, (int64_t)(components * n), "number of values", vtk_least_size(f, type));
     double *const x = wanted && scan_ok(s) ? malloc((count + 1) * sizeof *x) : NULL;
     if (wanted && !x) scan_no_memory(s);
     for (size_t k = 0; k < count && scan_ok(s); k++) {
@@ -231,7 +139,7 @@ static void read_values(scan *s, const file *f, word name, size_t components, si
 }
 
 /* FIELD name k, then k arrays: name components tuples type, values. */
-static void read_arrays(scan *s, const file *f, soup *m)
+static void read_arrays(scan *s, const vtk_text *f, soup *m)
 {
     scan_word(s);
     const size_t arrays = scan_count(s, "a number of arrays", 8);
@@ -239,19 +147,19 @@ static void read_arrays(scan *s, const file *f, soup *m)
         const word name = scan_word(s);
         const size_t components = scan_count(s, "a number of components", 1);
         const size_t tuples = scan_count(s, "a number of tuples", 1);
-        const scalar type = read_type(s, scan_word(s));
-        begin_values(s, f);
+        const scalar type = vtk_type(s, scan_word(s));
+        vtk_begin_values(s, f);
         read_values(s, f, name, components, tuples, type, m);
     }
 }
 
 /* SCALARS name type [components], LOOKUP_TABLE name, values; VECTORS and NORMALS name type, values.
  */
-static void read_attribute(scan *s, const file *f, word kind, size_t n, soup *m)
+static void read_attribute(scan *s, const vtk_text *f, word kind, size_t n, soup *m)
 {
     const bool scalars = word_is_any_case(kind, "SCALARS");
     const word name = scan_word(s);
-    const scalar type = read_type(s, scan_word(s));
+    const scalar type = vtk_type(s, scan_word(s));
     int64_t components = scalars ? 1 : 3;
     const word more = scalars ? scan_word_in_line(s) : (word){ "", 0 };
     if (more.length && (!word_integer(more, &components) || components < 1 || components > 4))
@@ -260,12 +168,12 @@ static void read_attribute(scan *s, const file *f, word kind, size_t n, soup *m)
         scan_rest_of_line(s);
         scan_expect(s, "LOOKUP_TABLE");
     }
-    begin_values(s, f);
+    vtk_begin_values(s, f);
     read_values(s, f, name, (size_t)components, n, type, m);
 }
 
 /* What follows POINT_DATA, up to what is wanted or not known here. */
-static void read_point_data(scan *s, const file *f, soup *m)
+static void read_point_data(scan *s, const vtk_text *f, soup *m)
 {
     const size_t n = scan_count(s, "a number of points", 1);
     while (scan_ok(s) && !m->field && scan_skip_blanks(s, true)) {
@@ -273,7 +181,7 @@ static void read_point_data(scan *s, const file *f, soup *m)
         if (word_is_any_case(kind, "FIELD"))
             read_arrays(s, f, m);
         else if (word_is_any_case(kind, "METADATA"))
-            skip_metadata(s);
+            vtk_skip_metadata(s);
         else if (word_is_any_case(kind, "SCALARS") || word_is_any_case(kind, "VECTORS") ||
                  word_is_any_case(kind, "NORMALS"))
             read_attribute(s, f, kind, n, m);
@@ -290,9 +198,9 @@ static bool is_attribute(word section)
 void read_legacy_vtk(scan *s, soup *m)
 {
     static const char *const names[] = { "POLYGONS", "TRIANGLE_STRIPS", "LINES", "VERTICES" };
-    file f = { false, false };
+    vtk_text f = { false, false };
     word set;
-    read_header(s, &f, &set);
+    vtk_read_header(s, &f, &set);
     refuse_other_set(s, set);
     while (scan_skip_blanks(s, true)) {
         const word section = scan_word(s);
@@ -305,9 +213,9 @@ void read_legacy_vtk(scan *s, soup *m)
         else if (word_is_any_case(section, "POINTS"))
             read_points(s, &f, m);
         else if (word_is_any_case(section, "FIELD"))
-            skip_field(s, &f);
+            vtk_skip_field(s, &f);
         else if (word_is_any_case(section, "METADATA"))
-            skip_metadata(s);
+            vtk_skip_metadata(s);
         else
             scan_expected(s, "a section of a VTK file", section);
     }
@@ -358,7 +266,7 @@ static void find_new_cells(scan *s, const int64_t *offset, grid_cells *c)
     }
 }
 
-static void read_grid_cells(scan *s, const file *f, grid_cells *c)
+static void read_grid_cells(scan *s, const vtk_text *f, grid_cells *c)
 {
     const int64_t n = scan_integer(s, "a number of cells");
     c->size = scan_integer(s, "a number of values");
@@ -372,7 +280,7 @@ static void read_grid_cells(scan *s, const file *f, grid_cells *c)
         return;
     }
     if (!f->offsets) {
-        begin_values(s, f);
+        vtk_begin_values(s, f);
         c->value = read_integers(s, f, c->size, SCALAR_I32);
         if (c->value) find_old_cells(s, c);
         return;
@@ -408,10 +316,10 @@ static void take_tetrahedra(scan *s, const grid_cells *c, const int64_t *type, v
     }
 }
 
-static void read_cell_types(scan *s, const file *f, const grid_cells *c, vtk_grid *g)
+static void read_cell_types(scan *s, const vtk_text *f, const grid_cells *c, vtk_grid *g)
 {
     const int64_t n = scan_integer(s, "a number of cells");
-    begin_values(s, f);
+    vtk_begin_values(s, f);
     if (scan_ok(s) && n != c->n)
         scan_fail(s, "%lld types of %lld cells; export the mesh again", (long long)n,
                   (long long)c->n);
@@ -420,7 +328,7 @@ static void read_cell_types(scan *s, const file *f, const grid_cells *c, vtk_gri
     free(type);
 }
 
-static void read_grid_points(scan *s, const file *f, size_t at, vtk_grid *g)
+static void read_grid_points(scan *s, const vtk_text *f, size_t at, vtk_grid *g)
 {
     soup m = { 0 };
     g->points_at = at;
@@ -434,10 +342,10 @@ static void read_grid_points(scan *s, const file *f, size_t at, vtk_grid *g)
 
 static void read_grid(scan *s, vtk_grid *g)
 {
-    file f = { false, false };
+    vtk_text f = { false, false };
     grid_cells all = { 0 };
     word set;
-    read_header(s, &f, &set);
+    vtk_read_header(s, &f, &set);
     g->ascii = f.ascii;
     const bool grid = scan_ok(s) && word_is_any_case(set, "UNSTRUCTURED_GRID");
     if (!grid) refuse_other_set(s, set);
@@ -447,9 +355,9 @@ static void read_grid(scan *s, vtk_grid *g)
         if (word_is_any_case(section, "POINTS") && !g->x)
             read_grid_points(s, &f, at, g);
         else if (word_is_any_case(section, "FIELD"))
-            skip_field(s, &f);
+            vtk_skip_field(s, &f);
         else if (word_is_any_case(section, "METADATA"))
-            skip_metadata(s);
+            vtk_skip_metadata(s);
         else if (grid && word_is_any_case(section, "CELLS") && !all.start)
             read_grid_cells(s, &f, &all);
         else if (grid && word_is_any_case(section, "CELL_TYPES") && all.value && !g->tet)

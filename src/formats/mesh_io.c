@@ -94,7 +94,7 @@ apsm_status mesh_from_bytes(apsm_context *ctx, const char *path, const char *byt
     soup m = { 0 };
     *mesh = (apsm_mesh){ 0 };
     if (!read) return refuse_extension(ctx, path);
-    if (size > 1 && (memcmp(bytes, "\xff\xfe", 2) == 0 || memcmp(bytes, "\xfe\xff", 2) == 0))
+    if (apsm_is_utf16(bytes, size))
         scan_refuse(&s, APSM_ERR_FORMAT, "is text in UTF-16; save it as UTF-8");
     if (scan_ok(&s)) read(&s, &m);
     if (read == read_stl) soup_merge_points(&s, &m);

@@ -32,11 +32,13 @@ static word next_line(word *rest)
 {
     word line = { rest->text, 0 };
     while (rest->length && !line.length) {
-        const char *const end = memchr(rest->text, '\n', rest->length);
-        const size_t length = end ? (size_t)(end - rest->text) : rest->length;
+        size_t length = 0;
+        while (length < rest->length && rest->text[length] != '\n' && rest->text[length] != '\r')
+            length++;
         line = word_trim((word){ rest->text, length });
-        rest->text += length + (end != NULL);
-        rest->length -= length + (end != NULL);
+        length += length < rest->length;
+        rest->text += length;
+        rest->length -= length;
     }
     return line;
 }

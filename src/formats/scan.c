@@ -10,11 +10,32 @@
 #include "core/number.h"
 #include "files/io.h"
 
+/* The file's first line tells. */
+static bool ends_in_cr(const char *bytes, size_t size)
+{
+    enum { LONGEST_LINE = 1 << 16 };
+    const size_t most = size < LONGEST_LINE ? size : LONGEST_LINE;
+    size_t k = 0;
+    while (k < most && bytes[k] != '\n' && bytes[k] != '\r') k++;
+    return k < most && bytes[k] == '\r' && (k + 1 == size || bytes[k + 1] != '\n');
+}
+
+static char line_end(const scan *s)
+{
+    return s->bare_cr ? '\r' : '\n';
+}
+
 scan scan_begin(apsm_context *ctx, const char *path, const char *bytes, size_t size)
 {
     const bool mark = size >= 3 && memcmp(bytes, "\xef\xbb\xbf", 3) == 0;
     return (scan){
-        .ctx = ctx, .path = path, .bytes = bytes, .size = size, .at = mark ? 3 : 0, .line = 1
+        .ctx = ctx,
+        .path = path,
+        .bytes = bytes,
+        .size = size,
+        .at = mark ? 3 : 0,
+        .line = 1,
+        .bare_cr = ends_in_cr(bytes, size),
     };
 }
 
@@ -77,7 +98,7 @@ static bool is_blank(char c)
 bool scan_skip_blanks(scan *s, bool over_lines)
 {
     while (s->at < s->size && is_blank(s->bytes[s->at])) {
-        if (s->bytes[s->at] == '\n') {
+        if (s->bytes[s->at] == line_end(s)) {
             if (!over_lines) return false;
             s->line++;
         }
@@ -108,7 +129,7 @@ word scan_rest_of_line(scan *s)
 {
     if (!scan_ok(s) || s->at == s->size) return (word){ "", 0 };
     const char *const first = s->bytes + s->at;
-    const char *const end = memchr(first, '\n', s->size - s->at);
+    const char *const end = memchr(first, line_end(s), s->size - s->at);
     size_t length = end ? (size_t)(end - first) : s->size - s->at;
     s->at += length + (end != NULL);
     s->line += end != NULL;

@@ -17,7 +17,8 @@ typedef struct scan {
     const char *path; /* for messages */
     const char *bytes;
     size_t size, at, line;
-    bool binary; /* messages name the byte, not the line */
+    bool binary;  /* messages name the byte, not the line */
+    bool bare_cr; /* lines end in CR without LF, as on the first Macintoshes */
     apsm_status status;
 } scan;
 

@@ -133,17 +133,28 @@ static void read_type(scan *s, const page *p, image *m)
     refuse_bits(s, p);
 }
 
-static void check_page(scan *s, const tiff *t, const page *p)
+/* What of a page's coding is not read here; NULL: it is. */
+static const char *strange_coding(const page *p)
 {
     const bool packed = p->compression == DEFLATED || p->compression == OLD_DEFLATED;
+    if (p->tiled) return "tiles";
+    if (p->compression == 5) return "LZW compression";
+    if (p->compression == 6 || p->compression == 7) return "JPEG compression";
+    if (p->compression != PLAIN_STRIPS && p->compression != PACKBITS && !packed)
+        return "an unusual compression";
+    return p->predictor != 1 ? "differences of voxels (a predictor)" : NULL;
+}
+
+static void check_page(scan *s, const tiff *t, const page *p)
+{
     if (p->samples != 1 || p->photometric == 2)
         scan_refuse(s, APSM_ERR_FORMAT, "has colours; save it with one label per voxel");
     if (p->bits != 8 && p->bits != 16 && p->bits != 32) refuse_bits(s, p);
-    if (p->tiled || p->predictor != 1 ||
-        !(p->compression == PLAIN_STRIPS || p->compression == PACKBITS || packed))
+    if (strange_coding(p))
         scan_refuse(s, APSM_ERR_UNSUPPORTED,
-                    "is compressed (LZW, JPEG) or tiled, which is not read here; save it without "
-                    "compression, or as .nrrd (Fiji does)");
+                    "is written with %s, which is not read here; save it without compression, or "
+                    "as .nrrd (Fiji does)",
+                    strange_coding(p));
     if (p->width != t->first.width || p->height != t->first.height || p->bits != t->first.bits ||
         p->format != t->first.format)
         scan_refuse(s, APSM_ERR_FORMAT, "has pages of different sizes; give one stack of slices");

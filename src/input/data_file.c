@@ -27,11 +27,22 @@ static char *value_of(char *line, const char *key, const char *signs)
     return value;
 }
 
+/* The next line, or as much of it as there is room for, without its end: LF, CR or both. */
+static bool next_line(FILE *file, char line[LINE])
+{
+    size_t n = 0;
+    int c;
+    while ((c = getc(file)) != EOF && c != '\n' && c != '\r' && n + 1 < LINE) line[n++] = (char)c;
+    if (c == '\r' && (c = getc(file)) != '\n' && c != EOF) ungetc(c, file);
+    line[n] = '\0';
+    return n > 0 || c != EOF;
+}
+
 /* The header's word for the file, in line, or NULL. */
 static char *find_name(FILE *file, bool meta, char line[LINE])
 {
-    for (int n = 0; n < MOST_LINES && fgets(line, LINE, file); n++) {
-        if (!meta && (line[0] == '\n' || line[0] == '\r')) return NULL; /* the voxels follow */
+    for (int n = 0; n < MOST_LINES && next_line(file, line); n++) {
+        if (!meta && !*line) return NULL; /* the voxels follow */
         char *value =
             meta ? value_of(line, "ElementDataFile", "=:") : value_of(line, "data file", ":");
         if (!value && !meta) value = value_of(line, "datafile", ":");
@@ -77,7 +88,7 @@ static apsm_status add_counted(const char *path, word pattern, apsm_file_list *f
 static apsm_status add_listed(const char *path, FILE *file, apsm_file_list *files)
 {
     char line[LINE], name[LINE];
-    for (size_t n = 0; n < MOST_LISTED && fgets(line, sizeof line, file); n++) {
+    for (size_t n = 0; n < MOST_LISTED && next_line(file, line); n++) {
         name_series series;
         name_series_of_lines((word){ line, strlen(line) }, &series);
         if (series.count > 0 && name_series_next(&series, name, sizeof name))

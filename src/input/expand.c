@@ -16,6 +16,7 @@
 #include "files/files.h"
 #include "formats/image.h"
 #include "formats/mesh_io.h"
+#include "formats/vtk_image.h"
 #include "input/foreign.h"
 #include "input/names.h"
 #include "input/picture.h"
@@ -39,7 +40,7 @@ typedef struct expansion {
 
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind)
 {
-    const bool mesh = mesh_is_known(path), volume = volume_is_known(path);
+    const bool mesh = mesh_is_known(path) && !vtk_is_image(path), volume = volume_is_known(path);
     if (mesh || volume) *kind = mesh ? APSM_INPUT_MESH : APSM_INPUT_VOLUME;
     return mesh || volume;
 }

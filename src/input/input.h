@@ -14,7 +14,7 @@ extern "C" {
 
 typedef enum apsm_input_kind {
     APSM_INPUT_MESH,   /* .ply .stl .obj .vtk .vtp */
-    APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd .tif .tiff */
+    APSM_INPUT_VOLUME, /* .nrrd .nhdr .nii .nii.gz .mha .mhd .tif .tiff, .vtk of an image */
     APSM_INPUT_DICOM   /* a folder holding one series, or a file with frames */
 } apsm_input_kind;
 
@@ -67,7 +67,8 @@ apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *in
                               apsm_input_list *list) APSM_NODISCARD;
 void apsm_input_list_free(apsm_input_list *list);
 
-/* The kind of a file by its extension, in any case; false if it is none of them. */
+/* The kind of a file by its extension, in any case, of .vtk by what it holds; false if it is none
+ * of them. */
 bool apsm_input_kind_of(const char *path, apsm_input_kind *kind);
 
 /* *files <- those that hold the voxels of a header of its own (.mhd, .nhdr, also .mha and .nrrd,

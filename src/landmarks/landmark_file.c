@@ -166,7 +166,7 @@ static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list
     size_t size, number = 0;
     const bool slicer = ends_in(path, ".fcsv");
     bool ras = slicer;
-    APSM_TRY(apsm_read_file(ctx, path, MOST_BYTES, &text, &size));
+    APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
     apsm_status status = APSM_OK;
     for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
         next = strchr(at, '\n');
@@ -224,7 +224,7 @@ apsm_status landmark_list_read_plain(apsm_context *ctx, const char *path, size_t
     char *text = NULL, own[32];
     size_t size, number = 0;
     *l = (landmark_list){ 0 };
-    APSM_TRY(apsm_read_file(ctx, path, MOST_BYTES, &text, &size));
+    APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
     apsm_status status = APSM_OK;
     for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
         next = strchr(at, '\n');

@@ -137,7 +137,7 @@ apsm_status landmark_table_read(apsm_context *ctx, const char *path, size_t I,
     char *text = NULL;
     size_t size, number = 0;
     landmark_table_begin(I, t);
-    APSM_TRY(apsm_read_file(ctx, path, MOST_BYTES, &text, &size));
+    APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
     apsm_status status = APSM_OK;
     if (strncasecmp(text, "shape,name,x,y,z", 16) != 0)
         status = apsm_fail(ctx, APSM_ERR_FORMAT,

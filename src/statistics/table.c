@@ -349,9 +349,8 @@ static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, si
     enum { LIMIT = 1 << 28 };
     char *data = NULL;
     size_t size;
-    APSM_TRY(apsm_read_file(ctx, path, LIMIT, &data, &size));
+    APSM_TRY(apsm_read_text(ctx, path, LIMIT, &data, &size));
     sheet s = { .ctx = ctx, .path = path, .at = data, .kept = kept };
-    if (size >= 3 && memcmp(data, "\xef\xbb\xbf", 3) == 0) s.at += 3;
     const size_t head = strcspn(s.at, "\n");
     s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
     s.columns = count_fields(s.at, s.separator);

@@ -75,6 +75,18 @@ expect 1 "cutting_planes has 9 entries, where num_planes_per_input asks for 0" c
 expect 1 "torn.xml:3: " check torn.xml
 expect 1 "entity.xml:1: " check entity.xml
 
+# ---- places ----
+expect 2 "is the folder of the whole system" run quads.ply -o /
+expect 2 "is the folder of the whole system" groom quads.ply -o /tmp/..
+
+# ---- texts of old and of other programs: lines that end in CR, a mark of byte order, UTF-16 ----
+printf '\357\273\277x,y,z\r1,2,3\r4,5,6' >old.csv
+expect 0 "particles: 2" info old.csv
+printf '1 2 3\r4 5 6\r7 8 9\r' >old.particles
+expect 0 "particles: 3" info old.particles
+printf '\377\376x\0,\0y\0' >wide.csv
+expect 1 "is text in UTF-16; save it as UTF-8" info wide.csv
+
 # ---- names ----
 expect 2 "control character" check newline
 expect 2 "control character" check escape

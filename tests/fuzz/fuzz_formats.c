@@ -27,8 +27,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     static const char *const names[] = { "f.ply", "f.stl",  "f.obj",   "f.vtk", "f.vtp",
                                          "f.nii", "f.nrrd", "f.mha",   "f.dcm", "f.tif",
-                                         "f.off", "f.gii",  "f.white", "f.mgh" };
-    enum { DICOM = 8, FORMATS = 14 };
+                                         "f.off", "f.gii",  "f.white", "f.mgh", "f.vtk" };
+    enum { DICOM = 8, VTK_IMAGE = 14, FORMATS = 15 };
     if (size < 2) return 0;
     const unsigned kind = data[0] % FORMATS;
     const char *const bytes = (const char *)data + 1;
@@ -38,7 +38,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     if (!ctx) return 0;
     if (kind == DICOM)
         read_dicom(ctx, bytes, size - 1);
-    else if (mesh_is_known(names[kind])
+    else if (mesh_is_known(names[kind]) && kind != VTK_IMAGE
                  ? mesh_from_bytes(ctx, names[kind], bytes, size - 1, &mesh)
                  : volume_from_bytes(ctx, names[kind], bytes, size - 1, &volume))
         if (!apsm_error_text(ctx)[0]) abort(); /* a failure has a line */

@@ -167,6 +167,16 @@ static void damaged_freesurfer_is_survived(void **state)
     survive_damage(f, "i.mgh", false);
 }
 
+static void damaged_vtk_images_are_survived(void **state)
+{
+    fixture *const f = *state;
+    const char *const image = "# vtk DataFile Version 4.2\rt\rASCII\rDATASET STRUCTURED_POINTS\r"
+                              "DIMENSIONS 3 2 2\rSPACING 1 1 1\rORIGIN 0 0 0\rPOINT_DATA 12\r"
+                              "SCALARS s short 1\rLOOKUP_TABLE default\r0 1 0 0 1 1 0 0 0 7 0 0\r";
+    scratch_write(scratch_path(f->folder, "i.vtk"), image, strlen(image));
+    survive_damage(f, "i.vtk", false);
+}
+
 /* Headers whose voxels are in files beside them. */
 static void damaged_headers_are_survived(void **state)
 {
@@ -262,6 +272,7 @@ int main(int argc, char **argv)
         cmocka_unit_test(damaged_meshes_are_survived),
         cmocka_unit_test(damaged_text_is_survived),
         cmocka_unit_test(damaged_freesurfer_is_survived),
+        cmocka_unit_test(damaged_vtk_images_are_survived),
         cmocka_unit_test(damaged_headers_are_survived),
         cmocka_unit_test(damaged_volumes_are_survived),
         cmocka_unit_test(damaged_cases_are_survived),
