@@ -443,19 +443,25 @@ static apsm_status choose_poses(apsm_context *ctx, aligner *a)
 
 /* Who is mirrored.  Against a provisional template the minority is.  (Then the P of mirrored
  * shapes are proper and the others' are not: only products P_t^-1 P_i count.) */
-static void judge_mirrored(aligner *a)
+static apsm_status judge_mirrored(aligner *a)
 {
     size_t mirrored = 0;
+    double *scratch = malloc(a->n * sizeof *scratch);
+    if (!scratch) return APSM_ERR_MEMORY;
+    const bool differ = pose_hands_differ(a->n, a->base, a->choice, scratch);
+    free(scratch);
     for (size_t i = 0; i < a->n; i++) {
-        const int hand = i == a->base ? -1 : pose_hand(&a->choice[i], &a->ballot[i]);
+        const int hand = i == a->base ? -1 : pose_hand(&a->choice[i], &a->ballot[i], differ);
         a->out->mirrored[i] = hand > 0;
         a->out->unclear_hand[i] = a->opt->mirror_check == APSM_MIRROR_FIX && hand == 0;
         mirrored += a->out->mirrored[i];
         if (a->out->mirrored[i] && a->opt->mirror_check == APSM_MIRROR_FIX)
             memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);
     }
-    if (a->opt->template_index != APSM_TEMPLATE_AUTO || 2 * mirrored <= a->n) return;
-    for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
+    const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
+    for (size_t i = 0; i < a->n && !given && 2 * mirrored > a->n; i++)
+        a->out->mirrored[i] = !a->out->mirrored[i];
+    return APSM_OK;
 }
 
 /* Marks those whose x (n, logarithms) is farther from the others' median than chance and `by`.
@@ -836,7 +842,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     APSM_TRY(hold_trees(ctx, a, 1, &a->base));
     if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(find_poses(ctx, a));
     if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(choose_poses(ctx, a));
-    if (a->opt->align != APSM_ALIGN_NONE) judge_mirrored(a);
+    if (a->opt->align != APSM_ALIGN_NONE) APSM_TRY(judge_mirrored(a));
     APSM_TRY(find_strangers(a));
     find_unfit(a);
     for (size_t i = 0; i < a->n; i++) a->any_cut |= a->cloud[i].cuts > 0;

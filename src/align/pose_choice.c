@@ -151,30 +151,44 @@ static void choose_of_hand(const election *e, size_t i, size_t hand)
     }
 }
 
-int pose_hand(const pose_choice *c, const pose_ballot *b)
+bool pose_hands_differ(size_t n, size_t base, const pose_choice *choice, double *scratch)
+{
+    size_t others = 0;
+    if (n < LEAST_SHAPES) return true;
+    for (size_t i = 0; i < n; i++) {
+        const double more = choice[i].evidence[1] - choice[i].evidence[0];
+        if (i != base) scratch[others++] = isfinite(more) ? fabs(more) : INFINITY;
+    }
+    return robust_median(others, scratch) > HAND_CLEARLY;
+}
+
+int pose_hand(const pose_choice *c, const pose_ballot *b, bool hands_differ)
 {
     const double more = c->evidence[1] - c->evidence[0];
     const double mirrored = b->residual[1][c->option[1]], own = b->residual[0][c->option[0]];
-    if (more > HAND_CLEARLY || (more > 0.0 && mirrored < APSM_MIRROR_RATIO * own)) return 1;
-    return more < -HAND_CLEARLY || (more < 0.0 && own < APSM_MIRROR_RATIO * mirrored) ? -1 : 0;
+    const bool nearer = hands_differ && mirrored < APSM_MIRROR_RATIO * own;
+    const bool farther = hands_differ && own < APSM_MIRROR_RATIO * mirrored;
+    if (more > HAND_CLEARLY || (more > 0.0 && nearer)) return 1;
+    return more < -HAND_CLEARLY || (more < 0.0 && farther) ? -1 : 0;
 }
 
-static void choose(const election *e, size_t i)
+static void choose(const election *e, size_t i, bool hands_differ)
 {
     pose_choice *c = &e->choice[i];
     if (i == e->base) return;
     for (size_t hand = 0; hand < 2; hand++) choose_of_hand(e, i, hand);
-    c->mirrored = e->hands && pose_hand(c, &e->ballot[i]) > 0;
+    c->mirrored = e->hands && pose_hand(c, &e->ballot[i], hands_differ) > 0;
 }
 
 /* One round; returns whether a choice has changed. */
 static bool vote(const election *e, double *column)
 {
     bool changed = false;
+    const bool hands_differ = pose_hands_differ(e->n, e->base, e->choice, column);
     robust_left_out_medians(e->n, e->dim, e->taken, e->usual, column);
     for (size_t i = 0; i < e->n; i++) {
         const pose_choice *c = &e->choice[i];
-        choose(e, i);
+        choose(e, i, hands_differ);
         if (i == e->base) continue;
         double *taken = e->taken + i * e->dim;
         const double *now = seen_in(e, i, c->mirrored, c->option[c->mirrored]);
@@ -212,7 +226,7 @@ apsm_status pose_choose(apsm_context *ctx, size_t n, size_t base, const apsm_clo
         choice[i] =
             (pose_choice){ .evidence = { 0.0, -INFINITY }, .second = { -INFINITY, -INFINITY } };
     if (n < LEAST_SHAPES || !pose_is_contested(n, base, ballots)) { /* form decides nothing */
-        for (size_t i = 0; i < n; i++) choose(&e, i);
+        for (size_t i = 0; i < n; i++) choose(&e, i, true);
         return APSM_OK;
     }
     e.seen = malloc(n * 2 * POSE_OPTIONS * e.dim * sizeof *e.seen);
