@@ -36,8 +36,9 @@ void pose_heights(const apsm_mesh *mesh, const apsm_cloud *cloud, double *faces,
  * not, and single ones differ by chance.  True of fewer than four shapes.  scratch: n. */
 bool pose_hands_differ(size_t n, size_t base, const pose_choice *choice, double *scratch);
 
-/* 1: clearly a mirror image; -1: clearly none; 0: undecided.  By much more evidence, or, where hands
- * usually are clear, if residuals alone differ by APSM_MIRROR_RATIO and form does not contradict. */
+/* 1: clearly a mirror image; -1: clearly none; 0: undecided.  By much more evidence, or, where
+ * hands usually are clear, if residuals alone differ by APSM_MIRROR_RATIO and form does not
+ * contradict. */
 int pose_hand(const pose_choice *choice, const pose_ballot *ballot, bool hands_differ);
 
 /* Whether any shape but the base has more than one pose that can be chosen. */
