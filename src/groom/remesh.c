@@ -404,25 +404,47 @@ static int by_size(const void *a, const void *b)
     return p->vertex < q->vertex ? -1 : p->vertex > q->vertex;
 }
 
-/* Fills list (one entry for each vertex of the original at most) with what lies farther than
+/* The result as it is, while vertices of it are drawn: its faces stay the same. */
+typedef struct recovery {
+    apsm_mesh now;
+    apsm_bvh *tree;
+    uint32_t *name;    /* of the result's vertices in the surgery */
+    uint32_t *nearest; /* face to each vertex of the original; APSM_NONE: not known */
+    bool *moved;       /* of the surgery's vertices: drawn in this round */
+    missed *list;
+} recovery;
+
+/* Whether a vertex of the original, which the round before found not missed, may be so now: only if
+ * the face that was nearest to it has changed. */
+static bool is_open_again(const recovery *r, size_t v)
+{
+    if (r->nearest[v] == APSM_NONE) return true;
+    const uint32_t *c = r->now.F + 3 * (size_t)r->nearest[v];
+    return r->moved[r->name[c[0]]] || r->moved[r->name[c[1]]] || r->moved[r->name[c[2]]];
+}
+
+/* Fills the list (one entry for each vertex of the original at most) with what lies farther than
  * fidelity edges from the result; returns how many. */
-static size_t find_missed(const job *j, const apsm_bvh *result, missed *list)
+static size_t find_missed(const job *j, recovery *r)
 {
     const apsm_mesh *from = apsm_bvh_mesh(j->original);
     size_t n = 0;
     for (size_t v = 0; v < from->nv; v++) {
         apsm_closest hit;
-        apsm_bvh_closest(result, from->V + 3 * v, INFINITY, &hit);
+        if (!is_open_again(r, v)) continue;
+        apsm_bvh_closest(r->tree, from->V + 3 * v, INFINITY, &hit);
         const double off = sqrt(hit.distance2) / (j->scale * j->original_size[v]);
-        if (off > j->opt.fidelity) list[n++] = (missed){ off, (uint32_t)v, hit.on.face };
+        const bool far = off > j->opt.fidelity;
+        r->nearest[v] = far ? APSM_NONE : hit.on.face;
+        if (far) r->list[n++] = (missed){ off, (uint32_t)v, hit.on.face };
     }
-    qsort(list, n, sizeof *list, by_size);
+    qsort(r->list, n, sizeof *r->list, by_size);
     return n;
 }
 
 /* Draws the corner of `face` nearest to the original's vertex to it, if it has not moved already.
  * What is on the border stays there. */
-static bool draw_corner(job *j, uint32_t vertex, const uint32_t corner[3], bool *fixed)
+static bool draw_corner(job *j, uint32_t vertex, const uint32_t corner[3], bool *moved)
 {
     surgery *s = &j->s;
     const double *x = apsm_bvh_mesh(j->original)->V + 3 * (size_t)vertex;
@@ -432,41 +454,71 @@ static bool draw_corner(job *j, uint32_t vertex, const uint32_t corner[3], bool 
         if (vec3_distance2(x, s->V + 3 * corner[k]) < vec3_distance2(x, s->V + 3 * v))
             v = corner[k];
     if ((surgery_to_ghost(s, v) != APSM_NONE) != on_border) return false;
-    if (fixed[v] || fan_quality(s, v, x) < recovered_quality ||
+    if (moved[v] || fan_quality(s, v, x) < recovered_quality ||
         !try_move(j, v, x, j->opt.fidelity * j->scale * s->size[v]))
         return false;
-    fixed[v] = true;
+    moved[v] = true;
     return true;
 }
 
-/* Tips and creases cut off by collapses or slid from by relaxation: vertices go back to them,
- * *drawn of them.  No relaxation may follow. */
-static apsm_status recover(job *j, size_t *drawn)
+static void close_recovery(recovery *r)
 {
-    const apsm_mesh *from = apsm_bvh_mesh(j->original);
-    apsm_mesh now = { 0 };
-    apsm_bvh *tree = NULL;
-    missed *list = malloc(from->nv * sizeof *list);
-    bool *fixed = calloc(j->s.nv, sizeof *fixed);
-    uint32_t *name = malloc(j->s.nv * sizeof *name); /* of the result's vertices in s */
-    apsm_status status = list && fixed && name ? surgery_result(&j->s, &now) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = apsm_bvh_build_unsigned(&now, &tree);
-    if (status == APSM_OK) {
-        size_t n = 0;
-        for (uint32_t v = 0; v < j->s.nv; v++)
-            if (surgery_keeps(&j->s, v)) name[n++] = v;
-        n = find_missed(j, tree, list);
-        for (size_t i = 0; i < n; i++) {
-            const uint32_t *c = now.F + 3 * list[i].face;
-            const uint32_t corner[3] = { name[c[0]], name[c[1]], name[c[2]] };
-            *drawn += draw_corner(j, list[i].vertex, corner, fixed);
-        }
+    apsm_bvh_free(r->tree);
+    apsm_mesh_free(&r->now);
+    free(r->name);
+    free(r->nearest);
+    free(r->moved);
+    free(r->list);
+}
+
+static apsm_status open_recovery(const job *j, recovery *r)
+{
+    const size_t from = apsm_bvh_mesh(j->original)->nv;
+    *r = (recovery){ .name = malloc(j->s.nv * sizeof *r->name),
+                     .nearest = malloc(from * sizeof *r->nearest),
+                     .moved = calloc(j->s.nv, sizeof *r->moved),
+                     .list = malloc(from * sizeof *r->list) };
+    if (!r->name || !r->nearest || !r->moved || !r->list) return APSM_ERR_MEMORY;
+    memset(r->nearest, 0xff, from * sizeof *r->nearest);
+    size_t n = 0;
+    for (uint32_t v = 0; v < j->s.nv; v++)
+        if (surgery_keeps(&j->s, v)) r->name[n++] = v;
+    APSM_TRY(surgery_result(&j->s, &r->now));
+    return apsm_bvh_build_unsigned(&r->now, &r->tree);
+}
+
+/* Draws vertices to what the result misses; returns how many. */
+static size_t draw_round(job *j, recovery *r)
+{
+    size_t drawn = 0;
+    const size_t n = find_missed(j, r);
+    memset(r->moved, 0, j->s.nv * sizeof *r->moved);
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t *c = r->now.F + 3 * (size_t)r->list[i].face;
+        const uint32_t corner[3] = { r->name[c[0]], r->name[c[1]], r->name[c[2]] };
+        drawn += draw_corner(j, r->list[i].vertex, corner, r->moved);
     }
-    apsm_bvh_free(tree);
-    apsm_mesh_free(&now);
-    free(list);
-    free(fixed);
-    free(name);
+    return drawn;
+}
+
+static void follow(const job *j, recovery *r)
+{
+    for (size_t v = 0; v < r->now.nv; v++)
+        memcpy(r->now.V + 3 * v, j->s.V + 3 * (size_t)r->name[v], 3 * sizeof *r->now.V);
+    apsm_bvh_refit(r->tree);
+}
+
+/* Tips and creases cut off by collapses or slid from by relaxation: vertices go back to them.  No
+ * relaxation may follow. */
+static apsm_status recover(job *j)
+{
+    recovery r;
+    apsm_status status = open_recovery(j, &r);
+    for (int i = 0; status == APSM_OK && i < RECOVERIES; i++) {
+        if (i > 0) follow(j, &r);
+        if (draw_round(j, &r) == 0) break;
+    }
+    close_recovery(&r);
     return status;
 }
 
@@ -502,11 +554,7 @@ static apsm_status run(apsm_context *ctx, job *j, const apsm_mesh *mesh, size_t 
     j->scale = 1.0;
     coarsen(j, common);
     APSM_TRY(iterate(ctx, j, faces));
-    size_t drawn = 1;
-    for (int i = 0; i < RECOVERIES && drawn > 0; i++) {
-        drawn = 0;
-        APSM_TRY(recover(j, &drawn));
-    }
+    APSM_TRY(recover(j));
     flip_to_shape(j);
     mend_slivers(j);
     round_coordinates(j);
