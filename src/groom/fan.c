@@ -18,12 +18,18 @@ static void area_vector(const double a[3], const double b[3], const double c[3],
     vec3_cross(u, v, n);
 }
 
+/* Of a face with area vector n. */
+static double quality_of(const double a[3], const double b[3], const double c[3], const double n[3])
+{
+    const double l2 = vec3_distance2(a, b) + vec3_distance2(b, c) + vec3_distance2(c, a);
+    return l2 > 0.0 ? two_root3 * vec3_norm(n) / l2 : 0.0;
+}
+
 static double quality(const double a[3], const double b[3], const double c[3])
 {
     double n[3];
     area_vector(a, b, c, n);
-    const double l2 = vec3_distance2(a, b) + vec3_distance2(b, c) + vec3_distance2(c, a);
-    return l2 > 0.0 ? two_root3 * vec3_norm(n) / l2 : 0.0;
+    return quality_of(a, b, c, n);
 }
 
 void fan_face_normal(const surgery *s, uint32_t h, double n[3])
@@ -46,16 +52,20 @@ static void fan_area(const surgery *s, uint32_t v, double sum[3])
     } while (h != s->out[v]);
 }
 
-/* One face of the test below: old corner at o, new one at x, the other two p, q. */
-static bool keeps_facing(const double o[3], const double x[3], const double p[3], const double q[3],
-                         const double fan[3])
+/* The face of half-edge h when its corner, now at o, is at x. */
+static bool keeps_facing(const surgery *s, uint32_t h, const double o[3], const double x[3])
 {
+    const double *p = s->V + 3 * he_to(s, h), *q = s->V + 3 * he_apex(s, h);
     double was[3], is[3];
     area_vector(o, p, q, was);
     area_vector(x, p, q, is);
-    const double before = quality(o, p, q), after = quality(x, p, q);
+    const double before = quality_of(o, p, q, was), after = quality_of(x, p, q, is);
     if (after < needle && after <= before) return false;
-    if (before < needle) return vec3_dot(is, fan) > 0.0; /* its own normal means little */
+    if (before < needle) { /* its own normal means little */
+        double fan[3];
+        fan_area(s, he_from(s, h), fan);
+        return vec3_dot(is, fan) > 0.0;
+    }
     const double c = vec3_dot(was, is);
     return c > 0.0 && c * c > turn_cos * turn_cos * vec3_dot(was, was) * vec3_dot(is, is);
 }
@@ -63,13 +73,10 @@ static bool keeps_facing(const double o[3], const double x[3], const double p[3]
 bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t skip1,
                       uint32_t skip2)
 {
-    double fan[3];
-    fan_area(s, v, fan);
     uint32_t h = s->out[v];
     do {
-        const double *p = s->V + 3 * he_to(s, h), *q = s->V + 3 * he_apex(s, h);
         if (h / 3 != skip1 && h / 3 != skip2 && !he_ghost_face(s, h) &&
-            !keeps_facing(s->V + 3 * v, x, p, q, fan))
+            !keeps_facing(s, h, s->V + 3 * v, x))
             return false;
         h = he_turn(s, h);
     } while (h != s->out[v]);
@@ -105,18 +112,20 @@ static double triangle_distance2(const double x[3], const double a[3], const dou
     return best;
 }
 
-double fan_distance2(const surgery *s, uint32_t v, const double x[3], const double p[3],
-                     uint32_t skip1, uint32_t skip2)
+bool fan_stays(const surgery *s, uint32_t v, const double x[3], double away, uint32_t skip1,
+               uint32_t skip2)
 {
-    double best = INFINITY;
+    const double *was = s->V + 3 * (size_t)v;
+    const bool near = vec3_distance2(was, x) <= away * away; /* x is a corner of all */
     uint32_t h = s->out[v];
     do {
-        if (h / 3 != skip1 && h / 3 != skip2 && !he_ghost_face(s, h))
-            best = fmin(best,
-                        triangle_distance2(p, x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)));
+        if (h / 3 != skip1 && h / 3 != skip2 && !he_ghost_face(s, h) &&
+            (near || triangle_distance2(was, x, s->V + 3 * he_to(s, h), s->V + 3 * he_apex(s, h)) <=
+                         away * away))
+            return true;
         h = he_turn(s, h);
     } while (h != s->out[v]);
-    return best;
+    return false;
 }
 
 double fan_face_quality(const surgery *s, uint32_t h)

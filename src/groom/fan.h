@@ -11,9 +11,10 @@ void fan_face_normal(const surgery *s, uint32_t h, double n[3]);
  * not become a needle. */
 bool fan_keeps_facing(const surgery *s, uint32_t v, const double x[3], uint32_t skip1,
                       uint32_t skip2);
-/* If v were at x: squared distance of p to the faces around it (but skip1, skip2). */
-double fan_distance2(const surgery *s, uint32_t v, const double x[3], const double p[3],
-                     uint32_t skip1, uint32_t skip2);
+/* If v were at x: whether its old place would be no farther than `away` from the faces around it
+ * (but skip1, skip2). */
+bool fan_stays(const surgery *s, uint32_t v, const double x[3], double away, uint32_t skip1,
+               uint32_t skip2);
 
 /* Quality of h's face: 1 equilateral, 0 without area. */
 double fan_face_quality(const surgery *s, uint32_t h);

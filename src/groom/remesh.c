@@ -65,12 +65,16 @@ static double edge_size_at(const job *j, uint32_t h)
     return j->scale * fmin(j->s.size[he_from(&j->s, h)], j->s.size[he_to(&j->s, h)]);
 }
 
-/* Projects x, with normal n, to the original; false if nothing near faces the same way. */
-static bool project(const job *j, const double x[3], const double n[3], double reach, double on[3],
-                    double *size)
+/* Projects x, with normal n, to the original; false if nothing within reach faces the same way.
+ * near: how far some point of the original is, which most often does. */
+static bool project(const job *j, const double x[3], const double n[3], double near, double reach,
+                    double on[3], double *size)
 {
-    apsm_closest hit;
-    apsm_bvh_closest_facing(j->original, x, n, facing_cos, reach * reach, &hit);
+    apsm_closest hit = { .distance2 = INFINITY };
+    const double within = fmin(reach, near * (1.0 + 1e-9));
+    apsm_bvh_closest_facing(j->original, x, n, facing_cos, within * within, &hit);
+    if (!(hit.distance2 < INFINITY) && within < reach)
+        apsm_bvh_closest_facing(j->original, x, n, facing_cos, reach * reach, &hit);
     if (!(hit.distance2 < INFINITY)) return false;
     const uint32_t *c = apsm_bvh_mesh(j->original)->F + 3 * hit.on.face;
     *size = 0.0;
@@ -105,8 +109,8 @@ static apsm_status split_edge(job *j, uint32_t h)
     fan_face_normal(s, h, n);
     fan_face_normal(s, s->twin[h], m);
     vec3_add_scaled(n, 1.0, m);
-    const bool found =
-        vec3_normalise(n) > 0.0 && project(j, x, n, split_reach * sqrt(length2), m, &size);
+    const bool found = vec3_normalise(n) > 0.0 &&
+                       project(j, x, n, INFINITY, split_reach * sqrt(length2), m, &size);
     uint32_t made;
     APSM_TRY(surgery_split(s, h, found ? m : x, &made));
     if (found) s->size[made] = size;
@@ -167,8 +171,7 @@ static bool may_collapse(const job *j, uint32_t h, double limit)
         }
         k = he_turn(s, k);
     } while (k != s->out[b]);
-    return fan_keeps_facing(s, b, x, skip1, skip2) &&
-           fan_distance2(s, b, x, s->V + 3 * b, skip1, skip2) <= away * away;
+    return fan_keeps_facing(s, b, x, skip1, skip2) && fan_stays(s, b, x, away, skip1, skip2);
 }
 
 /* Collapses h if it is short, preferably into the end that wants shorter edges. */
@@ -254,7 +257,7 @@ static bool try_move(job *j, uint32_t v, const double x[3], double away)
 {
     surgery *s = &j->s;
     if (!fan_keeps_facing(s, v, x, APSM_NONE, APSM_NONE)) return false;
-    if (fan_distance2(s, v, x, s->V + 3 * v, APSM_NONE, APSM_NONE) > away * away) return false;
+    if (!fan_stays(s, v, x, away, APSM_NONE, APSM_NONE)) return false;
     memcpy(s->V + 3 * v, x, 3 * sizeof *x);
     return true;
 }
@@ -300,7 +303,8 @@ static void relax(job *j)
             double x[3], on[3], size;
             memcpy(x, s->V + 3 * v, sizeof x);
             vec3_add_scaled(x, part, step);
-            if (project(j, x, n, local, on, &size) && try_move(j, v, on, j->opt.fidelity * local)) {
+            if (project(j, x, n, sqrt(vec3_distance2(x, s->V + 3 * v)), local, on, &size) &&
+                try_move(j, v, on, j->opt.fidelity * local)) {
                 s->size[v] = size;
                 break;
             }
