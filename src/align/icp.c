@@ -43,7 +43,6 @@ static const double in_plane = 0.02;     /* radii: so near to a cut plane is in 
 static const double least_shared = 0.25; /* of the points */
 static const double kappa = 1.0;         /* rad^-2 */
 static const double largest_turn = 0.7;  /* rad: linearisation is no use beyond */
-static const double most_last = 3.0;     /* tolerances: no extrapolation beyond at the end */
 
 /* The pairs of one pose; m = n + n_fixed pairs, those of moving points first. */
 typedef struct pairs {
@@ -553,16 +552,13 @@ static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], be
         if (!newton_step(job, now, lambda_least, z)) return false;
         t.n++;
         map_of_step(job, z, D);
-        const bool last = step_length(job, now, D) < job->opt->tolerance;
+        if (step_length(job, now, D) < job->opt->tolerance) return true;
         extrapolate(&t, next);
         for (size_t a = 0; a < 7; a++) step[a] = next[a] - at[a];
         memcpy(at, next, sizeof at);
         map_of_step(job, step, D);
-        if (last && step_length(job, now, D) > most_last * job->opt->tolerance)
-            map_of_step(job, z, D);
         apsm_affine_multiply(D, M, moved);
         memcpy(M, moved, sizeof moved);
-        if (last) return true; /* where that leads need not be looked at */
         swap_pairs(now, before);
         match(job, M, before, now);
         note(now, M, best);
