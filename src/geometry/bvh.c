@@ -16,6 +16,7 @@
 #include "geometry/bvh.h"
 
 #include <float.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/kernel.h"
@@ -415,6 +416,128 @@ void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distan
 {
     query s = make_query(bvh, x, max_distance2);
     search(bvh, *slot / LEAF, &s);
+    finish(bvh, &s, out);
+    if (s.found) *slot = s.slot;
+}
+
+/* ---- leaves near many places ---------------------------------------------------------------- */
+
+apsm_status bvh_near_alloc(const apsm_bvh *bvh, bvh_near *near)
+{
+    const size_t room = (bvh->leaf_count + LEAF - 1) / LEAF * LEAF;
+    *near = (bvh_near){ .room = room };
+    near->leaf = malloc(room * sizeof *near->leaf);
+    near->box = calloc(6 * room, sizeof *near->box);
+    return near->leaf && near->box ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+void bvh_near_free(bvh_near *near)
+{
+    free(near->leaf);
+    free(near->box);
+    *near = (bvh_near){ 0 };
+}
+
+/* A cube and how near to it a leaf must be, in the tree's frame, widened for rounding. */
+typedef struct surrounding {
+    float q[3], half, way2;
+} surrounding;
+
+static surrounding make_surrounding(const apsm_bvh *bvh, const double x[3], double half, double way)
+{
+    const query s = make_query(bvh, x, INFINITY);
+    const double wide = (way * bvh->scale + (double)s.error) * SLACK;
+    surrounding a = { .half = (float)(half * bvh->scale * SLACK) + s.error,
+                      .way2 = (float)(wide * wide * SLACK) };
+    memcpy(a.q, s.q, sizeof a.q);
+    return a;
+}
+
+/* Squared distance of the cube to a box between lo and hi on one axis. */
+LANE_INLINE float gap2(float lo, float hi, float q, float half)
+{
+    const float below = lo - q, above = q - hi, gap = (below > above ? below : above) - half;
+    return gap > 0.0f ? gap * gap : 0.0f;
+}
+
+void bvh_near_collect(const apsm_bvh *bvh, const double x[3], double half, double way,
+                      bvh_near *near)
+{
+    const surrounding a = make_surrounding(bvh, x, half, way);
+    uint32_t stack[STACK];
+    int top = 1;
+    stack[0] = 0;
+    near->n = 0;
+    while (top > 0) {
+        const node *n = &bvh->nodes[stack[--top]];
+        for (int k = 0; k < n->children; k++) {
+            float d2 = 0.0f;
+            for (int c = 0; c < 3; c++) d2 += gap2(n->lo[c][k], n->hi[c][k], a.q[c], a.half);
+            if (d2 > a.way2) continue;
+            if (ref_count(n->ref[k]) == 0) {
+                stack[top++] = ref_number(n->ref[k]);
+                continue;
+            }
+            for (size_t c = 0; c < 3; c++) {
+                near->box[c * near->room + near->n] = n->lo[c][k];
+                near->box[(c + 3) * near->room + near->n] = n->hi[c][k];
+            }
+            near->leaf[near->n++] = ref_number(n->ref[k]);
+        }
+    }
+}
+
+/* Squared distances of the cube to the boxes of a list from number i on. */
+LANE_INLINE void list_distances(const bvh_near *near, size_t i, const float q[3], float half,
+                                float d2[restrict LEAF])
+{
+    const float *restrict box = near->box + i;
+    const size_t room = near->room;
+#pragma omp simd
+    for (int k = 0; k < LEAF; k++)
+        d2[k] = gap2(box[k], box[3 * room + (size_t)k], q[0], half) +
+                gap2(box[room + (size_t)k], box[4 * room + (size_t)k], q[1], half) +
+                gap2(box[2 * room + (size_t)k], box[5 * room + (size_t)k], q[2], half);
+}
+
+APSM_KERNEL void bvh_near_choose(const apsm_bvh *bvh, const bvh_near *from, const double x[3],
+                                 double half, double way, bvh_near *near)
+{
+    const surrounding a = make_surrounding(bvh, x, half, way);
+    size_t n = 0;
+    for (size_t i = 0; i < from->n; i += LEAF) {
+        float d2[LEAF];
+        const size_t end = from->n - i < LEAF ? from->n - i : LEAF;
+        list_distances(from, i, a.q, a.half, d2);
+        for (size_t k = 0; k < end; k++) { /* without branches: n stays behind i + k */
+            for (size_t c = 0; c < 6; c++)
+                near->box[c * near->room + n] = from->box[c * from->room + i + k];
+            near->leaf[n] = from->leaf[i + k];
+            n += d2[k] <= a.way2;
+        }
+    }
+    near->n = n;
+}
+
+APSM_KERNEL static void search_list(const apsm_bvh *bvh, const bvh_near *near, uint32_t begin,
+                                    query *s)
+{
+    visit_leaf(bvh, s, begin);
+    for (size_t i = 0; i < near->n; i += LEAF) {
+        float d2[LEAF];
+        const size_t end = near->n - i < LEAF ? near->n - i : LEAF;
+        list_distances(near, i, s->q, 0.0f, d2);
+        for (size_t k = 0; k < end; k++)
+            if (d2[k] <= s->bound && near->leaf[i + k] != begin)
+                visit_leaf(bvh, s, near->leaf[i + k]);
+    }
+}
+
+void bvh_near_closest(const apsm_bvh *bvh, const bvh_near *near, const double x[3],
+                      double max_distance2, uint32_t *slot, apsm_closest *out)
+{
+    query s = make_query(bvh, x, max_distance2);
+    search_list(bvh, near, *slot / LEAF, &s);
     finish(bvh, &s, out);
     if (s.found) *slot = s.slot;
 }

@@ -1,4 +1,5 @@
-/* bvh_guess.h -- closest points for many near queries: each starts from its neighbour's answer. */
+/* bvh_guess.h -- closest points for many near queries: each starts from its neighbour's answer, or
+ * looks only at the leaves near all of them. */
 #ifndef APSM_GEOMETRY_BVH_GUESS_H
 #define APSM_GEOMETRY_BVH_GUESS_H
 
@@ -8,6 +9,25 @@
  * try first (0 if there is no idea); out, the one found, or as it was. */
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
                        apsm_closest *out);
+
+/* Leaves of a tree and their boxes, side by side. */
+typedef struct bvh_near {
+    size_t n, room;
+    uint32_t *leaf; /* room */
+    float *box;     /* 6 x room, in the tree's frame: least x, y, z, largest x, y, z */
+} bvh_near;
+
+/* Room for all leaves of the tree.  APSM_ERR_MEMORY. */
+apsm_status bvh_near_alloc(const apsm_bvh *bvh, bvh_near *near) APSM_NODISCARD;
+void bvh_near_free(bvh_near *near);
+/* All leaves no farther than `way` from the cube x +- half; those of `from` alone. */
+void bvh_near_collect(const apsm_bvh *bvh, const double x[3], double half, double way,
+                      bvh_near *near);
+void bvh_near_choose(const apsm_bvh *bvh, const bvh_near *from, const double x[3], double half,
+                     double way, bvh_near *near);
+/* As bvh_closest_guess, for x in the cube and a bound of at most way^2: the same result. */
+void bvh_near_closest(const apsm_bvh *bvh, const bvh_near *near, const double x[3],
+                      double max_distance2, uint32_t *slot, apsm_closest *out);
 
 /* Unit normal of a face, zero if it has no extent. */
 const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face);

@@ -3,15 +3,17 @@
  * Frame: node (i,j,k) at origin + voxel (i,j,k); the origin is the lower corner of the mesh's box,
  * less a whole number of voxels.  Values are D / voxel.
  *
- * Build: an octree over the nodes, from one cell around everything down to blocks of 4^3, in
- * which every node within
+ * Build: an octree over the nodes, from one cell around everything down to single nodes.  Every
+ * node within
  *   reach = band + 1.75 voxel
  * gets its exact distance.  The centre's distance d prunes (D changes by at most the way): a cell
- * is left out if d > reach + half its diagonal.  Each query starts from the triangle that was
- * closest to the last, so that the tree has little more to do than to confirm it.
- * reach: D needs the corners of a point's cell, up to sqrt(3) voxels away; a cell with a corner out
- * of reach lies beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they
- * are not kept.  Nodes out of reach are NaN, which poisons whatever is computed from them.
+ * is left out if d > reach + half its diagonal.  From bricks down a cell knows the leaves of the
+ * tree that its nodes can be closest to: those within min(d + half its diagonal, reach) of it,
+ * among the ones of the cell around it.  Each query starts from the triangle that was closest to
+ * the last, and goes through its cell's list, a dozen leaves, instead of the tree. reach: D needs
+ * the corners of a point's cell, up to sqrt(3) voxels away; a cell with a corner out of reach lies
+ * beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they are not kept.
+ * Nodes out of reach are NaN, which poisons whatever is computed from them.
  *
  * Draw: for each cube of 2^3 cells of the whole grid (more where it is very sparse) `least` bounds
  * |D| from below, in steps of a quarter voxel: most trials outside the band end at one look there.
@@ -34,7 +36,6 @@
 enum {
     BRICK_BITS = 3,
     BRICK = 1 << BRICK_BITS,
-    BLOCK = 4,
     NODES = BRICK * BRICK * BRICK,
     STEPS = 4,         /* of `least`, a voxel */
     FAR = 255,         /* of `least`: at least so far, or unknown */
@@ -230,10 +231,13 @@ static apsm_status add_brick(apsm_field *field, uint64_t key)
 
 /* ---- build ---------------------------------------------------------------------------------- */
 
+enum { LEVELS = BRICK_BITS }; /* of lists: for a brick, its parts, their parts */
+
 typedef struct builder {
     apsm_context *ctx;
     apsm_field *field;
     double reach;
+    bvh_near *near; /* LEVELS */
 } builder;
 
 static void node_position(const apsm_field *field, const int64_t node[3], double x[3])
@@ -241,23 +245,50 @@ static void node_position(const apsm_field *field, const int64_t node[3], double
     for (int c = 0; c < 3; c++) x[c] = field->origin[c] + field->voxel * (double)node[c];
 }
 
-/* Exact distances at the block's nodes that are within reach.  slot: the triangle closest to its
- * centre. */
-static void fill_block(const builder *b, const int64_t lo[3], uint32_t slot)
+/* How far from a cube what any place in it is closest to may be, as far as it matters: its
+ * middle's distance is given. */
+static double way_of_any(const builder *b, double distance, double half)
+{
+    return fmin(distance + sqrt(3.0) * half, b->reach);
+}
+
+/* The node's exact distance, if it is within reach. */
+static void fill_node(const builder *b, const bvh_near *near, const int64_t node[3], uint32_t *slot)
 {
     const apsm_field *field = b->field;
     float *brick = field->bricks[field->brick_count - 1];
-    for (int i = 0; i < BLOCK * BLOCK * BLOCK; i++) {
-        const int64_t node[3] = { lo[0] + i % BLOCK, lo[1] + i / BLOCK % BLOCK,
-                                  lo[2] + i / (BLOCK * BLOCK) };
-        double x[3];
-        apsm_closest closest;
-        node_position(field, node, x);
-        bvh_closest_guess(field->bvh, x, b->reach * b->reach, &slot, &closest);
-        if (closest.distance2 == INFINITY) continue;
-        const double d = sqrt(closest.distance2) * bvh_sign(field->bvh, x, &closest);
-        brick[node[0] % BRICK + BRICK * (node[1] % BRICK + BRICK * (node[2] % BRICK))] =
-            (float)(d / field->voxel);
+    double x[3];
+    apsm_closest closest;
+    node_position(field, node, x);
+    bvh_near_closest(field->bvh, near, x, b->reach * b->reach, slot, &closest);
+    if (closest.distance2 == INFINITY) return;
+    const double d = sqrt(closest.distance2) * bvh_sign(field->bvh, x, &closest);
+    brick[node[0] % BRICK + BRICK * (node[1] % BRICK + BRICK * (node[2] % BRICK))] =
+        (float)(d / field->voxel);
+}
+
+/* The size^3 nodes from lo on, near[level - 1] the leaves that any of them may need.  slot: the
+ * triangle closest to what is around. */
+static void fill_cell(const builder *b, const int64_t lo[3], int64_t size, uint32_t slot, int level)
+{
+    const apsm_field *field = b->field;
+    const double half = 0.5 * (double)(size - 1) * field->voxel;
+    double x[3];
+    apsm_closest closest;
+    node_position(field, lo, x);
+    for (int c = 0; c < 3; c++) x[c] += half;
+    bvh_near_closest(field->bvh, &b->near[level - 1], x, b->reach * b->reach, &slot, &closest);
+    bvh_near_choose(field->bvh, &b->near[level - 1], x, half,
+                    way_of_any(b, sqrt(closest.distance2), half), &b->near[level]);
+    if (b->near[level].n == 0) return;
+    for (int k = 0; k < 8; k++) {
+        const int64_t step = size / 2,
+                      part[3] = { lo[0] + step * (k & 1), lo[1] + step * (k >> 1 & 1),
+                                  lo[2] + step * (k >> 2) };
+        if (size == 2)
+            fill_node(b, &b->near[level], part, &slot);
+        else
+            fill_cell(b, part, step, slot, level + 1);
     }
 }
 
@@ -266,24 +297,25 @@ static apsm_status descend(const builder *b, const int64_t lo[3], int64_t size, 
 {
     const apsm_field *field = b->field;
     const int64_t half = size / 2, middle[3] = { lo[0] + half, lo[1] + half, lo[2] + half };
-    const double limit = b->reach + sqrt(3.0) * (double)half * field->voxel;
+    const double way = (double)half * field->voxel, limit = b->reach + sqrt(3.0) * way;
     double x[3];
     apsm_closest closest;
     node_position(field, middle, x);
     bvh_closest_guess(field->bvh, x, limit * limit, &slot, &closest);
     if (!(closest.distance2 < limit * limit)) return APSM_OK;
-    if (size == BLOCK) {
-        fill_block(b, lo, slot);
-        return APSM_OK;
-    }
     if (size == BRICK) {
         if (apsm_interrupted(b->ctx)) return APSM_ERR_INTERRUPTED;
         APSM_TRY(add_brick(b->field, brick_key(lo[0] / BRICK, lo[1] / BRICK, lo[2] / BRICK)));
+        bvh_near_collect(field->bvh, x, way, way_of_any(b, sqrt(closest.distance2), way),
+                         &b->near[0]);
     }
     for (int k = 0; k < 8; k++) {
         const int64_t part[3] = { lo[0] + half * (k & 1), lo[1] + half * (k >> 1 & 1),
                                   lo[2] + half * (k >> 2) };
-        APSM_TRY(descend(b, part, half, slot));
+        if (size == BRICK)
+            fill_cell(b, part, half, slot, 1);
+        else
+            APSM_TRY(descend(b, part, half, slot));
     }
     return APSM_OK;
 }
@@ -370,15 +402,28 @@ static apsm_status make_least(apsm_field *field)
     return APSM_OK;
 }
 
-static apsm_status build(apsm_context *ctx, apsm_field *field)
+/* The bricks of all that is within reach. */
+static apsm_status fill(apsm_context *ctx, apsm_field *field, double reach)
 {
-    const builder b = { ctx, field, field->band + 1.75 * field->voxel };
-    APSM_TRY(place_grid(ctx, field, b.reach));
+    bvh_near near[LEVELS] = { 0 };
+    const builder b = { ctx, field, reach, near };
+    apsm_status status = APSM_OK;
     int64_t size = BRICK;
     for (int c = 0; c < 3; c++)
         while (size < field->n[c]) size *= 2;
+    for (int k = 0; k < LEVELS && status == APSM_OK; k++)
+        status = bvh_near_alloc(field->bvh, &near[k]);
+    if (status == APSM_OK) status = descend(&b, (const int64_t[3]){ 0, 0, 0 }, size, 0);
+    for (int k = 0; k < LEVELS; k++) bvh_near_free(&near[k]);
+    return status;
+}
+
+static apsm_status build(apsm_context *ctx, apsm_field *field)
+{
+    const double reach = field->band + 1.75 * field->voxel;
+    APSM_TRY(place_grid(ctx, field, reach));
     APSM_TRY(add_brick(field, UINT64_MAX));
-    APSM_TRY(descend(&b, (const int64_t[3]){ 0, 0, 0 }, size, 0));
+    APSM_TRY(fill(ctx, field, reach));
     APSM_TRY(resize_bricks(field, field->brick_count));
     APSM_TRY(make_table(field));
     return make_least(field);

@@ -180,6 +180,44 @@ static void guesses_change_nothing(void **state)
     }
 }
 
+/* Leaves near a cube, and of those the ones near a part of it, answer for every place in it. */
+static void leaves_near_a_cube_suffice(void **state)
+{
+    (void)state;
+    apsm_random rng = apsm_random_stream(10, APSM_STREAM_TEST, 0, 0);
+    apsm_mesh meshes[] = { soup(&rng, 400), shape_cube(6, 1.0) };
+    for (size_t m = 0; m < 2; m++) {
+        apsm_bvh *bvh = build(&meshes[m]);
+        bvh_near around, part;
+        size_t known = 0;
+        assert_int_equal(bvh_near_alloc(bvh, &around), APSM_OK);
+        assert_int_equal(bvh_near_alloc(bvh, &part), APSM_OK);
+        for (int trial = 0; trial < 4000; trial++) {
+            const double half = 0.05 * (trial % 3), way = trial % 5 ? 0.1 : 0.5;
+            double middle[3], x[3];
+            apsm_closest want, found;
+            uint32_t slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf);
+            random_point(&rng, 1.0, middle);
+            bvh_near_collect(bvh, middle, 2 * half, way, &around);
+            bvh_near_choose(bvh, &around, middle, half, way, &part);
+            assert_true(part.n <= around.n && around.n <= around.room);
+            random_point(&rng, half, x);
+            for (int c = 0; c < 3; c++) x[c] += middle[c];
+            apsm_bvh_closest(bvh, x, way * way, &want);
+            bvh_near_closest(bvh, &part, x, way * way, &slot, &found);
+            known += isfinite(want.distance2);
+            assert_true(found.distance2 == want.distance2);
+            assert_int_equal(found.on.face, want.on.face);
+            assert_memory_equal(found.x, want.x, sizeof want.x);
+        }
+        assert_in_range(known, 500, 3999);
+        bvh_near_free(&around);
+        bvh_near_free(&part);
+        apsm_bvh_free(bvh);
+        apsm_mesh_free(&meshes[m]);
+    }
+}
+
 /* Every surface point of every face is found again, at distance 0 up to rounding. */
 static void points_on_the_surface_have_no_distance(void **state)
 {
@@ -471,6 +509,7 @@ int main(void)
         cmocka_unit_test(closest_equals_brute_force),
         cmocka_unit_test(near_ties_are_decided_in_double),
         cmocka_unit_test(guesses_change_nothing),
+        cmocka_unit_test(leaves_near_a_cube_suffice),
         cmocka_unit_test(points_on_the_surface_have_no_distance),
         cmocka_unit_test(ties_go_to_the_smallest_face),
         cmocka_unit_test(bound_hides_what_is_not_nearer),
