@@ -179,9 +179,13 @@ static void warp_to(const apsm_fidelity *f, const double *P, fidelity_work *w)
     const size_t bytes = 3 * f->J * sizeof *P;
     if (memcmp(w->at, P, bytes) == 0) return;
     memcpy(w->at, P, bytes);
-    for (size_t x = 0; x < 3 * f->J; x++) w->e[x] = P[x] - f->T[x];
-    apsm_warp_displace(f->warp.nv, f->J, f->W32, f->cohort->shape[f->cohort->template_index].mesh.V,
-                       w->e, w->Y);
+    if (f->W32) {
+        const double *V = f->cohort->shape[f->cohort->template_index].mesh.V;
+        for (size_t x = 0; x < 3 * f->J; x++) w->e[x] = P[x] - f->T[x];
+        apsm_warp_displace(f->warp.nv, f->J, f->W32, V, w->e, w->Y);
+    } else {
+        apsm_warp_apply(&f->warp, P, w->Y);
+    }
     apsm_bvh_refit(w->bvh);
 }
 
