@@ -10,9 +10,9 @@
  * once), flow (all particles slip along the longest axis, most in the middle), turn (the shape was
  * turned by 180 degrees about principal axis SIZE), mirror (its mesh is the mirror image across
  * that axis, and the particles where the others' are), swap (SIZE pairs of neighbours changed
- * places), other (a particle on the other side of a sheet), stranger (another surface; SIZE 0: an
- * ellipsoid of the same axes, 1: a ball, 2: half of it, 3: twice its size), none.  Without faults a
- * list of them is run. */
+ * places), other (a particle on the other side of a sheet, a spacing or more away along the
+ * surface), stranger (another surface; SIZE 0: an ellipsoid of the same axes, 1: a ball, 2: half of
+ * it, 3: twice its size), none.  Without faults a list of them is run. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -440,19 +440,42 @@ static void plant_swaps(const bench *b, size_t i, apsm_random *rng, size_t pairs
     }
 }
 
-/* A particle where a sheet is thinner than a spacing goes through; false: there is none. */
+/* How far along the surface from a to where it is nearest to x and looks as n says. */
+static double way(const bench *b, const apsm_shape *shape, const double a[3], const double x[3],
+                  const double n[3])
+{
+    apsm_geodesic_work *w;
+    apsm_surface_point S;
+    double least = INFINITY, far = INFINITY;
+    apsm_shape_look_up(shape, 1, a, &S, NULL, NULL);
+    must(b->ctx, apsm_geodesic_work_new(shape->geodesic, &w));
+    must(b->ctx, apsm_geodesic_from(shape->geodesic, &S, 3 * b->h, w));
+    for (uint32_t v = 0; v < shape->mesh.nv; v++) {
+        const double d2 = vec3_distance2(shape->mesh.V + 3 * v, x);
+        if (!(d2 < least) || !(vec3_dot(shape->VN + 3 * v, n) > 0.5)) continue;
+        least = d2;
+        far = apsm_geodesic_vertex_distance(w, v);
+    }
+    apsm_geodesic_work_free(w);
+    return far;
+}
+
+/* A particle where a sheet is thinner than a spacing goes through, to where it is a spacing or more
+ * from along the surface (nearer, it has only gone round an edge); false: there is none. */
 static bool plant_other_side(const bench *b, size_t i, apsm_random *rng)
 {
     const size_t J = b->J, first = (size_t)apsm_random_below(rng, J);
     const apsm_shape *shape = &b->cohort.shape[i];
     for (size_t k = 0; k < J; k++) {
-        double *p = &b->P[3 * (J * i + (first + k) % J)], n[3], x[3], in[3];
+        double *p = &b->P[3 * (J * i + (first + k) % J)], n[3], x[3], in[3], out[3];
         apsm_surface_point S;
         apsm_shape_look_up(shape, 1, p, &S, x, n);
         for (int c = 0; c < 3; c++) in[c] = -n[c];
         const double t = apsm_bvh_ray(shape->bvh, x, in, 1e-6 * b->h, b->h, NULL);
         if (!(t < b->h)) continue;
-        for (int c = 0; c < 3; c++) p[c] = x[c] + t * in[c];
+        for (int c = 0; c < 3; c++) out[c] = x[c] + t * in[c];
+        if (way(b, shape, out, x, n) < b->h) continue;
+        memcpy(p, out, sizeof out);
         return true;
     }
     return false;

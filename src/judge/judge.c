@@ -15,8 +15,10 @@
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 
-/* Cosine from which on a surface looks a given way. */
-static const double looks_the_same = 0.5;
+/* Cosine from which on a surface looks a given way, and below which another. */
+static const double looks_the_same = 0.5, looks_away = -0.3;
+/* The others agree on a normal if the median of theirs is longer. */
+static const double agreed_on = 0.9;
 /* A particle has only gone round an edge if what looks the usual way is no farther, in h. */
 static const double round_edge = 0.6;
 
@@ -200,7 +202,7 @@ static apsm_status find_opposed(apsm_context *ctx, size_t i, int worker, void *u
     for (size_t j = 0; j < g->J && status == APSM_OK; j++) {
         const size_t k = g->J * i + j;
         const double *usual = g->XN + 3 * k;
-        if (!(g->agreed[k] > 0.9 && vec3_dot(g->N + 3 * k, usual) < -0.7)) continue;
+        if (!(g->agreed[k] > agreed_on && vec3_dot(g->N + 3 * k, usual) < looks_away)) continue;
         if (!w) status = apsm_geodesic_work_new(g->cohort->shape[i].geodesic, &w);
         if (status == APSM_OK) status = is_beyond_edges(g, i, j, usual, w, &g->out->opposed[k]);
         f->opposed += g->out->opposed[k];

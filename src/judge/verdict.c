@@ -2,9 +2,9 @@
 
 #include <math.h>
 
-/* So much better agreement of form decides for a pose, whatever the distances say, where there is
- * evidence for it, and this part of what shapes usually have. */
-static const double clearly = 0.3, decisive = 0.5;
+/* So much better agreement of form decides for a hand or pose, whatever the distances say, where
+ * there is evidence for it, and this part of what shapes usually have: of a pose more. */
+static const double clearly = 0.3, decisive = 0.5, decisive_pose = 0.75;
 /* What has to speak for a hand where its mirror image leaves the particles in their places. */
 static const double told_in_place = 1.0;
 /* What speaks for a pose against the orientation that all others share, from where it is believed.
@@ -89,17 +89,17 @@ double apsm_verdict_probability(const apsm_findings *f, const apsm_verdict_optio
     return fmin(fmax(p, least_probability), 1.0 - least_probability);
 }
 
-static bool is_settled(const apsm_findings *f, const apsm_turn *other, double usual,
+static bool is_settled(const apsm_findings *f, const apsm_turn *other, double least,
                        const apsm_verdict_options *o)
 {
     return f->agreement > other->agreement + clearly && other->staying > 0.0 &&
-           other->evidence > fmax(o->told, decisive * usual);
+           other->evidence > fmax(o->told, least);
 }
 
 unsigned apsm_verdict_note_hand(const apsm_findings *f, double usual, bool undecided,
                                 const apsm_verdict_options *o)
 {
-    if (f && is_settled(f, &f->turn[1], usual, o)) return 0;
+    if (f && is_settled(f, &f->turn[1], decisive * usual, o)) return 0;
     if (f && !undecided && usual < o->told) return 0;
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }
@@ -110,7 +110,7 @@ unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, apsm_pose_
     const bool against = note == APSM_POSE_AGAINST;
     const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
     const bool told = !f || f->turn[0].evidence > least_pose;
-    if (f && is_settled(f, &f->turn[0], usual, o) &&
+    if (f && is_settled(f, &f->turn[0], decisive_pose * usual, o) &&
         (!against || f->turn[0].evidence > against_others))
         return 0;
     if (note == APSM_POSE_SOUGHT && (told || turned)) return 0;

@@ -42,7 +42,9 @@ typedef struct scene {
     double P[I * J * 3];
 } scene;
 
-static void open_scene(scene *s)
+typedef void form(size_t i, const double u[3], double x[3]);
+
+static void open_scene_of(scene *s, form *of)
 {
     static const char *const names[I] = { "a", "b", "c", "d", "e", "f", "g", "h" };
     apsm_mesh mesh[I];
@@ -52,18 +54,23 @@ static void open_scene(scene *s)
         mesh[i] = shape_icosphere(4);
         for (size_t v = 0; v < mesh[i].nv; v++) {
             const double u[3] = { mesh[i].V[3 * v], mesh[i].V[3 * v + 1], mesh[i].V[3 * v + 2] };
-            body(i, u, mesh[i].V + 3 * v);
+            of(i, u, mesh[i].V + 3 * v);
         }
         apsm_affine_identity(M + 16 * i);
         for (size_t j = 0; j < J; j++) {
             double u[3];
             spiral(j, u);
-            body(i, u, s->P + 3 * (J * i + j));
+            of(i, u, s->P + 3 * (J * i + j));
         }
     }
     const apsm_cohort_input in = { I, names, mesh, M, 0 };
     assert_int_equal(apsm_cohort_build(s->ctx, &in, 0, 0, &s->cohort), APSM_OK);
     for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
+}
+
+static void open_scene(scene *s)
+{
+    open_scene_of(s, body);
 }
 
 static void close_scene(scene *s)
@@ -250,6 +257,42 @@ static void missed_end_is_found(void **state)
     close_scene(&s);
 }
 
+/* Two cones base to base, whose normals are about 120 degrees apart; every shape a little another
+ * one. */
+static void roof(size_t i, const double u[3], double x[3])
+{
+    apsm_random rng = apsm_random_stream(12, APSM_STREAM_TEST, i, 0);
+    const double slope = 0.6, r = 30 / (hypot(u[0], u[1]) + fabs(u[2]) / slope);
+    for (size_t c = 0; c < 3; c++) x[c] = r * u[c] * (1 + 0.03 * apsm_random_normal(&rng));
+}
+
+/* Particle `at` of shape 3 goes to the other cone; whether it alone is found there. */
+static bool is_found_on_the_other_side(size_t at)
+{
+    static scene s;
+    apsm_judgement g;
+    size_t opposed = 0;
+    double u[3];
+    open_scene_of(&s, roof);
+    spiral(at, u);
+    u[2] = -u[2];
+    roof(3, u, s.P + 3 * (J * 3 + at));
+    assert_int_equal(apsm_judge(s.ctx, &s.cohort, J, s.P, &g), APSM_OK);
+    for (size_t k = 0; k < I * J; k++) opposed += g.opposed[k];
+    const bool found = g.opposed[J * 3 + at] && g.shape[3].opposed == 1;
+    assert_int_equal(opposed, found);
+    apsm_judgement_free(&g);
+    close_scene(&s);
+    return found;
+}
+
+static void other_side_is_found_beyond_edges(void **state)
+{
+    (void)state;
+    assert_true(is_found_on_the_other_side(J / 8));
+    assert_false(is_found_on_the_other_side(J / 2 - 5)); /* next to the edge */
+}
+
 static void size_of_a_stranger_is_found(void **state)
 {
     (void)state;
@@ -337,6 +380,10 @@ static void form_settles_notes(void **state)
                      1u << APSM_DOUBT_POSE);
     assert_int_equal(apsm_verdict_note_hand(NULL, INFINITY, false, &o), mirrored);
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), 0);
+    f.turn[0].agreement = 0.5; /* less settles a hand than a pose */
+    assert_int_equal(apsm_verdict_note_hand(&f, 3.0, false, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 3.0, APSM_POSE_AMBIGUOUS, &o),
+                     1u << APSM_DOUBT_POSE);
     f.turn[1].staying = -0.1;
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
     f.turn[1].agreement = 1.6;
@@ -495,6 +542,7 @@ int main(void)
         cmocka_unit_test(smooth_deformations_leave_no_rest),
         cmocka_unit_test(ends_missed_by_all_are_found),
         cmocka_unit_test(missed_end_is_found),
+        cmocka_unit_test(other_side_is_found_beyond_edges),
         cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(probability_follows_form),
