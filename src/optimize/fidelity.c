@@ -90,7 +90,7 @@ static apsm_status take_features(apsm_fidelity *f)
     return APSM_OK;
 }
 
-/* W in single precision: distances need no more, and half as much memory goes by. */
+/* W in single precision: steps of many particles need no more. */
 static apsm_status round_weights(apsm_fidelity *f)
 {
     const size_t n = f->warp.nv * f->J;
@@ -132,7 +132,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
                                  &f->anchors));
     APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp));
-    return J > (size_t)f->o.exact ? round_weights(f) : APSM_OK;
+    return 2 * J > (size_t)f->o.dense ? round_weights(f) : APSM_OK;
 }
 
 apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size_t J,

@@ -72,7 +72,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->YN = malloc(3 * f->warp.nv * sizeof *w->YN);
     w->tangent = malloc(6 * J * sizeof *w->tangent);
     w->part = malloc(J * sizeof *w->part);
-    w->sparse = 2 * J > (size_t)f->o.dense;
+    w->sparse = f->W32 != NULL;
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
     w->near = malloc(2 * J * sizeof *w->near);
     w->H32 = malloc(4 * J * J * sizeof *w->H32);
@@ -179,7 +179,7 @@ static void warp_to(const apsm_fidelity *f, const double *P, fidelity_work *w)
     const size_t bytes = 3 * f->J * sizeof *P;
     if (memcmp(w->at, P, bytes) == 0) return;
     memcpy(w->at, P, bytes);
-    if (f->W32) {
+    if (w->sparse) {
         const double *V = f->cohort->shape[f->cohort->template_index].mesh.V;
         for (size_t x = 0; x < 3 * f->J; x++) w->e[x] = P[x] - f->T[x];
         apsm_warp_displace(f->warp.nv, f->J, f->W32, V, w->e, w->Y);

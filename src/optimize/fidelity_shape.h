@@ -12,7 +12,7 @@ struct apsm_fidelity {
     size_t J;
     double h;
     apsm_warp warp;    /* of the template's vertices */
-    float *W32;        /* its W; NULL where particles are few: see `exact` */
+    float *W32;        /* its W; NULL where particles are few: see `dense` */
     apsm_warp anchors; /* of its landmarks; nv 0: none */
     double *features;  /* J x F: of its particles; NULL: none */
     double *T, *TN;    /* J x 3: its particles and their normals */
