@@ -88,16 +88,21 @@ static bool may_be_cut(const apsm_cloud *cloud, const double plane[4])
     return f.end >= rough_share * f.width;
 }
 
-/* Normal and middle of face f; returns its area. */
-static double face_at(const apsm_mesh *mesh, size_t f, double n[3], double x[3])
+static void middle_of(const apsm_mesh *mesh, size_t f, double x[3])
 {
     const double *a = mesh->V + 3 * mesh->F[3 * f], *b = mesh->V + 3 * mesh->F[3 * f + 1],
                  *c = mesh->V + 3 * mesh->F[3 * f + 2];
-    double u[3], v[3];
-    vec3_sub(b, a, u);
-    vec3_sub(c, a, v);
-    vec3_cross(u, v, n);
     for (size_t k = 0; k < 3; k++) x[k] = (a[k] + b[k] + c[k]) / 3.0;
+}
+
+/* Normal of face f; returns its area. */
+static double normal_of(const apsm_mesh *mesh, size_t f, double n[3])
+{
+    const double *a = mesh->V + 3 * mesh->F[3 * f];
+    double u[3], v[3];
+    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 1], a, u);
+    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 2], a, v);
+    vec3_cross(u, v, n);
     return 0.5 * vec3_normalise(n);
 }
 
@@ -107,8 +112,11 @@ static flatness measure(const apsm_mesh *mesh, const double plane[4], const dept
     const double end = end_of(mesh->nv, mesh->V, plane), least = -fmax(d->deeper, d->depth);
     for (size_t i = 0; i < mesh->nf; i++) {
         double m[3], x[3];
-        const double area = face_at(mesh, i, m, x), z = vec3_dot(plane, x) - end;
-        if (z >= least) add_piece(plane, x, m, z, area, d, &f);
+        middle_of(mesh, i, x);
+        const double z = vec3_dot(plane, x) - end;
+        if (!(z >= least)) continue;
+        const double area = normal_of(mesh, i, m);
+        add_piece(plane, x, m, z, area, d, &f);
     }
     return f;
 }
@@ -158,9 +166,11 @@ static bool is_flat(const apsm_mesh *mesh, double radius, const double plane[4],
     double even = 0.0, seen = 0.0, square = 0.0;
     for (size_t i = 0; i < mesh->nf; i++) {
         double m[3], x[3];
-        const double area = face_at(mesh, i, m, x), z = vec3_dot(plane, x) - plane[3];
-        const double cosine = vec3_dot(plane, m);
-        if (fabs(z) > thick * radius || cosine < cosine_flat) continue;
+        middle_of(mesh, i, x);
+        const double z = vec3_dot(plane, x) - plane[3];
+        if (fabs(z) > thick * radius) continue;
+        const double area = normal_of(mesh, i, m), cosine = vec3_dot(plane, m);
+        if (cosine < cosine_flat) continue;
         seen += area;
         square += area * z * z;
         if (cosine >= cosine_even) even += area;
@@ -195,7 +205,8 @@ void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud)
     cloud->cuts = 0;
     for (size_t i = 0; i < mesh->nf; i += every) {
         double plane[4], x[3], flat;
-        face_at(mesh, i, plane, x);
+        normal_of(mesh, i, plane);
+        middle_of(mesh, i, x);
         plane[3] = vec3_dot(plane, x);
         if (!is_new(cloud, plane) || !may_be_cut(cloud, plane)) continue;
         if (!is_cut(mesh, cloud->radius, plane, &flat)) continue;

@@ -42,10 +42,9 @@ const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face)
 /* ---- closest point -------------------------------------------------------------------------- */
 
 typedef struct triangle {
-    double p[3][3];       /* corners */
-    double n[3];          /* (p1 - p0) x (p2 - p0) */
-    double inverse_n2;    /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
-    double inverse_e2[3]; /* 1 / |p(k+1) - pk|^2; 0 for an edge without length */
+    double p[3][3];    /* corners */
+    double n[3];       /* (p1 - p0) x (p2 - p0) */
+    double inverse_n2; /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
 } triangle;
 
 static void get_corners(const apsm_bvh *bvh, uint32_t face, double p[3][3])
@@ -62,7 +61,6 @@ static triangle get_triangle(const apsm_bvh *bvh, uint32_t face)
     for (int k = 0; k < 3; k++) {
         vec3_sub(t.p[(k + 1) % 3], t.p[k], e[k]);
         e2[k] = vec3_dot(e[k], e[k]);
-        t.inverse_e2[k] = e2[k] > 0.0 ? 1.0 / e2[k] : 0.0;
     }
     vec3_cross(e[2], e[0], t.n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
     const double n2 = vec3_dot(t.n, t.n);
@@ -78,7 +76,7 @@ static double closest_on_edge(const triangle *t, int k, const double x[3], doubl
     double e[3], px[3];
     vec3_sub(q, p, e);
     vec3_sub(x, p, px);
-    const double s = vec3_dot(px, e) * t->inverse_e2[k];
+    const double e2 = vec3_dot(e, e), s = e2 > 0.0 ? vec3_dot(px, e) * (1.0 / e2) : 0.0;
     if (!(s > 0.0)) {
         *along = 0.0;
         return vec3_dot(px, px);

@@ -178,14 +178,16 @@ bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3])
     return true;
 }
 
-double fan_flip_quality(const surgery *s, uint32_t h)
+bool fan_flip_gains(const surgery *s, uint32_t h, double factor)
 {
     const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
     const double *c = s->V + 3 * he_apex(s, h), *d = s->V + 3 * he_apex(s, s->twin[h]);
     const double before = fmin(quality(a, b, c), quality(b, a, d));
-    const double after = fmin(quality(a, d, c), quality(d, b, c));
-    if (before > 0.0) return after / before;
-    return after > 0.0 ? INFINITY : 0.0;
+    for (int k = 0; k < 2; k++) {
+        const double after = k == 0 ? quality(a, d, c) : quality(d, b, c);
+        if (!(before > 0.0 ? after / before > factor : after > 0.0)) return false;
+    }
+    return true;
 }
 
 static bool within_turn(const double a[3], const double b[3])

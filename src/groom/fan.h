@@ -25,8 +25,9 @@ double fan_quality(const surgery *s, uint32_t v, const double x[3]);
  * if the fan has no area. */
 bool fan_middle(const surgery *s, uint32_t v, double g[3], double n[3]);
 
-/* Smaller quality of the two faces after a flip over that before. */
-double fan_flip_quality(const surgery *s, uint32_t h);
+/* Whether the smaller quality of the two faces after a flip is more than `factor` times that
+ * before. */
+bool fan_flip_gains(const surgery *s, uint32_t h, double factor);
 /* Whether the edge's two diagonals pass within `away` and the new faces keep facing the way of
  * the old ones. */
 bool fan_flip_is_flat(const surgery *s, uint32_t h, double away);

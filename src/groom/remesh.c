@@ -217,13 +217,19 @@ static bool may_flip(const job *j, uint32_t h)
     return fan_flip_is_flat(s, h, away);
 }
 
-/* Squared difference of v's valence, with n neighbours more, from what is regular: six, on a border
- * four and its ghost. */
-static int excess2(const surgery *s, uint32_t v, int more)
+/* Difference of v's valence from what is regular: six, on a border four and its ghost. */
+static int excess(const surgery *s, uint32_t v)
 {
-    const int regular = surgery_to_ghost(s, v) == APSM_NONE ? 6 : 5;
-    const int e = (int)surgery_valence(s, v) + more - regular;
-    return e * e;
+    return (int)surgery_valence(s, v) - (surgery_to_ghost(s, v) == APSM_NONE ? 6 : 5);
+}
+
+/* By how much the sum of squared excesses grows if h is flipped: its ends have a neighbour less,
+ * the apexes one more. */
+static int flip_growth(const surgery *s, uint32_t h)
+{
+    const int ends = excess(s, he_from(s, h)) + excess(s, he_to(s, h));
+    const int apexes = excess(s, he_apex(s, h)) + excess(s, he_apex(s, s->twin[h]));
+    return 2 * (apexes - ends) + 4;
 }
 
 /* Step 3a: flips that bring valences nearer to 6 without spoiling the shapes. */
@@ -232,13 +238,8 @@ static void flip_to_valence(job *j)
     surgery *s = &j->s;
     for (uint32_t h = 0; h < 3 * s->nf; h++) {
         if (!he_real(s, h) || h > s->twin[h] || he_on_border(s, h)) continue;
-        const uint32_t a = he_from(s, h), b = he_to(s, h);
-        const uint32_t c = he_apex(s, h), d = he_apex(s, s->twin[h]);
-        const int before =
-            excess2(s, a, 0) + excess2(s, b, 0) + excess2(s, c, 0) + excess2(s, d, 0);
-        const int after =
-            excess2(s, a, -1) + excess2(s, b, -1) + excess2(s, c, 1) + excess2(s, d, 1);
-        if (after < before && fan_flip_quality(s, h) > 0.6 && may_flip(j, h)) surgery_flip(s, h);
+        if (flip_growth(s, h) < 0 && fan_flip_gains(s, h, 0.6) && may_flip(j, h))
+            surgery_flip(s, h);
     }
 }
 
@@ -248,7 +249,7 @@ static void flip_to_shape(job *j)
     surgery *s = &j->s;
     for (uint32_t h = 0; h < 3 * s->nf; h++)
         if (he_real(s, h) && h < s->twin[h] && !he_on_border(s, h) &&
-            fan_flip_quality(s, h) > 1.0 + 1e-9 && may_flip(j, h))
+            fan_flip_gains(s, h, 1.0 + 1e-9) && may_flip(j, h))
             surgery_flip(s, h);
 }
 
@@ -356,7 +357,7 @@ static void mend_sliver(job *j, uint32_t h)
             surgery_collapse(s, ways[k]);
             return;
         }
-    if (!he_on_border(s, side[0]) && fan_flip_quality(s, side[0]) > 1.0 + 1e-9 &&
+    if (!he_on_border(s, side[0]) && fan_flip_gains(s, side[0], 1.0 + 1e-9) &&
         (q < no_area ? may_turn(s, side[0]) : may_flip(j, side[0])))
         surgery_flip(s, side[0]);
 }

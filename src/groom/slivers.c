@@ -15,6 +15,21 @@ static double side2(const surgery *s, uint32_t h)
     return vec3_distance2(s->V + 3 * he_from(s, h), s->V + 3 * he_to(s, h));
 }
 
+static bool any_flat(const apsm_mesh *m)
+{
+    for (size_t f = 0; f < m->nf; f++) {
+        double side[3][3], n[3], longest = 0.0;
+        for (size_t k = 0; k < 3; k++) {
+            vec3_sub(m->V + 3 * m->F[3 * f + (k + 1) % 3], m->V + 3 * m->F[3 * f + k], side[k]);
+            longest = fmax(longest, vec3_dot(side[k], side[k]));
+        }
+        vec3_cross(side[0], side[1], n);
+        /* a little more than `flat`: which corner the cross product is taken at is rounding */
+        if (!(vec3_dot(n, n) > 2.0 * flat * flat * longest * longest)) return true;
+    }
+    return false;
+}
+
 /* Mends face f if it is flat; false if it is and could not be. */
 static bool mend(surgery *s, uint32_t f, size_t *mended)
 {
@@ -51,6 +66,7 @@ apsm_status repair_slivers(repair *r)
     surgery s;
     size_t mended = 0, before = 1, after = 0;
     apsm_mesh_defects d;
+    if (!any_flat(&r->mesh)) return APSM_OK;
     APSM_TRY(apsm_mesh_inspect(&r->mesh, &d));
     const bool open_refused = d.border_edges && !r->opt->open;
     if (open_refused || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges)
