@@ -168,7 +168,9 @@ void apsm_warp_free(apsm_warp *warp)
     *warp = (apsm_warp){ 0 };
 }
 
-enum { LANES = 8, CHUNK = 64 };
+/* Weights are read once, in their order; CHUNK of them make a sum, SPAN columns of particles are at
+ * hand in the nearest cache. */
+enum { LANES = 8, CHUNK = 64, SPAN = 1024 };
 
 /* Lanes are summed in one order on all machines. */
 KERNEL_INLINE double dot_in_lanes(size_t n, const double *w, const double *x)
@@ -185,26 +187,29 @@ KERNEL_INLINE double dot_in_lanes(size_t n, const double *w, const double *x)
 APSM_KERNEL void apsm_warp_apply(const apsm_warp *warp, const double *P, double *Y)
 {
     const size_t J = warp->J;
-    double x[3][CHUNK];
+    double x[3 * SPAN];
     memset(Y, 0, 3 * warp->nv * sizeof *Y);
-    for (size_t first = 0; first < J; first += CHUNK) {
-        const size_t n = J - first < CHUNK ? J - first : CHUNK;
-        for (size_t j = 0; j < n; j++)
-            for (size_t c = 0; c < 3; c++) x[c][j] = P[3 * (first + j) + c];
+    for (size_t first = 0; first < J; first += SPAN) {
+        const size_t span = J - first < SPAN ? J - first : SPAN;
+        for (size_t j = 0; j < span; j++)
+            for (size_t c = 0; c < 3; c++) x[c * SPAN + j] = P[3 * (first + j) + c];
         for (size_t v = 0; v < warp->nv; v++)
-            for (size_t c = 0; c < 3; c++)
-                Y[3 * v + c] += dot_in_lanes(n, warp->W + v * J + first, x[c]);
+            for (size_t j = 0; j < span; j += CHUNK) {
+                const size_t n = span - j < CHUNK ? span - j : CHUNK;
+                for (size_t c = 0; c < 3; c++)
+                    Y[3 * v + c] += dot_in_lanes(n, warp->W + v * J + first + j, x + c * SPAN + j);
+            }
     }
 }
 
-/* Three columns of CHUNK moves times n (a multiple of LANES) weights, added to y. */
-KERNEL_INLINE void add_moves(size_t n, const float *restrict w, const float x[3][CHUNK],
+/* Three columns (SPAN apart) of moves times n (a multiple of LANES) weights, added to y. */
+KERNEL_INLINE void add_moves(size_t n, const float *restrict w, const float *restrict x,
                              double y[3])
 {
     float sum[3][LANES] = { { 0 } };
     for (size_t j = 0; j < n; j += LANES)
         for (size_t c = 0; c < 3; c++)
-            for (size_t l = 0; l < LANES; l++) sum[c][l] += w[j + l] * x[c][j + l];
+            for (size_t l = 0; l < LANES; l++) sum[c][l] += w[j + l] * x[c * SPAN + j + l];
     for (size_t c = 0; c < 3; c++)
         y[c] += (double)(((sum[c][0] + sum[c][4]) + (sum[c][1] + sum[c][5])) +
                          ((sum[c][2] + sum[c][6]) + (sum[c][3] + sum[c][7])));
@@ -213,17 +218,20 @@ KERNEL_INLINE void add_moves(size_t n, const float *restrict w, const float x[3]
 APSM_KERNEL void apsm_warp_displace(size_t nv, size_t J, const float *W, const double *X,
                                     const double *D, double *Y)
 {
-    float x[3][CHUNK];
+    float x[3 * SPAN];
     memcpy(Y, X, 3 * nv * sizeof *Y);
-    for (size_t first = 0; first < J; first += CHUNK) {
-        const size_t n = J - first < CHUNK ? J - first : CHUNK, whole = n - n % LANES;
-        for (size_t j = 0; j < n; j++)
-            for (size_t c = 0; c < 3; c++) x[c][j] = (float)D[3 * (first + j) + c];
+    for (size_t first = 0; first < J; first += SPAN) {
+        const size_t span = J - first < SPAN ? J - first : SPAN;
+        for (size_t j = 0; j < span; j++)
+            for (size_t c = 0; c < 3; c++) x[c * SPAN + j] = (float)D[3 * (first + j) + c];
         for (size_t v = 0; v < nv; v++) {
             const float *w = W + v * J + first;
-            add_moves(whole, w, (const float(*)[CHUNK])x, Y + 3 * v);
-            for (size_t j = whole; j < n; j++)
-                for (size_t c = 0; c < 3; c++) Y[3 * v + c] += (double)(w[j] * x[c][j]);
+            for (size_t j = 0; j < span; j += CHUNK) {
+                const size_t n = span - j < CHUNK ? span - j : CHUNK, whole = n - n % LANES;
+                add_moves(whole, w + j, x + j, Y + 3 * v);
+                for (size_t k = j + whole; k < j + n; k++)
+                    for (size_t c = 0; c < 3; c++) Y[3 * v + c] += (double)(w[k] * x[c * SPAN + k]);
+            }
         }
     }
 }
