@@ -32,6 +32,8 @@ typedef struct apsm_volume {
     char *picked; /* names of the labels that a mask was made of: "1 talus, 2 tibia", or NULL */
     char *notes;  /* what of the header had to be decided: lines, or NULL */
     size_t first[3], whole[3]; /* of a part; whole 0: all of the image is held */
+    unsigned char *small;      /* where files are groomed, labels of one layer that are all 0 to 255
+                                  are held in bytes, in the place of label; else NULL */
 } apsm_volume;
 
 APSM_API void apsm_volume_free(apsm_volume *volume);

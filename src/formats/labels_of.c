@@ -173,9 +173,27 @@ static void hold_whole(const image *m, apsm_volume *volume)
     }
 }
 
+/* The bytes of the file are the labels. */
+static apsm_status copy_small(apsm_context *ctx, const char *path, const image *part,
+                              apsm_volume *volume)
+{
+    const size_t *const n = part->n;
+    unsigned char *const small = malloc(n[0] * n[1] * n[2]);
+    if (!small) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
+    for (size_t k = 0; k < n[2]; k++)
+        for (size_t j = 0; j < n[1]; j++)
+            memcpy(small + n[0] * (j + n[1] * k), part->data + place_of(part, j, k, 0), n[0]);
+    volume->small = small;
+    volume->layers = 1;
+    return APSM_OK;
+}
+
 apsm_status labels_of(apsm_context *ctx, const char *path, const image *m, apsm_volume *volume)
 {
     const image part = part_of(m, volume);
+    if (m->foreground && m->type == SCALAR_U8 && m->layers == 1 && m->stride[0] == 1 &&
+        is_stored_as_meant(m))
+        return copy_small(ctx, path, &part, volume);
     const size_t *const n = part.n, voxels = n[0] * n[1] * n[2], size = scalar_size(m->type);
     int32_t *const label = malloc(m->layers * voxels * sizeof *label);
     if (!label) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);

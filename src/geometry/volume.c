@@ -34,6 +34,7 @@ void apsm_volume_free(apsm_volume *volume)
     free(volume->notes);
     free(volume->picked);
     free(volume->label);
+    free(volume->small);
     *volume = (apsm_volume){ 0 };
 }
 
@@ -70,7 +71,7 @@ static bool copy_segments(const apsm_volume *from, apsm_volume *to)
 apsm_status apsm_volume_copy(const apsm_volume *from, apsm_volume *to)
 {
     const size_t voxels = from->n[0] * from->n[1] * from->n[2];
-    void *label, *value;
+    void *label, *value, *small;
     *to = *from;
     to->segment = NULL;
     to->segments = 0;
@@ -78,9 +79,11 @@ apsm_status apsm_volume_copy(const apsm_volume *from, apsm_volume *to)
         copy_bytes(from->label, voxels * (from->layers ? from->layers : 1) * sizeof *from->label,
                    &label) &
         copy_bytes(from->value, voxels * sizeof *from->value, &value) &
-        copy_text(from->notes, &to->notes) & copy_text(from->picked, &to->picked);
+        copy_bytes(from->small, voxels, &small) & copy_text(from->notes, &to->notes) &
+        copy_text(from->picked, &to->picked);
     to->label = label;
     to->value = value;
+    to->small = small;
     if (arrays && copy_segments(from, to)) return APSM_OK;
     apsm_volume_free(to);
     return APSM_ERR_MEMORY;

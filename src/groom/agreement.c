@@ -78,12 +78,13 @@ static void rasterise(const apsm_mesh *surface, const size_t n[3], unsigned char
 static double departure_of(const double to_lps[16], const mask *m, const unsigned char *in,
                            const apsm_bvh *tree)
 {
+    const unsigned char *const given = mask_given(m);
     double most2 = 0.0;
     size_t i = 0;
     for (size_t z = 0; z < m->n[2]; z++)
         for (size_t y = 0; y < m->n[1]; y++)
             for (size_t x = 0; x < m->n[0]; x++, i++) {
-                if (in[i] == m->given[i]) continue;
+                if (in[i] == given[i]) continue;
                 double at[3] = { (double)x, (double)y, (double)z };
                 apsm_closest hit;
                 apsm_affine_apply(to_lps, 1, at, at);
@@ -95,10 +96,11 @@ static double departure_of(const double to_lps[16], const mask *m, const unsigne
 
 static double dice_of(const mask *m, const unsigned char *in)
 {
+    const unsigned char *const given = mask_given(m);
     size_t both = 0, all = 0;
     for (size_t i = 0; i < m->n[0] * m->n[1] * m->n[2]; i++) {
-        both += in[i] & m->given[i];
-        all += (size_t)in[i] + m->given[i];
+        both += in[i] & given[i];
+        all += (size_t)in[i] + given[i];
     }
     return all > 0 ? 2.0 * (double)both / (double)all : 0.0;
 }

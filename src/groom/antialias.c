@@ -35,6 +35,7 @@ static const float slice_margin = 0.06f; /* m between slices, over between_slope
 enum { REACH = 4, ROUNDS = 3, ITERATIONS = 8, BINS = 4096 };
 /* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not; of
  * those, what sticks out by a voxel. */
+enum { IN_A_RUN = 255 };
 enum { FREE, INNER, OUTER, INNER_LOOSE, OUTER_LOOSE, INNER_RAGGED, OUTER_RAGGED };
 /* M in (A1); of ragged nodes the mask is hardly believed. */
 static const float expected[] = { 0.0f, 1.0f, 0.0f, 1.0f, 0.0f, 0.65f, 0.35f };
@@ -50,7 +51,8 @@ typedef struct work {
     const antialias_input *in;
     size_t n[3];         /* of the fine grid */
     float w[3];          /* G along an axis: w, 1 - 2w, w */
-    float *u, *y;        /* fine */
+    float *y;            /* fine; that of the iterations, and u when they end */
+    float *u;            /* nodes */
     float *r[3];         /* (I - G) y in plane z of the fine grid is r[z % 3]; 0 where no run is */
     run *runs;           /* by rows */
     size_t *plane;       /* plane z has the runs plane[z] .. plane[z + 1] - 1; n[2] + 1 */
@@ -59,6 +61,7 @@ typedef struct work {
     float *target;       /* nodes: M of slices far apart; or NULL */
     float *line;         /* 2 n[0] + 4 */
     float mu, level, margin;
+    float elsewhere; /* least of y at firm inner nodes outside of the runs, or INFINITY */
 } work;
 
 static size_t reach_of(const antialias_input *in, int axis)
@@ -197,7 +200,8 @@ static apsm_status find_runs(work *w)
     if (w->runs && w->plane) number_runs(w);
     free(near);
     w->kind = malloc(w->nodes + 1);
-    return w->runs && w->plane && w->kind ? APSM_OK : APSM_ERR_MEMORY;
+    w->u = malloc((w->nodes + 1) * sizeof *w->u);
+    return w->runs && w->plane && w->kind && w->u ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 /* --- the start: M, linear between its nodes ------------------------------------------------ */
@@ -235,8 +239,8 @@ static unsigned char node_kind(const antialias_input *in, unsigned char inside, 
     return inside ? INNER_LOOSE : OUTER_LOOSE;
 }
 
-/* The kinds of a run's nodes. */
-static void mark_run(const work *w, const run *p, const unsigned char *firm)
+/* The kinds of a run's nodes, of which firm does not speak then. */
+static void mark_run(const work *w, const run *p, unsigned char *firm)
 {
     const antialias_input *in = w->in;
     const size_t rx = (size_t)in->refine[0], ry = (size_t)in->refine[1], rz = (size_t)in->refine[2];
@@ -246,10 +250,26 @@ static void mark_run(const work *w, const run *p, const unsigned char *firm)
         const bool node = x % rx == 0 && y % ry == 0 && z % rz == 0;
         const size_t at = x / rx + in->n[0] * (y / ry + in->n[1] * (z / rz));
         *kind++ = node ? node_kind(in, in->mask[at], firm[at]) : FREE;
+        if (node) firm[at] = IN_A_RUN;
     }
 }
 
-/* u <- M. */
+/* Of firm inner nodes outside of the runs. */
+static float least_elsewhere(const work *w, const unsigned char *firm)
+{
+    const antialias_input *in = w->in;
+    const size_t rx = (size_t)in->refine[0], ry = (size_t)in->refine[1], rz = (size_t)in->refine[2];
+    float least = INFINITY;
+    size_t i = 0;
+    for (size_t z = 0; z < in->n[2]; z++)
+        for (size_t y = 0; y < in->n[1]; y++)
+            for (size_t x = 0; x < in->n[0]; x++, i++)
+                if (in->mask[i] && firm[i] == THIN_FIRM)
+                    least = fminf(least, w->y[x * rx + w->n[0] * (y * ry + w->n[1] * z * rz)]);
+    return least;
+}
+
+/* y <- M. */
 static void start_values(work *w)
 {
     const antialias_input *in = w->in;
@@ -257,28 +277,34 @@ static void start_values(work *w)
     const size_t count = w->n[0] * w->n[1] * w->n[2];
     size_t i = 0;
     if (same)
-        for (; i < count; i++) w->u[i] = (float)in->mask[i];
+        for (; i < count; i++) w->y[i] = (float)in->mask[i];
     for (size_t z = 0; z < w->n[2] && !same; z++)
         for (size_t y = 0; y < w->n[1]; y++)
-            for (size_t x = 0; x < w->n[0]; x++) w->u[i++] = mask_between(in, x, y, z);
+            for (size_t x = 0; x < w->n[0]; x++) w->y[i++] = mask_between(in, x, y, z);
 }
 
-/* u, and what stands for M in the runs, where slices are far apart. */
+/* y in the runs. */
+static void copy_runs(const work *w, float *nodes)
+{
+    for (size_t k = 0; k < w->count; k++) {
+        const run *p = &w->runs[k];
+        memcpy(nodes + p->first, w->y + p->row * w->n[0] + p->from,
+               (p->to - p->from) * sizeof *nodes);
+    }
+}
+
+/* y, and what stands for M in the runs, where slices are far apart. */
 static apsm_status start_between(work *w, int axis)
 {
     w->margin = slice_margin * between_slope(w->in, axis);
     w->target = malloc((w->nodes + 1) * sizeof *w->target);
     if (!w->target) return APSM_ERR_MEMORY;
-    APSM_TRY(between_slices(w->in, axis, w->u));
-    for (size_t k = 0; k < w->count; k++) {
-        const run *p = &w->runs[k];
-        memcpy(w->target + p->first, w->u + p->row * w->n[0] + p->from,
-               (p->to - p->from) * sizeof *w->u);
-    }
+    APSM_TRY(between_slices(w->in, axis, w->y));
+    copy_runs(w, w->target);
     return APSM_OK;
 }
 
-static apsm_status start(work *w, const unsigned char *firm)
+static apsm_status start(work *w, unsigned char *firm)
 {
     const int axis = between_axis(w->in);
     for (size_t k = 0; k < w->count; k++) mark_run(w, &w->runs[k], firm);
@@ -287,7 +313,8 @@ static apsm_status start(work *w, const unsigned char *firm)
         start_values(w);
     else
         APSM_TRY(start_between(w, axis));
-    memcpy(w->y, w->u, w->n[0] * w->n[1] * w->n[2] * sizeof *w->y);
+    copy_runs(w, w->u);
+    w->elsewhere = least_elsewhere(w, firm);
     return APSM_OK;
 }
 
@@ -324,7 +351,7 @@ static void step_row(const work *w, const run *p, const float *restrict gradient
     const size_t at = p->row * w->n[0] + p->from, n = p->to - p->from;
     const unsigned char *const kind = w->kind + p->first;
     const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
-    float *restrict u = w->u + at, *restrict y = w->y + at;
+    float *restrict u = w->u + p->first, *restrict y = w->y + at;
     for (size_t i = 0; i < n; i++) {
         const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - expected[kind[i]]);
         const float z = project(kind[i], level, margin, y[i] - scale * (gradient[i] + pull));
@@ -342,7 +369,7 @@ static void step_row_between(const work *w, const run *p, const float *restrict 
     const unsigned char *const kind = w->kind + p->first;
     const float *const target = w->target + p->first;
     const float mu = w->mu, scale = 1.0f / (1.0f + mu), level = w->level, margin = w->margin;
-    float *restrict u = w->u + at, *restrict y = w->y + at;
+    float *restrict u = w->u + p->first, *restrict y = w->y + at;
     for (size_t i = 0; i < n; i++) {
         const float pull = kind[i] == FREE ? 0.0f : mu * (y[i] - target[i]);
         const float z = project(kind[i], level, margin, y[i] - scale * (gradient[i] + pull));
@@ -418,14 +445,14 @@ static void add_cell(const float c[8], uint32_t *bins)
     }
 }
 
-/* Eighths of cells by the value of u there. */
+/* Eighths of cells by the value of u, which y is now. */
 static void histogram(const work *w, uint32_t *bins)
 {
     const size_t nx = w->n[0], plane = nx * w->n[1];
     memset(bins, 0, BINS * sizeof *bins);
     for (size_t z = 0; z + 1 < w->n[2]; z++)
         for (size_t y = 0; y + 1 < w->n[1]; y++) {
-            const float *p = w->u + nx * (y + w->n[1] * z), *s = p + plane;
+            const float *p = w->y + nx * (y + w->n[1] * z), *s = p + plane;
             for (size_t x = 0; x + 1 < nx; x++) {
                 const float c[8] = { p[x], p[x + 1], p[nx + x], p[nx + x + 1],
                                      s[x], s[x + 1], s[nx + x], s[nx + x + 1] };
@@ -491,38 +518,31 @@ static void set_filter(work *w)
     for (int c = 0; c < 3; c++) w->w[c] = (float)(0.25 * (least / h[c]) * (least / h[c]));
 }
 
-/* Least depth of a firm inner node below the level. */
-static double least_depth(const work *w, const unsigned char *firm)
+/* The value of the firm inner node that is least inside; INFINITY: there is none. */
+static float least_inside(const work *w)
 {
-    const antialias_input *in = w->in;
-    float least = 1.0f;
-    size_t i = 0;
-    for (size_t z = 0; z < in->n[2]; z++)
-        for (size_t y = 0; y < in->n[1]; y++)
-            for (size_t x = 0; x < in->n[0]; x++, i++)
-                if (in->mask[i] && firm[i] == THIN_FIRM) {
-                    const size_t at =
-                        x * (size_t)in->refine[0] +
-                        w->n[0] * (y * (size_t)in->refine[1] + w->n[1] * z * (size_t)in->refine[2]);
-                    least = fminf(least, w->u[at] - w->level);
-                }
+    float least = w->elsewhere;
+    for (size_t k = 0; k < w->count; k++) {
+        const run *const p = &w->runs[k];
+        const float *const y = w->y + p->row * w->n[0] + p->from;
+        for (uint32_t i = 0; i < p->to - p->from; i++)
+            if (w->kind[p->first + i] == INNER) least = fminf(least, y[i]);
+    }
     return least;
 }
 
-/* What does not depend on the runs. */
 static apsm_status make_scratch(work *w)
 {
-    const size_t count = w->n[0] * w->n[1] * w->n[2], plane = w->n[0] * w->n[1];
-    w->y = malloc(count * sizeof *w->y);
+    const size_t plane = w->n[0] * w->n[1];
     w->line = malloc((2 * w->n[0] + 4) * sizeof *w->line);
     float *const r = calloc(3 * plane, sizeof *r);
     for (size_t k = 0; k < 3 && r; k++) w->r[k] = r + k * plane;
-    return w->y && w->line && r ? APSM_OK : APSM_ERR_MEMORY;
+    return w->line && r ? APSM_OK : APSM_ERR_MEMORY;
 }
 
 static void free_scratch(work *w)
 {
-    free(w->y);
+    free(w->u);
     free(w->r[0]);
     free(w->runs);
     free(w->plane);
@@ -533,7 +553,7 @@ static void free_scratch(work *w)
 
 apsm_status antialias(const antialias_input *in, float *values, double *inward)
 {
-    work w = { .in = in, .u = values, .level = 0.5f };
+    work w = { .in = in, .y = values, .level = 0.5f };
     const double s = in->smoothing;
     antialias_fine(in, w.n);
     w.mu = s > 0.0 ? (float)(fidelity / (s * s * s * s)) : 0.0f;
@@ -544,14 +564,14 @@ apsm_status antialias(const antialias_input *in, float *values, double *inward)
     if (status == APSM_OK) status = make_scratch(&w);
     if (status == APSM_OK) status = thin_mark(in->n, in->mask, firm);
     if (status == APSM_OK) status = start(&w, firm);
+    free(firm);
     if (status == APSM_OK) {
         if (s > 0.0) smooth(&w, bins);
-        *inward = 0.9 * least_depth(&w, firm);
+        *inward = 0.9 * fminf(1.0f, least_inside(&w) - w.level);
         const size_t count = w.n[0] * w.n[1] * w.n[2];
         for (size_t i = 0; i < count; i++) values[i] = w.level - values[i];
     }
     free_scratch(&w);
     free(bins);
-    free(firm);
     return status;
 }

@@ -23,8 +23,8 @@ void antialias_fine(const antialias_input *in, size_t fine[3]);
 
 /* values (fine, out) is negative inside; its zero level encloses the mask's volume, as far as
  * that leaves firm inner nodes (thin.h) inside.  *inward (out): by how much the level may be
- * lowered before one gets out.  O(fine) memory (4 bytes a node beside values), O(nodes near the
- * surface) time beside clearing it. */
+ * lowered before one gets out.  O(nodes near the surface) time beside clearing values and memory
+ * beside 2 bytes a node of the mask. */
 apsm_status antialias(const antialias_input *in, float *values, double *inward) APSM_NODISCARD;
 
 #endif

@@ -13,6 +13,11 @@
 #include "groom/closing.h"
 #include "groom/parts.h"
 
+static bool is_in(const apsm_volume *v, size_t at)
+{
+    return v->small ? v->small[at] != 0 : v->label[at] != 0;
+}
+
 /* Bounding box lo..hi (inclusive) of the label; false if there is none. */
 static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
 {
@@ -23,11 +28,11 @@ static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
     }
     for (size_t z = 0; z < v->n[2]; z++)
         for (size_t y = 0; y < v->n[1]; y++) {
-            const int32_t *row = v->label + v->n[0] * (y + v->n[1] * z);
+            const size_t row = v->n[0] * (y + v->n[1] * z);
             size_t from = 0, to = v->n[0];
-            while (from < to && !row[from]) from++;
+            while (from < to && !is_in(v, row + from)) from++;
             if (from == to) continue;
-            while (!row[to - 1]) to--;
+            while (!is_in(v, row + to - 1)) to--;
             const size_t first[3] = { from, y, z }, last[3] = { to - 1, y, z };
             for (int c = 0; c < 3; c++) {
                 if (first[c] < lo[c]) lo[c] = first[c];
@@ -46,14 +51,13 @@ static apsm_status crop(const apsm_volume *v, const size_t lo[3], const size_t h
         m->origin[c] = (ptrdiff_t)(v->first[c] + lo[c]) - (ptrdiff_t)rim[c];
     }
     m->in = calloc(m->n[0] * m->n[1] * m->n[2], 1);
-    m->given = malloc(m->n[0] * m->n[1] * m->n[2]);
-    if (!m->in || !m->given) return APSM_ERR_MEMORY;
+    if (!m->in) return APSM_ERR_MEMORY;
     for (size_t z = lo[2]; z <= hi[2]; z++)
         for (size_t y = lo[1]; y <= hi[1]; y++) {
-            const int32_t *row = v->label + v->n[0] * (y + v->n[1] * z);
+            const size_t row = v->n[0] * (y + v->n[1] * z);
             unsigned char *to =
                 m->in + m->n[0] * (y - lo[1] + rim[1] + m->n[1] * (z - lo[2] + rim[2])) + rim[0];
-            for (size_t x = lo[0]; x <= hi[0]; x++) to[x - lo[0]] = row[x] != 0;
+            for (size_t x = lo[0]; x <= hi[0]; x++) to[x - lo[0]] = is_in(v, row + x);
         }
     return APSM_OK;
 }
@@ -197,15 +201,30 @@ static apsm_status close_gaps(mask *m, const apsm_volume *v, const apsm_groom_op
     return APSM_OK;
 }
 
+apsm_status mask_keep_given(mask *m)
+{
+    const size_t total = m->n[0] * m->n[1] * m->n[2];
+    if (m->given) return APSM_OK;
+    m->given = malloc(total);
+    if (!m->given) return APSM_ERR_MEMORY;
+    memcpy(m->given, m->in, total);
+    return APSM_OK;
+}
+
 static apsm_status clean(apsm_context *ctx, const char *name, const apsm_volume *volume,
                          const apsm_groom_options *opt, mask *m, apsm_groom_report *report)
 {
     APSM_TRY(keep_largest(m, report));
-    memcpy(m->given, m->in, m->n[0] * m->n[1] * m->n[2]);
+    APSM_TRY(mask_keep_given(m));
     APSM_TRY(judge(ctx, name, opt, report));
     if (opt->fill_holes) APSM_TRY(fill_cavities(m, report));
     APSM_TRY(open_strands(ctx, name, m, volume, opt, report));
-    return close_gaps(m, volume, opt, report);
+    APSM_TRY(close_gaps(m, volume, opt, report));
+    if (memcmp(m->given, m->in, m->n[0] * m->n[1] * m->n[2]) == 0) {
+        free(m->given);
+        m->given = NULL;
+    }
+    return APSM_OK;
 }
 
 apsm_status mask_make(apsm_context *ctx, const char *name, const apsm_volume *volume,

@@ -248,6 +248,7 @@ static apsm_status mend_handles(apsm_context *ctx, const char *name, const apsm_
 {
     tunnels_report t;
     apsm_mesh other = { 0 };
+    APSM_TRY(mask_keep_given(m));
     APSM_TRY(mask_mend_tunnels(m, grid->spacing, mask_size(grid, r->voxels), &t));
     if (t.filled + t.cut == 0) return APSM_OK;
     apsm_groom_report mended = { .voxels = r->voxels + t.filled - t.cut,
@@ -288,9 +289,9 @@ static apsm_status groom_grid(apsm_context *ctx, const char *name, const apsm_vo
     return status;
 }
 
-/* Whoever owns the labels has them freed once the mask is made: (*labels), unless that is NULL. */
+/* taken: the volume itself, or NULL; its labels are freed once the mask is made. */
 static apsm_status groom_voxels(apsm_context *ctx, const char *name, const apsm_volume *volume,
-                                int32_t **labels, apsm_groom_options opt, apsm_mesh *mesh_out,
+                                apsm_volume *taken, apsm_groom_options opt, apsm_mesh *mesh_out,
                                 apsm_groom_report *r)
 {
     mask m = { .in = NULL };
@@ -301,9 +302,11 @@ static apsm_status groom_voxels(apsm_context *ctx, const char *name, const apsm_
     opt.opening_length /= unit;
     const apsm_volume grid = in_unit(volume, unit, rest);
     apsm_status status = make_mask(ctx, name, &grid, &opt, &m, r);
-    if (labels) {
-        free(*labels);
-        *labels = NULL;
+    if (taken) {
+        free(taken->label);
+        free(taken->small);
+        taken->label = NULL;
+        taken->small = NULL;
     }
     if (status == APSM_OK) status = groom_grid(ctx, name, &grid, &opt, unit, &m, mesh_out, r);
     mask_free(&m);
@@ -333,5 +336,5 @@ apsm_status groom_taken_segmentation(apsm_context *ctx, const char *name, apsm_v
     apsm_groom_report own, *r = report ? report : &own;
     *r = (apsm_groom_report){ 0 };
     *mesh_out = (apsm_mesh){ 0 };
-    return groom_voxels(ctx, name, volume, &volume->label, *options, mesh_out, r);
+    return groom_voxels(ctx, name, volume, volume, *options, mesh_out, r);
 }

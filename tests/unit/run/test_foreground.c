@@ -41,8 +41,8 @@ static void expect_part(const apsm_volume *part, const apsm_volume *whole)
                                       k - part->first[2] }; /* below: too large */
                 const bool held = p[0] < part->n[0] && p[1] < part->n[1] && p[2] < part->n[2];
                 const int32_t wanted = whole->label[i + whole->n[0] * (j + whole->n[1] * k)];
-                const int32_t got =
-                    held ? part->label[p[0] + part->n[0] * (p[1] + part->n[1] * p[2])] : 0;
+                const size_t at = p[0] + part->n[0] * (p[1] + part->n[1] * p[2]);
+                const int32_t got = !held ? 0 : part->small ? part->small[at] : part->label[at];
                 assert_int_equal(got, wanted);
             }
 }
@@ -72,9 +72,11 @@ static void parts_make_the_same_shape(void **state)
         assert_int_equal(part.first[0], cases[k].first);
         assert_int_equal(part.n[0], cases[k].n);
         expect_part(&part, &whole);
+        assert_true(part.small && !part.label); /* bytes of the file, a quarter of the memory */
         must(f, apsm_groom_segmentation(f->ctx, "whole", &whole, &opt, &a, &ra));
         must(f, groom_taken_segmentation(f->ctx, "part", &part, &opt, &b, &rb));
         assert_null(part.label);
+        assert_null(part.small);
         assert_int_equal(ra.border, cases[k].border);
         assert_int_equal(rb.border, cases[k].border);
         assert_int_equal(a.nv, b.nv);
