@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/number.h"
 #include "core/sized.h"
 #include "evaluate/surface_distance.h"
 #include "fit/landmarks.h"
@@ -242,12 +243,27 @@ static apsm_status find_part(const fit_job *job, bool *part)
     return apsm_mesh_find_open(job->mesh, part);
 }
 
+/* What a user can try where a model of open surfaces refuses an open one, taken for whole. */
+static apsm_status say_what_helps(const fit_job *job)
+{
+    bool open;
+    apsm_fit *out = job->out;
+    const size_t used = strlen(out->reason);
+    if (out->verdict != APSM_FIT_REFUSED || job->m->cohort.shape[0].rim.n == 0) return APSM_OK;
+    APSM_TRY(apsm_mesh_find_open(job->mesh, &open));
+    if (open)
+        apsm_print(out->reason + used, APSM_FIT_REASON - used, " (of a part say --extent part)");
+    return APSM_OK;
+}
+
 static apsm_status fit_surface(apsm_context *ctx, fit_job *job)
 {
     bool part;
     APSM_TRY(fit_alloc(job->m, job->out));
     APSM_TRY(find_part(job, &part));
-    return part ? fit_part(ctx, job) : fit_whole(ctx, job);
+    if (part) return fit_part(ctx, job);
+    APSM_TRY(fit_whole(ctx, job));
+    return say_what_helps(job);
 }
 
 /* ---- the door ---- */
