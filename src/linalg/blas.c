@@ -95,6 +95,26 @@ void apsm_cholesky_solve_f32(size_t n, const float *L, size_t m, float *B)
     return_blas();
 }
 
+apsm_status apsm_band_cholesky_f32(size_t n, size_t band, float *A)
+{
+    const lapack_int m = (lapack_int)n, k = (lapack_int)band;
+    if (n == 0) return APSM_OK;
+    borrow_blas();
+    const lapack_int info = LAPACKE_spbtrf_work(LAPACK_COL_MAJOR, 'L', m, k, A, k + 1);
+    return_blas();
+    return info == 0 && isfinite(A[(n - 1) * (band + 1)]) ? APSM_OK : APSM_ERR_SINGULAR;
+}
+
+void apsm_band_solve_f32(size_t n, size_t band, const float *L, float *x)
+{
+    const int N = (int)n, K = (int)band;
+    if (n == 0) return;
+    borrow_blas();
+    cblas_stbsv(CblasColMajor, CblasLower, CblasNoTrans, CblasNonUnit, N, K, L, K + 1, x, 1);
+    cblas_stbsv(CblasColMajor, CblasLower, CblasTrans, CblasNonUnit, N, K, L, K + 1, x, 1);
+    return_blas();
+}
+
 double apsm_cholesky_logdet(size_t n, const double *L)
 {
     double sum = 0.0;

@@ -20,6 +20,10 @@ apsm_status apsm_cholesky_f32(size_t n, float *A) APSM_NODISCARD;
 /* B (n x m) <- A^-1 B by the factor L. */
 void apsm_cholesky_solve(size_t n, const double *L, size_t m, double *B);
 void apsm_cholesky_solve_f32(size_t n, const float *L, size_t m, float *B);
+/* The same of a band: A (n x (band + 1)), row k: A_kk, A_k+1,k, ... A_k+band,k (in), the same of L
+ * (out); entries beyond the n-th row are not read.  x (n) <- A^-1 x. */
+apsm_status apsm_band_cholesky_f32(size_t n, size_t band, float *A) APSM_NODISCARD;
+void apsm_band_solve_f32(size_t n, size_t band, const float *L, float *x);
 double apsm_cholesky_logdet(size_t n, const double *L); /* log det A */
 
 /* Eigenvalues w (n, descending) and eigenvectors as the rows of Q (n x n) of symmetric A

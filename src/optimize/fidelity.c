@@ -90,14 +90,15 @@ static apsm_status take_features(apsm_fidelity *f)
     return APSM_OK;
 }
 
-/* W in single precision: steps of many particles need no more. */
-static apsm_status round_weights(apsm_fidelity *f)
+/* Steps of many particles: W in single precision, they need no more, and the band of H. */
+static apsm_status prepare_many(apsm_fidelity *f)
 {
     const size_t n = f->warp.nv * f->J;
     f->W32 = malloc(n * sizeof *f->W32);
     if (!f->W32) return APSM_ERR_MEMORY;
     for (size_t k = 0; k < n; k++) f->W32[k] = (float)f->warp.W[k];
-    return APSM_OK;
+    f->place = malloc(f->J * sizeof *f->place);
+    return f->place ? fidelity_find_band(f->J, f->T, f->place, &f->band) : APSM_ERR_MEMORY;
 }
 
 static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
@@ -132,7 +133,7 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
                                  &f->anchors));
     APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp));
-    return 2 * J > (size_t)f->o.dense ? round_weights(f) : APSM_OK;
+    return 2 * J > (size_t)f->o.dense ? prepare_many(f) : APSM_OK;
 }
 
 apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size_t J,
@@ -156,6 +157,7 @@ void apsm_fidelity_free(apsm_fidelity *f)
     if (!f) return;
     apsm_warp_free(&f->warp);
     free(f->W32);
+    free(f->place);
     apsm_warp_free(&f->anchors);
     free(f->features);
     apsm_neighbourhoods_free(&f->reference);
@@ -305,28 +307,6 @@ static bool try_steps(const round_task *t, size_t i, const fidelity_weights *q, 
     return false;
 }
 
-/* The same in single precision, which is enough where H itself is not known better. */
-static apsm_status solve_f32(size_t n, fidelity_work *w)
-{
-    for (size_t x = 0; x < n; x++) {
-        for (size_t y = 0; y <= x; y++) w->H32[x * n + y] = (float)w->H[x * n + y];
-        w->rows[x] = (float)-w->g[x];
-    }
-    APSM_TRY(apsm_cholesky_f32(n, w->H32));
-    apsm_cholesky_solve_f32(n, w->H32, 1, w->rows);
-    for (size_t x = 0; x < n; x++) w->g[x] = (double)w->rows[x];
-    return APSM_OK;
-}
-
-static apsm_status solve(size_t n, fidelity_work *w)
-{
-    if (w->sparse && solve_f32(n, w) == APSM_OK) return APSM_OK;
-    APSM_TRY(apsm_cholesky(n, w->H)); /* also where single precision took H for indefinite */
-    for (size_t x = 0; x < n; x++) w->g[x] = -w->g[x];
-    apsm_cholesky_solve(n, w->H, 1, w->g);
-    return APSM_OK;
-}
-
 /* One step from w->a to w->b; false if there is none.  Where every length of it takes the surfaces
  * of a shape thinner than h apart, the prior asks for more than they allow, as on long thin shapes
  * whose bends the model does not foresee: it gets a quarter of its weight in q, and once more. */
@@ -343,7 +323,7 @@ static bool find_step(const round_task *t, size_t i, double limit, size_t folds,
             fidelity_value(t->f, q, &w->a, w);
         }
         fidelity_add_quadratic(t->f, q, &w->a, w);
-        if (solve(2 * t->f->J, w) != APSM_OK) break; /* no step is better than a wrong one */
+        if (fidelity_solve(t->f, q, w) != APSM_OK) break; /* no step is better than a wrong one */
         if (try_steps(t, i, q, limit, folds, w)) return true;
     }
     return false;

@@ -75,7 +75,9 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->sparse = f->W32 != NULL;
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
     w->near = malloc(2 * J * sizeof *w->near);
+    w->row = malloc(8 * J * sizeof *w->row);
     w->H32 = malloc(4 * J * J * sizeof *w->H32);
+    w->band = malloc(2 * J * (f->band + 1) * sizeof *w->band);
     w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
     w->e = malloc(3 * J * sizeof *w->e);
@@ -88,8 +90,8 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
     if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at &&
-        w->YN && w->tangent && w->part && w->rows && w->near && w->H32 && w->H && w->g && w->e &&
-        w->Se && w->tangent_mode) {
+        w->YN && w->tangent && w->part && w->rows && w->near && w->row && w->H32 && w->band &&
+        w->H && w->g && w->e && w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -117,7 +119,9 @@ void fidelity_work_free(fidelity_work *w)
     free(w->part);
     free(w->rows);
     free(w->near);
+    free(w->row);
     free(w->H32);
+    free(w->band);
     free(w->H);
     free(w->g);
     free(w->e);
@@ -218,7 +222,10 @@ static void roughness(const apsm_fidelity *f, const fidelity_weights *q, const d
 {
     const size_t J = f->J;
     for (size_t x = 0; x < 3 * J; x++) w->e[x] = P[x] / f->h - q->mean[x];
-    apsm_gemm(0, 0, J, 3, J, 1, f->Q, J, w->e, 3, 0, w->Se, 3);
+    if (w->sparse) /* BLAS takes three times as long for three columns, which few do not feel */
+        fidelity_roughness(J, f->Q, w->e, w->row, w->Se);
+    else
+        apsm_gemm(0, 0, J, 3, J, 1, f->Q, J, w->e, 3, 0, w->Se, 3);
 }
 
 /* e = p - from in h. */
@@ -338,17 +345,37 @@ static void pull_together(const apsm_fidelity *f, double weight, double d, const
     }
 }
 
-/* The particle next to j and its distance. */
-static size_t next_particle(size_t J, const double *P, size_t j, double *distance)
+enum { LANES = 8 };
+
+/* The first particle next to j, and its distance; X: 3 x J, by coordinate; d2 (J): scratch. */
+KERNEL_INLINE size_t next_particle(size_t J, const double *X, size_t j, double *d2,
+                                   double *distance)
 {
-    size_t next = j;
-    double least = INFINITY;
+    const double *x = X, *y = X + J, *z = X + 2 * J;
+    double lane[LANES], least = INFINITY;
     for (size_t k = 0; k < J; k++) {
-        const double d2 = vec3_distance2(P + 3 * j, P + 3 * k);
-        if (k != j && d2 < least) least = d2, next = k;
+        const double a = x[j] - x[k], b = y[j] - y[k], c = z[j] - z[k];
+        d2[k] = a * a + b * b + c * c;
     }
+    d2[j] = INFINITY;
+    for (size_t l = 0; l < LANES; l++) lane[l] = INFINITY;
+    for (size_t k = 0; k + LANES <= J; k += LANES)
+        for (size_t l = 0; l < LANES; l++) lane[l] = d2[k + l] < lane[l] ? d2[k + l] : lane[l];
+    for (size_t l = 0; l < LANES; l++) least = lane[l] < least ? lane[l] : least;
+    for (size_t k = J - J % LANES; k < J; k++) least = d2[k] < least ? d2[k] : least;
+    size_t next = 0;
+    while (next + 1 < J && d2[next] > least) next++;
     *distance = sqrt(least);
     return next;
+}
+
+/* next (J) and distance (J) of every particle; work: 4J. */
+APSM_KERNEL static void next_particles(size_t J, const double *P, double *work, uint32_t *next,
+                                       double *distance)
+{
+    for (size_t x = 0; x < 3 * J; x++) work[x % 3 * J + x / 3] = P[x];
+    for (size_t j = 0; j < J; j++)
+        next[j] = (uint32_t)next_particle(J, work, j, work + 3 * J, &distance[j]);
 }
 
 /* Calls for every neighbour of the template that is drifting away: d = |x_jk| - b |x_jl| > 0 in h.
@@ -359,9 +386,11 @@ static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const 
     static const double limit = 1.75;
     const apsm_neighbourhoods *r = &f->reference;
     double sum = 0;
+    double *distance = w->row + 4 * f->J;
+    next_particles(f->J, P, w->row, w->near, distance);
     for (size_t j = 0; j < f->J; j++) {
-        double nearest;
-        const size_t l = next_particle(f->J, P, j, &nearest);
+        const size_t l = w->near[j];
+        const double nearest = distance[j];
         for (size_t i = r->start[j]; i < r->start[j + 1]; i++) {
             const size_t k = r->index[i];
             const double far = sqrt(vec3_distance2(P + 3 * j, P + 3 * k));
@@ -476,6 +505,29 @@ APSM_KERNEL static void make_row(size_t J, const double *part, const double dire
     }
 }
 
+/* Indices, ascending, of those of x whose size is beyond `least` of the largest; returns how many.
+ * most: scratch, J / LANES + 1. */
+APSM_KERNEL static size_t find_large(size_t J, const double *x, double least, double *most,
+                                     uint32_t *index)
+{
+    const size_t blocks = (J + LANES - 1) / LANES;
+    double all = 0;
+    for (size_t b = 0; b < blocks; b++) {
+        const size_t n = J - b * LANES < LANES ? J - b * LANES : LANES;
+        most[b] = 0;
+        for (size_t l = 0; l < n; l++) {
+            const double size = fabs(x[b * LANES + l]);
+            most[b] = size > most[b] ? size : most[b];
+        }
+        all = most[b] > all ? most[b] : all;
+    }
+    size_t count = 0;
+    for (size_t b = 0; b < blocks; b++)
+        for (size_t j = b * LANES; most[b] > least * all && j < (b + 1) * LANES && j < J; j++)
+            if (fabs(x[j]) > least * all) index[count++] = (uint32_t)j;
+    return count;
+}
+
 /* A row's part of H.  A point of the template hangs on the particles around it: a thirtieth of
  * them, if they are many, have more than a thousandth of the largest weight, and all others
  * together a hundred-thousandth of the sum of squares.  They are left out of H, not of the
@@ -485,11 +537,7 @@ static void add_row(size_t J, const double *part, const float *row, fidelity_wor
     static const double least = 3e-3;
     const size_t n = 2 * J;
     uint32_t *near = w->near;
-    double most = 0;
-    size_t count = 0;
-    for (size_t j = 0; j < J; j++) most = fabs(part[j]) > most ? fabs(part[j]) : most;
-    for (size_t j = 0; j < J; j++)
-        if (fabs(part[j]) > least * most) near[count++] = (uint32_t)j;
+    const size_t count = find_large(J, part, least, w->row, near);
     for (size_t a = 0; a < count; a++) {
         const float *x = row + 2 * near[a];
         double *H = w->H + 2 * n * near[a];
@@ -554,15 +602,6 @@ double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state
     return trace / (double)n;
 }
 
-/* H += weight T' L T for the coefficient between particles j and k (j >= k). */
-static void add_block(size_t J, size_t j, size_t k, double weight, const double *tangent, double *H)
-{
-    for (size_t a = 0; a < 2; a++)
-        for (size_t b = 0; b < 2; b++)
-            H[(2 * j + a) * 2 * J + 2 * k + b] +=
-                weight * vec3_dot(tangent + 6 * j + 3 * a, tangent + 6 * k + 3 * b);
-}
-
 static void add_gradient(size_t J, double weight, const double *x, const double *tangent, double *g)
 {
     for (size_t j = 0; j < 2 * J; j++) g[j] += weight * vec3_dot(x + 3 * (j / 2), tangent + 3 * j);
@@ -577,8 +616,14 @@ static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelit
         for (size_t x = 0; x < n; x++)
             u[x] = vec3_dot(w->z + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
     }
+    if (f->band == 0) fidelity_add_modes(f, q, w);
+}
+
+void fidelity_add_modes(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
+{
+    const size_t n = 2 * f->J, modes = q->prior > 0 ? q->modes : 0;
     for (size_t x = 0; x < n; x++)
-        for (size_t m = 0; m < q->modes; m++) {
+        for (size_t m = 0; m < modes; m++) {
             const double *u = w->tangent_mode + m * n;
             for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
         }
@@ -590,9 +635,7 @@ static void add_roughness(const apsm_fidelity *f, const fidelity_weights *q, con
     const size_t J = f->J;
     roughness(f, q, P, w);
     add_gradient(J, q->smooth, w->Se, w->tangent, w->g);
-    for (size_t j = 0; j < J; j++)
-        for (size_t k = 0; k <= j; k++)
-            add_block(J, j, k, q->smooth * f->Q[j * J + k], w->tangent, w->H);
+    fidelity_add_roughness(J, q->smooth, f->Q, w->tangent, w->row, w->H);
 }
 
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,

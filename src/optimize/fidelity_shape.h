@@ -13,6 +13,8 @@ struct apsm_fidelity {
     double h;
     apsm_warp warp;    /* of the template's vertices */
     float *W32;        /* its W; NULL where particles are few: see `dense` */
+    uint32_t *place;   /* J: particles along the template, with W32 */
+    size_t band;       /* unknowns in that order beyond which H is nearly 0; 0: not used */
     apsm_warp anchors; /* of its landmarks; nv 0: none */
     double *features;  /* J x F: of its particles; NULL: none */
     double *T, *TN;    /* J x 3: its particles and their normals */
@@ -59,6 +61,11 @@ typedef struct fidelity_weights {
 
 /* Q (J x J, out) from the template's particles T. */
 apsm_status fidelity_smoothness(size_t J, const double *T, double *Q) APSM_NODISCARD;
+/* Qe (J x 3) = Q e; work: 3J. */
+void fidelity_roughness(size_t J, const double *Q, const double *e, double *work, double *Qe);
+/* H (2J x 2J lower) += weight T'QT, T the tangents (J x 2 x 3); work: 8J. */
+void fidelity_add_roughness(size_t J, double weight, const double *Q, const double *tangent,
+                            double *work, double *H);
 
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {
@@ -75,7 +82,9 @@ typedef struct fidelity_work {
     float *rows;          /* FIDELITY_ROWS x 2J */
     bool sparse;          /* only what is near in them goes to H, whose step is found in float */
     uint32_t *near;       /* J: particles that are */
+    double *row;          /* 8J */
     float *H32;           /* 2J x 2J lower: the surface terms' part of H */
+    float *band;          /* 2J x (band + 1) */
     double *H, *g;        /* 2J x 2J lower, 2J */
     double *e, *Se;       /* J x 3 */
     double *v, *z, *K;    /* precision of the prior: J, modes x 3J; modes x modes: scratch */
@@ -108,6 +117,15 @@ double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state
 /* Adds the quadratic terms to w->H and w->g. */
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
                             const fidelity_state *s, fidelity_work *w);
+/* That of the prior's modes, which fidelity_add_quadratic leaves to the solution if f has a band.
+ */
+void fidelity_add_modes(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w);
+/* Particles' places (J, out) along the template's longest axis, and the band of H in that order. */
+apsm_status fidelity_find_band(size_t J, const double *T, uint32_t *place,
+                               size_t *band) APSM_NODISCARD;
+/* w->g: in g, out the step -H^-1 g.  Destroys H.  APSM_ERR_SINGULAR if H is not definite. */
+apsm_status fidelity_solve(const apsm_fidelity *f, const fidelity_weights *q,
+                           fidelity_work *w) APSM_NODISCARD;
 /* Mean distance in h of particles P (J x 3) from what the other shapes' model makes of them. */
 double fidelity_left_out(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                          fidelity_work *w);

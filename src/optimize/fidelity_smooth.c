@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "align/registration.h"
+#include "core/kernel.h"
 #include "geometry/vec3.h"
 #include "linalg/linalg.h"
 #include "optimize/fidelity_shape.h"
@@ -48,4 +49,55 @@ apsm_status fidelity_smoothness(size_t J, const double *T, double *Q)
     free(y);
     free(K);
     return status;
+}
+
+/* S (3 x J) += c' q for four rows q of Q and their coefficients. */
+KERNEL_INLINE void add_four(size_t J, const double *const q[4], const double c[4][3], double *S)
+{
+    double *x = S, *y = S + J, *z = S + 2 * J;
+    for (size_t k = 0; k < J; k++) {
+        const double a = q[0][k], b = q[1][k], d = q[2][k], e = q[3][k];
+        x[k] += (c[0][0] * a + c[1][0] * b) + (c[2][0] * d + c[3][0] * e);
+        y[k] += (c[0][1] * a + c[1][1] * b) + (c[2][1] * d + c[3][1] * e);
+        z[k] += (c[0][2] * a + c[1][2] * b) + (c[2][2] * d + c[3][2] * e);
+    }
+}
+
+APSM_KERNEL void fidelity_roughness(size_t J, const double *Q, const double *e, double *work,
+                                    double *Qe)
+{
+    static const double zero[3] = { 0 };
+    memset(work, 0, 3 * J * sizeof *work);
+    for (size_t j = 0; j < J; j += 4) {
+        const double *q[4];
+        double c[4][3];
+        for (size_t r = 0; r < 4; r++) {
+            const bool in = j + r < J;
+            q[r] = Q + (in ? j + r : j) * J;
+            memcpy(c[r], in ? e + 3 * (j + r) : zero, sizeof c[r]);
+        }
+        add_four(J, q, (const double(*)[3])c, work);
+    }
+    for (size_t x = 0; x < 3 * J; x++) Qe[x] = work[x % 3 * J + x / 3];
+}
+
+/* H (n) += weight q t'u for the tangents u (3 x n, by coordinate); q (n). */
+KERNEL_INLINE void add_row(size_t n, size_t stride, const double *q, const double t[3],
+                           const double *u, double *H)
+{
+    const double *x = u, *y = u + stride, *z = u + 2 * stride;
+    for (size_t k = 0; k < n; k++) H[k] += q[k] * (t[0] * x[k] + t[1] * y[k] + t[2] * z[k]);
+}
+
+APSM_KERNEL void fidelity_add_roughness(size_t J, double weight, const double *Q,
+                                        const double *tangent, double *work, double *H)
+{
+    const size_t n = 2 * J;
+    double *u = work, *q = work + 3 * n;
+    for (size_t x = 0; x < 3 * n; x++) u[x % 3 * n + x / 3] = tangent[x];
+    for (size_t j = 0; j < J; j++) {
+        for (size_t k = 0; k <= j; k++) q[2 * k] = q[2 * k + 1] = weight * Q[j * J + k];
+        for (size_t x = 2 * j; x < 2 * j + 2; x++)
+            add_row(x + 1, n, q, tangent + 3 * x, u, H + x * n);
+    }
 }

@@ -1,0 +1,163 @@
+/* The step of (12) for many particles: by a band and conjugate gradients, against a factor of the
+ * whole in double precision. */
+#include <math.h>
+#include <string.h>
+
+#include "check.h"
+#include "cmocka_all.h"
+#include "geometry/vec3.h"
+#include "linalg/linalg.h"
+#include "optimize/fidelity_shape.h"
+
+enum { J = 520, N = 2 * J, MODES = 2, POINTS = 900 };
+static const double prior = 0.02;
+
+typedef struct system_ {
+    apsm_fidelity f;
+    fidelity_work w;
+    double *H, *g, *x; /* what was built, and the solution */
+} system_;
+
+/* Evenly on a long ellipsoid, in an order that says nothing of the place. */
+static void scatter(size_t n, double *X)
+{
+    for (size_t k = 0; k < n; k++) {
+        const size_t i = k * 211 % n;
+        const double z = 2 * ((double)i + 0.5) / (double)n - 1,
+                     angle = 2.399963229728653 * (double)i;
+        const double x[3] = { cos(angle) * sqrt(1 - z * z), sin(angle) * sqrt(1 - z * z), 1.8 * z };
+        memcpy(X + 3 * k, x, sizeof x);
+    }
+}
+
+/* H += r r' for a point that hangs on the particles around it. */
+static void add_point(const double *T, const double *y, const double *coefficient, double *H)
+{
+    static const double reach = 0.12;
+    static double row[N];
+    for (size_t x = 0; x < N; x++)
+        row[x] = coefficient[x] * exp(-vec3_distance2(T + 3 * (x / 2), y) / (2 * reach * reach));
+    for (size_t x = 0; x < N; x++)
+        for (size_t y2 = 0; y2 <= x; y2++) H[x * N + y2] += row[x] * row[y2];
+}
+
+static void build(double everywhere, system_ *s)
+{
+    double *T = check_alloc(3 * J), *Y = check_alloc(3 * POINTS), *c = check_alloc(N);
+    *s = (system_){ .f = { .J = J }, .w = { .sparse = true } };
+    s->H = check_alloc(N * N), s->g = check_alloc(N), s->x = check_alloc(N);
+    scatter(J, T);
+    scatter(POINTS, Y);
+    memset(s->H, 0, N * N * sizeof *s->H);
+    for (size_t k = 0; k < POINTS; k++) {
+        check_uniform(100 + k, N, -1, 1, c);
+        add_point(T, Y + 3 * k, c, s->H);
+    }
+    for (size_t x = 0; x < N; x++)
+        for (size_t y = 0; y <= x; y++) s->H[x * N + y] += everywhere + (x == y ? 0.02 : 0);
+    check_uniform(2, N, -1, 1, s->g);
+    s->f.place = malloc(J * sizeof *s->f.place);
+    assert_int_equal(fidelity_find_band(J, T, s->f.place, &s->f.band), APSM_OK);
+    assert_true(s->f.band > 0 && s->f.band < N / 2);
+    s->w.H = check_alloc(N * N), s->w.g = check_alloc(N), s->w.row = check_alloc(8 * J);
+    s->w.K = check_alloc(MODES * MODES), s->w.tangent_mode = check_alloc(MODES * N);
+    s->w.H32 = malloc(N * N * sizeof(float));
+    s->w.band = malloc(N * (s->f.band + 1) * sizeof(float));
+    s->w.rows = malloc(N * FIDELITY_ROWS * sizeof(float));
+    check_uniform(3, MODES * N, -0.03, 0.03, s->w.tangent_mode);
+    memcpy(s->w.H, s->H, N * N * sizeof *s->H);
+    memcpy(s->w.g, s->g, N * sizeof *s->g);
+    free(T), free(Y), free(c);
+}
+
+static void release(system_ *s)
+{
+    free(s->H), free(s->g), free(s->x), free(s->f.place), free(s->w.H), free(s->w.g);
+    free(s->w.row), free(s->w.K), free(s->w.tangent_mode), free(s->w.H32), free(s->w.band);
+    free(s->w.rows);
+}
+
+/* Error of the step by H's own measure. */
+static double error_of(system_ *s, const fidelity_weights *q)
+{
+    double *A = check_alloc(N * N), off = 0, size = 0;
+    double *const keep = s->w.H;
+    memcpy(A, s->H, N * N * sizeof *A);
+    s->w.H = A;
+    fidelity_add_modes(&s->f, q, &s->w);
+    s->w.H = keep;
+    for (size_t x = 0; x < N; x++)
+        for (size_t y = 0; y <= x; y++) s->H[x * N + y] = A[x * N + y];
+    for (size_t x = 0; x < N; x++) s->x[x] = -s->g[x];
+    assert_int_equal(apsm_cholesky(N, A), APSM_OK);
+    apsm_cholesky_solve(N, A, 1, s->x);
+    for (size_t x = 0; x < N; x++)
+        for (size_t y = 0; y < N; y++) {
+            const double a = s->H[x > y ? x * N + y : y * N + x];
+            off += a * (s->w.g[x] - s->x[x]) * (s->w.g[y] - s->x[y]);
+            size += a * s->x[x] * s->x[y];
+        }
+    free(A);
+    return sqrt(off / size);
+}
+
+/* everywhere: couples all particles with all, so that no band will do. */
+static void check_step(double everywhere, bool by_band)
+{
+    system_ s;
+    build(everywhere, &s);
+    const fidelity_weights q = { .prior = prior, .modes = MODES };
+    assert_int_equal(fidelity_solve(&s.f, &q, &s.w), APSM_OK);
+    assert_int_equal(memcmp(s.w.H, s.H, N * N * sizeof *s.H) == 0, by_band); /* not touched */
+    const double error = error_of(&s, &q);
+    print_message("error of the step %.2g\n", error);
+    assert_true(error < 1e-4);
+    release(&s);
+}
+
+static void step_is_that_of_the_whole(void **state)
+{
+    (void)state;
+    check_step(0, true);
+    check_step(1e-4, true);
+}
+
+static void without_a_band_the_whole_is_factored(void **state)
+{
+    (void)state;
+    check_step(0.3, false);
+}
+
+static void indefinite_is_refused(void **state)
+{
+    (void)state;
+    system_ s;
+    build(0, &s);
+    const fidelity_weights q = { .prior = 0 };
+    s.w.H[5 * N + 5] = -1;
+    assert_int_equal(fidelity_solve(&s.f, &q, &s.w), APSM_ERR_SINGULAR);
+    release(&s);
+}
+
+/* A sphere has no axis, a handful of particles no band. */
+static void few_particles_have_no_band(void **state)
+{
+    (void)state;
+    double T[3 * 100];
+    uint32_t place[100];
+    size_t band = 1;
+    scatter(100, T);
+    assert_int_equal(fidelity_find_band(100, T, place, &band), APSM_OK);
+    assert_int_equal(band, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(step_is_that_of_the_whole),
+        cmocka_unit_test(without_a_band_the_whole_is_factored),
+        cmocka_unit_test(indefinite_is_refused),
+        cmocka_unit_test(few_particles_have_no_band),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
