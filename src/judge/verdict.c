@@ -109,7 +109,7 @@ unsigned apsm_verdict_note_pose(const apsm_findings *f, double usual, apsm_pose_
 {
     const bool against = note == APSM_POSE_AGAINST;
     const bool turned = f && f->turn[0].evidence < -o->against; /* is said by itself */
-    const bool told = !f || f->turn[0].evidence > least_pose;
+    const bool told = !f || fmin(usual, f->turn[0].evidence) > least_pose;
     if (f && is_settled(f, &f->turn[0], decisive_pose * usual, o) &&
         (!against || f->turn[0].evidence > against_others))
         return 0;

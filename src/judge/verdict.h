@@ -89,8 +89,8 @@ typedef enum apsm_pose_note {
     APSM_POSE_AGAINST
 } apsm_pose_note;
 
-/* And its note of a pose: of one that only the surface tells the doubt is that it does not tell;
- * what stands against the others' orientation has to be told clearly. */
+/* And its note of a pose: of one that only the surface tells the doubt is that it does not tell,
+ * here or usually; what stands against the others' orientation has to be told clearly. */
 unsigned apsm_verdict_note_pose(const apsm_findings *findings, double usual, apsm_pose_note note,
                                 const apsm_verdict_options *options);
 

@@ -401,6 +401,7 @@ static void sought_poses_have_to_be_told(void **state)
     f.turn[0].agreement = 0.9;
     f.turn[0].evidence = 0.6;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_SOUGHT, &o), 0);
+    assert_int_equal(apsm_verdict_note_pose(&f, 0.4, APSM_POSE_SOUGHT, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].evidence = 0.1;
     assert_int_equal(apsm_verdict_note_pose(&f, 1.0, APSM_POSE_SOUGHT, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].evidence = -0.3; /* turned, which is said */
