@@ -566,10 +566,12 @@ static apsm_status run(apsm_context *ctx, job *j, const apsm_mesh *mesh, size_t 
     return surgery_result(&j->s, out);
 }
 
-static apsm_status check_mesh(apsm_context *ctx, const apsm_mesh *mesh)
+/* open: whether the mesh has a border. */
+static apsm_status check_mesh(apsm_context *ctx, const apsm_mesh *mesh, bool *open)
 {
     apsm_mesh_defects d;
     APSM_TRY(apsm_mesh_inspect(mesh, &d));
+    *open = d.border_edges > 0;
     if (d.components != 1 || d.nonmanifold_edges || d.nonmanifold_vertices || d.flipped_edges ||
         d.unused_vertices)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
@@ -596,7 +598,8 @@ apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     if (o->faces < 4 || o->iterations < 1 || !(o->turn >= 0.0) || !(o->shortest > 0.0) ||
         !(o->shortest <= 1.0) || !(o->fidelity > 0.0))
         return apsm_fail(ctx, APSM_ERR_ARG, "remesh: an option is out of range");
-    APSM_TRY(check_mesh(ctx, mesh));
+    bool open;
+    APSM_TRY(check_mesh(ctx, mesh, &open));
     const apsm_mesh *from = apsm_bvh_mesh(original);
     const size_t wanted = (size_t)o->faces;
     const size_t faces = !o->refine && mesh->nf < wanted ? mesh->nf : wanted;
@@ -606,7 +609,7 @@ apsm_status apsm_remesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     j.original_size = size;
     apsm_rim rim = { 0 };
     j.rim = &rim;
-    apsm_status status = find_rim(from, &rim);
+    apsm_status status = open || from != mesh ? find_rim(from, &rim) : APSM_OK;
     if (status == APSM_OK) status = edge_size(from, o, faces, size, &common);
     if (status == APSM_OK) status = surgery_begin(&j.s, mesh);
     if (status == APSM_OK) {

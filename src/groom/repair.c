@@ -214,10 +214,10 @@ static apsm_status check_result(repair *r)
                          r->name, d.border_edges, d.nonmanifold_edges, d.degenerate_faces, at[0],
                          at[1], at[2]);
     }
-    apsm_topology topology;
-    APSM_TRY(apsm_topology_build(&r->mesh, &topology));
-    r->report->genus = (2 - (long)r->report->openings - apsm_mesh_euler(&r->mesh, &topology)) / 2;
-    apsm_topology_free(&topology);
+    /* twice the number of edges is that of half-edges, those of a border twice */
+    const size_t edges = (3 * r->mesh.nf + d.border_edges) / 2;
+    const long euler = (long)(r->mesh.nv - d.unused_vertices) - (long)edges + (long)r->mesh.nf;
+    r->report->genus = (2 - (long)r->report->openings - euler) / 2;
     return APSM_OK;
 }
 
