@@ -58,6 +58,7 @@ typedef struct icp_job {
     const apsm_surface *moving, *fixed;
     const apsm_icp_options *opt;
     bool coarse;
+    bool along;        /* normals of pairs lead from point to point */
     size_t n, n_fixed; /* points of the clouds in use; coarse: as many of both */
     double *work;      /* 6 times the larger number */
 } icp_job;
@@ -115,6 +116,20 @@ static void look_up(const apsm_bvh *bvh, const double x[3], const double *before
     if (before && !(c->distance2 < INFINITY)) apsm_bvh_closest(bvh, x, INFINITY, c);
 }
 
+/* Takes the way from point to point as the normal of pair k, where that has a direction: unlike
+ * normals of faces it does not jump when a closest point crosses an edge, and so the step has no
+ * jumps and vanishes where the sum of squares is least. */
+static bool look_along(const icp_job *job, size_t k, pairs *q)
+{
+    const double least = 1e-9 * job->fixed->cloud->radius;
+    double r[3];
+    if (!job->along) return false;
+    vec3_sub(q->y + 3 * k, q->p + 3 * k, r);
+    if (!(vec3_normalise(r) > least)) return false;
+    memcpy(q->normal + 3 * k, r, sizeof r);
+    return true;
+}
+
 /* Pairs of the moving points.  before: the pairs of an earlier pose, or NULL. */
 static void match_moving(const icp_job *job, const double M[16], const pairs *before, pairs *q)
 {
@@ -125,8 +140,9 @@ static void match_moving(const icp_job *job, const double M[16], const pairs *be
         look_up(bvh, q->p + 3 * k, before ? before->at + 3 * k : NULL, &c);
         memcpy(q->y + 3 * k, c.x, sizeof c.x);
         memcpy(q->at + 3 * k, c.x, sizeof c.x);
-        memcpy(q->normal + 3 * k, bvh_face_normal(bvh, c.on.face), 3 * sizeof *q->normal);
         q->d2[k] = c.distance2;
+        if (look_along(job, k, q)) continue;
+        memcpy(q->normal + 3 * k, bvh_face_normal(bvh, c.on.face), 3 * sizeof *q->normal);
     }
 }
 
@@ -145,9 +161,10 @@ static void match_fixed(const icp_job *job, const double M[16], const pairs *bef
         look_up(bvh, x, before ? before->at + 3 * k : NULL, &c);
         memcpy(q->at + 3 * k, c.x, sizeof c.x);
         map(M, c.x, q->p + 3 * k);
+        q->d2[k] = c.distance2 * scale2;
+        if (look_along(job, k, q)) continue;
         rotate(M, bvh_face_normal(bvh, c.on.face), q->normal + 3 * k);
         vec3_normalise(q->normal + 3 * k);
-        q->d2[k] = c.distance2 * scale2;
     }
 }
 
@@ -512,19 +529,6 @@ static void extrapolate(const trail *t, double next[7])
             next[a] -= b[k] * (t->x[last][a] - t->x[of[k]][a] + t->z[last][a] - t->z[of[k]][a]);
 }
 
-/* Normals of the pairs along the way from point to point, where that has a direction: unlike the
- * normals of faces they do not jump when a closest point crosses an edge, and so the step has no
- * jumps and vanishes where the sum of squares is least. */
-static void look_along(const icp_job *job, pairs *q)
-{
-    const double least = 1e-9 * job->fixed->cloud->radius;
-    for (size_t k = 0; k < job->n + job->n_fixed; k++) {
-        double r[3];
-        vec3_sub(q->y + 3 * k, q->p + 3 * k, r);
-        if (vec3_normalise(r) > least) memcpy(q->normal + 3 * k, r, sizeof r);
-    }
-}
-
 /* The best pose so far. */
 typedef struct best_pose {
     double M[16], E, residual;
@@ -547,7 +551,6 @@ static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], be
     note(now, M, best);
     for (int i = 0; i < job->opt->max_iterations; i++) {
         double next[7], step[7], D[16], moved[16], *z = t.z[t.n % DEPTH];
-        look_along(job, now);
         memcpy(t.x[t.n % DEPTH], at, sizeof at);
         if (!newton_step(job, now, lambda_least, z)) return false;
         t.n++;
@@ -569,7 +572,7 @@ static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], be
 void apsm_icp_to_rest(const apsm_surface *moving, const apsm_surface *fixed,
                       const apsm_icp_options *opt, double M[16], double *residual, double *work)
 {
-    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt };
+    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt, .along = true };
     best_pose best = { .E = INFINITY };
     pairs now, before;
     open_job(&job, work, &now, &before);
