@@ -25,7 +25,7 @@
 #include "geometry/topology.h"
 #include "geometry/vec3.h"
 
-enum { STACK = 256, WAIT = 24 };
+enum { STACK = 256, WAIT = 24, MOST_LEAVES = 24 };
 #define SLACK (1.0 + 0x1p-19)
 #define ERROR 0x1p-19f
 
@@ -142,30 +142,35 @@ LANE_INLINE float past_ends(float along, float length)
     return past > 0.0f ? past : 0.0f;
 }
 
-/* Squared distances of q, in the tree's frame, to the triangles of a leaf; returns the least.  Near
- * 2^-22 of the coordinates exact: see the head of the file. */
+/* Squared distance of q, in the tree's frame, to triangle i of a leaf's rows.  Near 2^-22 of the
+ * coordinates exact: see the head of the file. */
+LANE_INLINE float lane_distance(const float (*restrict r)[LEAF], int i, float qx, float qy,
+                                float qz)
+{
+    const float dx = qx - r[ORIGIN][i], dy = qy - r[ORIGIN + 1][i], dz = qz - r[ORIGIN + 2][i];
+    const float x = dx * r[AXIS_X][i] + dy * r[AXIS_X + 1][i] + dz * r[AXIS_X + 2][i],
+                y = dx * r[AXIS_Y][i] + dy * r[AXIS_Y + 1][i] + dz * r[AXIS_Y + 2][i],
+                z = dx * r[AXIS_Z][i] + dy * r[AXIS_Z + 1][i] + dz * r[AXIS_Z + 2][i];
+    const float back = x - r[LENGTH][i];
+    const float past0 = past_ends(x, r[LENGTH][i]), out0 = -y;
+    const float past1 = past_ends(back * r[RISE_X][i] + y * r[RISE_Y][i], r[RISE_LENGTH][i]);
+    const float out1 = back * r[RISE_Y][i] - y * r[RISE_X][i];
+    const float past2 = past_ends(x * r[CLIMB_X][i] + y * r[CLIMB_Y][i], r[CLIMB_LENGTH][i]);
+    const float out2 = y * r[CLIMB_X][i] - x * r[CLIMB_Y][i];
+    const float e0 = out0 >= 0.0f ? out0 * out0 + past0 * past0 : INFINITY,
+                e1 = out1 >= 0.0f ? out1 * out1 + past1 * past1 : INFINITY,
+                e2 = out2 >= 0.0f ? out2 * out2 + past2 * past2 : INFINITY;
+    const float e01 = e0 < e1 ? e0 : e1, e = e01 < e2 ? e01 : e2;
+    return z * z + (e < INFINITY ? e : 0.0f);
+}
+
+/* Those to all triangles of a leaf; returns the least. */
 LANE_INLINE float leaf_distances(const leaf *restrict l, const float q[3], float d2[restrict LEAF])
 {
-    const float(*restrict r)[LEAF] = l->row;
     float least = INFINITY;
 #pragma omp simd reduction(min : least)
     for (int i = 0; i < LEAF; i++) {
-        const float dx = q[0] - r[ORIGIN][i], dy = q[1] - r[ORIGIN + 1][i],
-                    dz = q[2] - r[ORIGIN + 2][i];
-        const float x = dx * r[AXIS_X][i] + dy * r[AXIS_X + 1][i] + dz * r[AXIS_X + 2][i],
-                    y = dx * r[AXIS_Y][i] + dy * r[AXIS_Y + 1][i] + dz * r[AXIS_Y + 2][i],
-                    z = dx * r[AXIS_Z][i] + dy * r[AXIS_Z + 1][i] + dz * r[AXIS_Z + 2][i];
-        const float back = x - r[LENGTH][i];
-        const float past0 = past_ends(x, r[LENGTH][i]), out0 = -y;
-        const float past1 = past_ends(back * r[RISE_X][i] + y * r[RISE_Y][i], r[RISE_LENGTH][i]);
-        const float out1 = back * r[RISE_Y][i] - y * r[RISE_X][i];
-        const float past2 = past_ends(x * r[CLIMB_X][i] + y * r[CLIMB_Y][i], r[CLIMB_LENGTH][i]);
-        const float out2 = y * r[CLIMB_X][i] - x * r[CLIMB_Y][i];
-        const float e0 = out0 >= 0.0f ? out0 * out0 + past0 * past0 : INFINITY,
-                    e1 = out1 >= 0.0f ? out1 * out1 + past1 * past1 : INFINITY,
-                    e2 = out2 >= 0.0f ? out2 * out2 + past2 * past2 : INFINITY;
-        const float e01 = e0 < e1 ? e0 : e1, e = e01 < e2 ? e01 : e2;
-        const float d = z * z + (e < INFINITY ? e : 0.0f);
+        const float d = lane_distance(l->row, i, q[0], q[1], q[2]);
         d2[i] = d;
         least = d < least ? d : least;
     }
@@ -265,22 +270,24 @@ static float bound_of(const query *s, double distance2)
     return b < (double)FLT_MAX ? (float)b : INFINITY;
 }
 
-static query make_query(const apsm_bvh *bvh, const double x[3], double max_distance2)
+/* Sets all but what waits, of which there is nothing. */
+static void begin_query(const apsm_bvh *bvh, const double x[3], double max_distance2, query *s)
 {
-    query s = { .to_bound = bvh->scale * bvh->scale * SLACK };
     float most = 1.0f;
     for (int c = 0; c < 3; c++) {
-        s.x[c] = x[c];
-        s.q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
-        most = fabsf(s.q[c]) > most ? fabsf(s.q[c]) : most;
+        s->x[c] = x[c];
+        s->q[c] = (float)((x[c] - bvh->centre[c]) * bvh->scale);
+        most = fabsf(s->q[c]) > most ? fabsf(s->q[c]) : most;
     }
-    s.n = NULL;
-    s.found = false;
-    s.waiting = 0;
-    s.error = 2.0f * ERROR * most;
-    s.best.distance2 = max_distance2;
-    set_bound(&s, bound_of(&s, max_distance2));
-    return s;
+    s->to_bound = bvh->scale * bvh->scale * SLACK;
+    s->n = NULL;
+    s->min_cos = 0.0;
+    s->found = false;
+    s->slot = 0;
+    s->waiting = 0;
+    s->error = 2.0f * ERROR * most;
+    s->best = (apsm_closest){ .distance2 = max_distance2 };
+    set_bound(s, bound_of(s, max_distance2));
 }
 
 /* Asks for memory that will be needed soon. */
@@ -394,7 +401,8 @@ static void finish(const apsm_bvh *bvh, query *s, apsm_closest *out)
 void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distance2,
                       apsm_closest *out)
 {
-    query s = make_query(bvh, x, max_distance2);
+    query s;
+    begin_query(bvh, x, max_distance2, &s);
     search(bvh, APSM_NONE, &s);
     finish(bvh, &s, out);
 }
@@ -402,7 +410,8 @@ void apsm_bvh_closest(const apsm_bvh *bvh, const double x[3], double max_distanc
 void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const double n[3],
                              double min_cos, double max_distance2, apsm_closest *out)
 {
-    query s = make_query(bvh, x, max_distance2);
+    query s;
+    begin_query(bvh, x, max_distance2, &s);
     s.n = n;
     s.min_cos = min_cos;
     search(bvh, APSM_NONE, &s);
@@ -412,7 +421,8 @@ void apsm_bvh_closest_facing(const apsm_bvh *bvh, const double x[3], const doubl
 void bvh_closest_guess(const apsm_bvh *bvh, const double x[3], double max_distance2, uint32_t *slot,
                        apsm_closest *out)
 {
-    query s = make_query(bvh, x, max_distance2);
+    query s;
+    begin_query(bvh, x, max_distance2, &s);
     search(bvh, *slot / LEAF, &s);
     finish(bvh, &s, out);
     if (s.found) *slot = s.slot;
@@ -443,7 +453,8 @@ typedef struct surrounding {
 
 static surrounding make_surrounding(const apsm_bvh *bvh, const double x[3], double half, double way)
 {
-    const query s = make_query(bvh, x, INFINITY);
+    query s;
+    begin_query(bvh, x, INFINITY, &s);
     const double wide = (way * bvh->scale + (double)s.error) * SLACK;
     surrounding a = { .half = (float)(half * bvh->scale * SLACK) + s.error,
                       .way2 = (float)(wide * wide * SLACK) };
@@ -534,10 +545,76 @@ APSM_KERNEL static void search_list(const apsm_bvh *bvh, const bvh_near *near, u
 void bvh_near_closest(const apsm_bvh *bvh, const bvh_near *near, const double x[3],
                       double max_distance2, uint32_t *slot, apsm_closest *out)
 {
-    query s = make_query(bvh, x, max_distance2);
+    query s;
+    begin_query(bvh, x, max_distance2, &s);
     search_list(bvh, near, *slot / LEAF, &s);
     finish(bvh, &s, out);
     if (s.found) *slot = s.slot;
+}
+
+/* The points of a query a lane. */
+typedef struct lanes {
+    float q[3][LEAF], least[LEAF], cut[LEAF];
+} lanes;
+
+/* d2[t]: squared distances of the points to triangle t of the leaf; a->least falls. */
+LANE_INLINE void lanes_to_leaf(const leaf *restrict l, lanes *restrict a,
+                               float d2[restrict LEAF][LEAF])
+{
+    for (int t = 0; t < LEAF; t++)
+#pragma omp simd
+        for (int k = 0; k < LEAF; k++) {
+            const float d = lane_distance(l->row, t, a->q[0][k], a->q[1][k], a->q[2][k]);
+            d2[t][k] = d;
+            a->least[k] = d < a->least[k] ? d : a->least[k];
+        }
+}
+
+/* What is near enough to a point, of triangle `slot`, waits for it. */
+static void let_wait(const apsm_bvh *bvh, uint32_t slot, const float d2[LEAF], query s[LEAF])
+{
+    for (int k = 0; k < LEAF; k++) {
+        if (!(d2[k] <= s[k].cut)) continue;
+        if (s[k].waiting == WAIT) decide(bvh, &s[k]);
+        s[k].wait[s[k].waiting] = slot;
+        s[k].distance2[s[k].waiting++] = d2[k];
+    }
+}
+
+/* Every point against every triangle of `count` leaves. */
+APSM_KERNEL static void try_all(const apsm_bvh *bvh, const uint32_t *list, size_t count,
+                                query s[LEAF])
+{
+    float d2[LEAF * MOST_LEAVES][LEAF];
+    lanes a;
+    for (int k = 0; k < LEAF; k++) {
+        for (int c = 0; c < 3; c++) a.q[c][k] = s[k].q[c];
+        a.least[k] = INFINITY;
+    }
+    for (size_t i = 0; i < count; i++) lanes_to_leaf(&bvh->leaves[list[i]], &a, d2 + LEAF * i);
+    for (int k = 0; k < LEAF; k++) {
+        const float way = sqrtf(a.least[k]) + s[k].error, bound = way * way * (float)SLACK;
+        if (bound < s[k].bound) set_bound(&s[k], bound);
+        a.cut[k] = s[k].cut;
+    }
+    for (size_t t = 0; t < LEAF * count; t++) {
+        int near = 0;
+#pragma omp simd reduction(| : near)
+        for (int k = 0; k < LEAF; k++) near |= d2[t][k] <= a.cut[k];
+        if (near) let_wait(bvh, LEAF * list[t / LEAF] + (uint32_t)(t % LEAF), d2[t], s);
+    }
+}
+
+void bvh_near_closest_of(const apsm_bvh *bvh, const bvh_near *near, const double x[BVH_AT_ONCE][3],
+                         double max_distance2, uint32_t *slot, apsm_closest out[BVH_AT_ONCE])
+{
+    query s[BVH_AT_ONCE];
+    for (int k = 0; k < BVH_AT_ONCE && near->n > MOST_LEAVES; k++)
+        bvh_near_closest(bvh, near, x[k], max_distance2, slot, &out[k]);
+    if (near->n > MOST_LEAVES) return;
+    for (int k = 0; k < BVH_AT_ONCE; k++) begin_query(bvh, x[k], max_distance2, &s[k]);
+    try_all(bvh, near->leaf, near->n, s);
+    for (int k = 0; k < BVH_AT_ONCE; k++) finish(bvh, &s[k], &out[k]);
 }
 
 /* ---- sign ----------------------------------------------------------------------------------- */

@@ -9,11 +9,11 @@
  * gets its exact distance.  The centre's distance d prunes (D changes by at most the way): a cell
  * is left out if d > reach + half its diagonal.  From bricks down a cell knows the leaves of the
  * tree that its nodes can be closest to: those within min(d + half its diagonal, reach) of it,
- * among the ones of the cell around it.  Each query starts from the triangle that was closest to
- * the last, and goes through its cell's list, a dozen leaves, instead of the tree. reach: D needs
- * the corners of a point's cell, up to sqrt(3) voxels away; a cell with a corner out of reach lies
- * beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they are not kept.
- * Nodes out of reach are NaN, which poisons whatever is computed from them.
+ * among the ones of the cell around it.  The last cells are 2^3 nodes, which try the triangles of
+ * their few leaves together.
+ * reach: D needs the corners of a point's cell, up to sqrt(3) voxels away; a cell with a corner out
+ * of reach lies beyond the band.  N needs nodes up to sqrt(6) voxels away, and is exact where they
+ * are not kept.  Nodes out of reach are NaN, which poisons whatever is computed from them.
  *
  * Draw: for each cube of 2^3 cells of the whole grid (more where it is very sparse) `least` bounds
  * |D| from below, in steps of a quarter voxel: most trials outside the band end at one look there.
@@ -252,19 +252,32 @@ static double way_of_any(const builder *b, double distance, double half)
     return fmin(distance + sqrt(3.0) * half, b->reach);
 }
 
-/* The node's exact distance, if it is within reach. */
-static void fill_node(const builder *b, const bvh_near *near, const int64_t node[3], uint32_t *slot)
+/* The node of part k of the cell of size^3 nodes from lo on. */
+static void part_of(const int64_t lo[3], int64_t size, int k, int64_t part[3])
+{
+    for (int c = 0; c < 3; c++) part[c] = lo[c] + size / 2 * (k >> c & 1);
+}
+
+/* Exact distances at the 2^3 nodes from lo on that are within reach. */
+static void fill_nodes(const builder *b, const bvh_near *near, const int64_t lo[3], uint32_t *slot)
 {
     const apsm_field *field = b->field;
     float *brick = field->bricks[field->brick_count - 1];
-    double x[3];
-    apsm_closest closest;
-    node_position(field, node, x);
-    bvh_near_closest(field->bvh, near, x, b->reach * b->reach, slot, &closest);
-    if (closest.distance2 == INFINITY) return;
-    const double d = sqrt(closest.distance2) * bvh_sign(field->bvh, x, &closest);
-    brick[node[0] % BRICK + BRICK * (node[1] % BRICK + BRICK * (node[2] % BRICK))] =
-        (float)(d / field->voxel);
+    double x[BVH_AT_ONCE][3];
+    int64_t node[BVH_AT_ONCE][3];
+    apsm_closest closest[BVH_AT_ONCE];
+    for (int k = 0; k < BVH_AT_ONCE; k++) {
+        part_of(lo, 2, k, node[k]);
+        node_position(field, node[k], x[k]);
+    }
+    bvh_near_closest_of(field->bvh, near, (const double(*)[3])x, b->reach * b->reach, slot,
+                        closest);
+    for (int k = 0; k < BVH_AT_ONCE; k++) {
+        if (closest[k].distance2 == INFINITY) continue;
+        const double d = sqrt(closest[k].distance2) * bvh_sign(field->bvh, x[k], &closest[k]);
+        brick[node[k][0] % BRICK + BRICK * (node[k][1] % BRICK + BRICK * (node[k][2] % BRICK))] =
+            (float)(d / field->voxel);
+    }
 }
 
 /* The size^3 nodes from lo on, near[level - 1] the leaves that any of them may need.  slot: the
@@ -273,22 +286,24 @@ static void fill_cell(const builder *b, const int64_t lo[3], int64_t size, uint3
 {
     const apsm_field *field = b->field;
     const double half = 0.5 * (double)(size - 1) * field->voxel;
+    const bvh_near *around = &b->near[level - 1];
+    bvh_near *near = &b->near[level];
     double x[3];
     apsm_closest closest;
     node_position(field, lo, x);
     for (int c = 0; c < 3; c++) x[c] += half;
-    bvh_near_closest(field->bvh, &b->near[level - 1], x, b->reach * b->reach, &slot, &closest);
-    bvh_near_choose(field->bvh, &b->near[level - 1], x, half,
-                    way_of_any(b, sqrt(closest.distance2), half), &b->near[level]);
-    if (b->near[level].n == 0) return;
+    bvh_near_closest(field->bvh, around, x, b->reach * b->reach, &slot, &closest);
+    const double way = way_of_any(b, sqrt(closest.distance2), half);
+    bvh_near_choose(field->bvh, around, x, half, way, near);
+    if (near->n == 0) return;
+    if (size == 2) {
+        fill_nodes(b, near, lo, &slot);
+        return;
+    }
     for (int k = 0; k < 8; k++) {
-        const int64_t step = size / 2,
-                      part[3] = { lo[0] + step * (k & 1), lo[1] + step * (k >> 1 & 1),
-                                  lo[2] + step * (k >> 2) };
-        if (size == 2)
-            fill_node(b, &b->near[level], part, &slot);
-        else
-            fill_cell(b, part, step, slot, level + 1);
+        int64_t part[3];
+        part_of(lo, size, k, part);
+        fill_cell(b, part, size / 2, slot, level + 1);
     }
 }
 
@@ -310,8 +325,8 @@ static apsm_status descend(const builder *b, const int64_t lo[3], int64_t size, 
                          &b->near[0]);
     }
     for (int k = 0; k < 8; k++) {
-        const int64_t part[3] = { lo[0] + half * (k & 1), lo[1] + half * (k >> 1 & 1),
-                                  lo[2] + half * (k >> 2) };
+        int64_t part[3];
+        part_of(lo, size, k, part);
         if (size == BRICK)
             fill_cell(b, part, half, slot, 1);
         else
@@ -341,22 +356,38 @@ static apsm_status place_grid(apsm_context *ctx, apsm_field *field, double reach
     return APSM_OK;
 }
 
-/* Least |D| of the cells of brick b from cell lo on, 2^3 of them: D is trilinear in a cell, so it
- * is that of a node if all have one sign, else 0.  NaN, beyond reach, counts as far. */
-static uint8_t least_of_cells(const apsm_field *field, uint32_t b, const int64_t lo[3])
+/* A brick's nodes and the first ones of its neighbours: node i + SIDE (j + SIDE k). */
+enum { SIDE = BRICK + 1 };
+
+static void gather_nodes(const apsm_field *field, uint32_t b, float v[SIDE * SIDE * SIDE])
 {
     const uint64_t key = field->brick_key[b];
-    const int64_t at[3] = { (int64_t)(key & 0xfffff), (int64_t)(key >> 20 & 0xfffff),
-                            (int64_t)(key >> 40) };
+    const float *brick[8];
+    for (int k = 0; k < 8; k++)
+        brick[k] = k == 0
+                       ? field->bricks[b]
+                       : find_brick(field, brick_key((int64_t)(key & 0xfffff) + (k & 1),
+                                                     (int64_t)(key >> 20 & 0xfffff) + (k >> 1 & 1),
+                                                     (int64_t)(key >> 40) + (k >> 2)));
+    for (int k = 0; k < SIDE; k++)
+        for (int j = 0; j < SIDE; j++) {
+            const int of = 2 * (j / BRICK) + 4 * (k / BRICK);
+            const int row = BRICK * (j % BRICK + BRICK * (k % BRICK));
+            float *to = v + SIDE * (j + SIDE * k);
+            memcpy(to, brick[of] + row, BRICK * sizeof *to);
+            to[BRICK] = brick[of + 1][row];
+        }
+}
+
+/* Least |D| of 2^3 cells from node v on: D is trilinear in a cell, so it is that of a node if all
+ * have one sign, else 0.  NaN, beyond reach, counts as far. */
+static uint8_t least_of_cells(const float *v)
+{
     float least = INFINITY, most = -INFINITY;
     for (int i = 0; i < 27; i++) {
-        const int64_t x = lo[0] + i % 3, y = lo[1] + i / 3 % 3, z = lo[2] + i / 9;
-        const bool beyond = x == BRICK || y == BRICK || z == BRICK;
-        const uint64_t there = brick_key(at[0] + x / BRICK, at[1] + y / BRICK, at[2] + z / BRICK);
-        const float *brick = beyond ? find_brick(field, there) : field->bricks[b];
-        const float v = brick[x % BRICK + BRICK * (y % BRICK + BRICK * (z % BRICK))];
-        least = v < least ? v : least;
-        most = v > most ? v : most;
+        const float d = v[i % 3 + SIDE * (i / 3 % 3 + SIDE * (i / 9))];
+        least = d < least ? d : least;
+        most = d > most ? d : most;
     }
     const float nearest = least > 0.0f ? least : most < 0.0f ? -most : 0.0f;
     return nearest < (float)FAR / STEPS ? (uint8_t)(nearest * STEPS) : FAR;
@@ -381,24 +412,31 @@ static void choose_cubes(apsm_field *field)
     }
 }
 
+/* Those of the cells of brick b. */
+static void lower_least(apsm_field *field, uint32_t b)
+{
+    const uint64_t key = field->brick_key[b];
+    float v[SIDE * SIDE * SIDE];
+    gather_nodes(field, b, v);
+    for (int k = 0; k < NODES / 8; k++) {
+        const int lo[3] = { 2 * (k & 3), 2 * (k >> 2 & 3), 2 * (k >> 4) };
+        const int64_t x = (BRICK * (int64_t)(key & 0xfffff) + lo[0]) >> field->cube,
+                      y = (BRICK * (int64_t)(key >> 20 & 0xfffff) + lo[1]) >> field->cube,
+                      z = (BRICK * (int64_t)(key >> 40) + lo[2]) >> field->cube;
+        if (x >= field->cubes[0] || y >= field->cubes[1] || z >= field->cubes[2]) continue;
+        uint8_t *least = field->least + x + field->cubes[0] * (y + field->cubes[1] * z);
+        const uint8_t here = least_of_cells(v + lo[0] + SIDE * (lo[1] + SIDE * lo[2]));
+        *least = here < *least ? here : *least;
+    }
+}
+
 static apsm_status make_least(apsm_field *field)
 {
     choose_cubes(field);
     field->least = malloc(cube_count(field));
     if (!field->least) return APSM_ERR_MEMORY;
     memset(field->least, FAR, cube_count(field));
-    for (uint32_t b = 1; b < field->brick_count; b++)
-        for (int k = 0; k < NODES / 8; k++) {
-            const int64_t lo[3] = { 2 * (k & 3), 2 * (k >> 2 & 3), 2 * (k >> 4) };
-            const uint64_t key = field->brick_key[b];
-            const int64_t x = (BRICK * (int64_t)(key & 0xfffff) + lo[0]) >> field->cube,
-                          y = (BRICK * (int64_t)(key >> 20 & 0xfffff) + lo[1]) >> field->cube,
-                          z = (BRICK * (int64_t)(key >> 40) + lo[2]) >> field->cube;
-            if (x >= field->cubes[0] || y >= field->cubes[1] || z >= field->cubes[2]) continue;
-            uint8_t *least = field->least + x + field->cubes[0] * (y + field->cubes[1] * z);
-            const uint8_t here = least_of_cells(field, b, lo);
-            *least = here < *least ? here : *least;
-        }
+    for (uint32_t b = 1; b < field->brick_count; b++) lower_least(field, b);
     return APSM_OK;
 }
 

@@ -153,6 +153,13 @@ static void near_ties_are_decided_in_double(void **state)
     apsm_mesh_free(&ball);
 }
 
+static void check_same(const apsm_closest *a, const apsm_closest *b)
+{
+    assert_true(a->distance2 == b->distance2);
+    assert_int_equal(a->on.face, b->on.face);
+    assert_memory_equal(a->x, b->x, sizeof a->x);
+}
+
 /* A guess changes no answer. */
 static void guesses_change_nothing(void **state)
 {
@@ -171,9 +178,7 @@ static void guesses_change_nothing(void **state)
             if (trial % 2) slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf);
             apsm_bvh_closest(bvh, x, limit2, &want);
             bvh_closest_guess(bvh, x, limit2, &slot, &guessed);
-            assert_true(guessed.distance2 == want.distance2);
-            assert_int_equal(guessed.on.face, want.on.face);
-            assert_memory_equal(guessed.x, want.x, sizeof want.x);
+            check_same(&guessed, &want);
         }
         apsm_bvh_free(bvh);
         apsm_mesh_free(&meshes[m]);
@@ -194,23 +199,27 @@ static void leaves_near_a_cube_suffice(void **state)
         assert_int_equal(bvh_near_alloc(bvh, &part), APSM_OK);
         for (int trial = 0; trial < 4000; trial++) {
             const double half = 0.05 * (trial % 3), way = trial % 5 ? 0.1 : 0.5;
-            double middle[3], x[3];
-            apsm_closest want, found;
+            double middle[3], x[BVH_AT_ONCE][3];
+            apsm_closest want, found[BVH_AT_ONCE];
             uint32_t slot = (uint32_t)apsm_random_below(&rng, meshes[m].nf);
             random_point(&rng, 1.0, middle);
             bvh_near_collect(bvh, middle, 2 * half, way, &around);
             bvh_near_choose(bvh, &around, middle, half, way, &part);
             assert_true(part.n <= around.n && around.n <= around.room);
-            random_point(&rng, half, x);
-            for (int c = 0; c < 3; c++) x[c] += middle[c];
-            apsm_bvh_closest(bvh, x, way * way, &want);
-            bvh_near_closest(bvh, &part, x, way * way, &slot, &found);
-            known += isfinite(want.distance2);
-            assert_true(found.distance2 == want.distance2);
-            assert_int_equal(found.on.face, want.on.face);
-            assert_memory_equal(found.x, want.x, sizeof want.x);
+            for (int k = 0; k < BVH_AT_ONCE; k++) {
+                random_point(&rng, half, x[k]);
+                for (int c = 0; c < 3; c++) x[k][c] += middle[c];
+            }
+            bvh_near_closest_of(bvh, &part, (const double(*)[3])x, way * way, &slot, found);
+            for (int k = 0; k < BVH_AT_ONCE; k++) {
+                apsm_bvh_closest(bvh, x[k], way * way, &want);
+                check_same(&found[k], &want);
+                bvh_near_closest(bvh, &part, x[k], way * way, &slot, &found[k]);
+                check_same(&found[k], &want);
+                known += isfinite(want.distance2);
+            }
         }
-        assert_in_range(known, 500, 3999);
+        assert_in_range(known, 500, 31999);
         bvh_near_free(&around);
         bvh_near_free(&part);
         apsm_bvh_free(bvh);
