@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "apsm/render.h"
 #include "files/files.h"
@@ -130,9 +131,12 @@ static apsm_status render_folder(apsm_context *ctx, const cli_args *args,
         const apsm_render_options one = { .what = (apsm_picture)k };
         APSM_TRY(check_into(ctx, args, &one, folder));
     }
+    const bool made = !apsm_is_folder(folder);
     APSM_TRY(apsm_make_folder(ctx, folder));
-    return args->what ? render_into(ctx, args, o, folder, ui)
-                      : render_all(ctx, args, *o, folder, ui);
+    const apsm_status status =
+        args->what ? render_into(ctx, args, o, folder, ui) : render_all(ctx, args, *o, folder, ui);
+    if (status != APSM_OK && made) (void)rmdir(folder); /* if nothing is in it */
+    return status;
 }
 
 apsm_status apsm_cli_render(apsm_context *ctx, const cli_args *args, cli_ui *ui)

@@ -64,6 +64,8 @@ bool apsm_is_utf16(const char *data, size_t size);
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);
+/* APSM_ERR_IO, with a line: there is none of that name, or it is a file. */
+apsm_status apsm_require_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
 bool apsm_is_root(const char *path); /* "/", by whatever name */
 
 /* *holds: whether the folder has a file or folder of that name.  APSM_ERR_MEMORY: not known. */

@@ -14,6 +14,15 @@ bool apsm_is_folder(const char *path)
     return stat(path, &info) == 0 && S_ISDIR(info.st_mode);
 }
 
+apsm_status apsm_require_folder(apsm_context *ctx, const char *path)
+{
+    if (apsm_is_folder(path)) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_IO,
+                     apsm_file_exists(path) ? "%s: is a file; give a folder made by `apsm run`"
+                                            : "%s: no such folder; check the name",
+                     path);
+}
+
 bool apsm_is_root(const char *path)
 {
     struct stat info, root;

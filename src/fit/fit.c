@@ -292,6 +292,25 @@ static apsm_status check_mesh(apsm_context *ctx, const char *name, const apsm_me
     return APSM_OK;
 }
 
+/* Far below or above the model's shapes everything is equally far from everything, and a search
+ * takes for ever: no unit is so far from another. */
+static apsm_status check_size(apsm_context *ctx, const char *name, const apsm_fit_model *m,
+                              const apsm_mesh *mesh)
+{
+    static const double most = 1e4;
+    const apsm_mesh *const both[2] = { &m->cohort.shape[0].mesh, mesh };
+    double lo[3], hi[3], size[2];
+    for (int k = 0; k < 2; k++) {
+        apsm_mesh_bounds(both[k], lo, hi);
+        size[k] = hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+    }
+    if (size[1] < most * size[0] && most * size[1] > size[0]) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_GEOMETRY,
+                     "%s: is %.3g times as large as the model's mean; is it another unit, or "
+                     "damaged?",
+                     name, size[1] / size[0]);
+}
+
 static apsm_status check_start(apsm_context *ctx, const char *name, const apsm_fit_options *o)
 {
     double back[16];
@@ -364,6 +383,7 @@ apsm_status apsm_fit_surface_sized(apsm_context *ctx, const apsm_fit_model *mode
     APSM_TRY(open_call(ctx, "apsm_fit_surface", model, name, call, &o));
     APSM_TRY(check_start(ctx, name, &o.options));
     APSM_TRY(check_mesh(ctx, name, mesh));
+    APSM_TRY(check_size(ctx, name, model, mesh));
     o.job.mesh = mesh;
     return close_call(ctx, call, &o, fit_surface(ctx, &o.job));
 }

@@ -33,6 +33,7 @@ char *model_folder_path(const model_folder *m, const char *name)
 
 static apsm_status read_project(apsm_context *ctx, model_folder *m)
 {
+    APSM_TRY(apsm_require_folder(ctx, m->path));
     char *path = model_folder_path(m, FOLDER_PROJECT);
     if (!path) return out_of_memory(ctx, m);
     const apsm_status status =

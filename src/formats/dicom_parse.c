@@ -323,6 +323,10 @@ static void parse_elements(scan *s, dicom *d)
 
 static void refuse_syntax(scan *s, const char *syntax)
 {
+    if (!*syntax)
+        scan_refuse(s, APSM_ERR_FORMAT,
+                    "does not say how its data are written (0002,0010); it is damaged: copy or "
+                    "export it again");
     scan_refuse(s, APSM_ERR_UNSUPPORTED,
                 "its pixels are compressed (%s, transfer syntax %s), which is not read here; "
                 "decompress it (gdcmconv --raw, dcmdjpeg) or convert the series to NRRD or NIfTI",

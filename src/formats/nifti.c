@@ -237,6 +237,11 @@ static void tell_conflicts(scan *s, const nifti *h, image *m, const grid *taken)
         image_note(s, m,
                    "neither sform nor qform says where it lies; its axes were taken for right, "
                    "anterior, superior: check left and right");
+    if (h->sform <= 0 && !h->analyze &&
+        (h->pixdim[1] < 0.0 || h->pixdim[2] < 0.0 || h->pixdim[3] < 0.0))
+        image_note(s, m,
+                   "a voxel size in its header is negative, which means nothing in NIfTI; taken "
+                   "without the sign: check left and right");
     if (h->unit < 1.0 || h->unit > 1.0)
         image_note(s, m, "its lengths are in %s; turned into mm",
                    h->unit < 1.0 ? "micrometres" : "metres");

@@ -16,7 +16,7 @@ typedef enum packed_as { RAW, TEXT, GZIP } packed_as;
 
 typedef struct nrrd {
     int64_t dimension, sizes[MOST_AXES], line_skip, byte_skip;
-    bool has_type, has_sizes, has_encoding, has_space, has_directions, has_spacings;
+    bool has_type, has_sizes, has_encoding, has_space, has_directions, has_spacings, has_endian;
     bool component[MOST_AXES];
     packed_as encoding;
     double flip[3]; /* of the space, to LPS */
@@ -191,7 +191,7 @@ static void read_field(scan *s, const header_line *l, nrrd *h, image *m)
     else if (word_is(l->key, "encoding"))
         read_encoding(s, l->value, h);
     else if (word_is(l->key, "endian"))
-        m->big_endian = word_is_any_case(l->value, "big");
+        m->big_endian = word_is_any_case(l->value, "big"), h->has_endian = true;
     else if (word_is(l->key, "space"))
         read_space(s, l->value, h, m);
     else if (word_is(l->key, "space directions"))
@@ -314,6 +314,16 @@ static void place(scan *s, const nrrd *h, image *m, const int axis[3])
         image_note(s, m,
                    "its header has neither spacings nor space directions; voxels of 1 mm "
                    "were taken");
+    else if (!h->has_directions &&
+             !(isfinite(h->spacing[axis[0]]) && isfinite(h->spacing[axis[1]]) &&
+               isfinite(h->spacing[axis[2]])))
+        image_note(s, m,
+                   "its header does not say the spacing of every axis; where it does not, voxels "
+                   "of 1 mm were taken");
+    if (!h->has_endian && h->encoding != TEXT && scalar_size(m->type) > 1)
+        image_note(s, m,
+                   "its header does not say the order of bytes (endian); the smaller first was "
+                   "taken");
     if (h->unit < 1.0 || h->unit > 1.0)
         image_note(s, m, "its lengths are in units of %g mm; turned into mm", h->unit);
 }

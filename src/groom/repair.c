@@ -128,6 +128,57 @@ static apsm_status refuse_stray(const repair *r)
                      r->name, v, m->V[3 * v], m->V[3 * v + 1], m->V[3 * v + 2], most / usual);
 }
 
+/* Twice the area of a face along its normal. */
+static void face_normal(const apsm_mesh *m, size_t f, double n[3])
+{
+    const uint32_t *const F = m->F + 3 * f;
+    double a[3], b[3];
+    vec3_sub(m->V + 3 * F[1], m->V + 3 * F[0], a);
+    vec3_sub(m->V + 3 * F[2], m->V + 3 * F[0], b);
+    vec3_cross(a, b, n);
+}
+
+/* How far the corners lie from the plane of the largest face; n: scratch. */
+static double thickness(const apsm_mesh *m, double n[3])
+{
+    double largest = 0.0, most = 0.0, at[3];
+    size_t first = 0;
+    for (size_t f = 0; f < m->nf; f++) {
+        face_normal(m, f, n);
+        const double area = vec3_dot(n, n);
+        if (area > largest) largest = area, first = f;
+    }
+    face_normal(m, first, n);
+    vec3_normalise(n);
+    for (size_t h = 0; h < 3 * m->nf; h++) {
+        vec3_sub(m->V + 3 * m->F[h], m->V + 3 * m->F[3 * first], at);
+        most = fmax(most, fabs(vec3_dot(at, n)));
+    }
+    return most;
+}
+
+/* What has no volume, or none that can be reckoned with. */
+static apsm_status refuse_flat(const repair *r)
+{
+    static const double flat = 1e-6, range = 1e60;
+    double lo[3], hi[3], n[3];
+    apsm_mesh_bounds(&r->mesh, lo, hi);
+    vec3_sub(hi, lo, n);
+    const double size = fmax(n[0], fmax(n[1], n[2]));
+    if (size > range || (size > 0.0 && size < 1.0 / range))
+        return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                         "%s: is %.3g long, which is no length of a shape; is the file damaged?",
+                         r->name, size);
+    if (thickness(&r->mesh, n) > flat * size) return APSM_OK;
+    apsm_mesh_defects d;
+    APSM_TRY(apsm_mesh_inspect(&r->mesh, &d));
+    if (d.border_edges > 0) return APSM_OK; /* a sheet: an open surface, or one that needs a cap */
+    return apsm_fail(r->ctx, APSM_ERR_GEOMETRY,
+                     "%s: all its points lie in a plane, or on a line: it encloses no volume; "
+                     "export the whole surface",
+                     r->name);
+}
+
 static apsm_status something_left(const repair *r)
 {
     if (r->mesh.nf > 0) return APSM_OK;
@@ -224,6 +275,7 @@ static apsm_status check_result(repair *r)
 static apsm_status run(repair *r)
 {
     APSM_TRY(check_input(r));
+    APSM_TRY(refuse_flat(r));
     APSM_TRY(refuse_stray(r));
     APSM_TRY(repair_weld(r));
     APSM_TRY(repair_faces(r));

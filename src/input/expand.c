@@ -251,14 +251,20 @@ static bool is_control(char c)
     return (unsigned char)c < 32 || c == 127;
 }
 
+static bool is_utf8(const char *text)
+{
+    json_t *const string = json_string(text);
+    json_decref(string);
+    return string != NULL;
+}
+
 /* Of a case: files of the model are called by it, with endings and for a moment with more. */
 static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
 {
     enum { MOST = 200 };
     const char *wrong = NULL;
-    json_t *const text = json_string(one->name); /* NULL: not UTF-8 */
-    if (!text) wrong = "its name is not UTF-8";
-    json_decref(text);
+    if (!is_utf8(one->path)) wrong = "its path is not UTF-8";
+    if (!is_utf8(one->name)) wrong = "its name is not UTF-8";
     if (strlen(one->name) > MOST) wrong = "its name is longer than 200 bytes";
     for (const char *c = one->name; *c; c++)
         if (is_control(*c)) wrong = "its name has a control character";

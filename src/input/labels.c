@@ -177,10 +177,14 @@ static apsm_status refuse_choice(apsm_context *ctx, const char *path, const apsm
     if (n == 0)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY, "%s: every voxel is 0; segment the shape first",
                          path);
+    const bool scan = n > 2 && found[0].label < 0; /* -1000, -999, ... */
     return apsm_fail(
         ctx, APSM_ERR_GEOMETRY, "%s: %s %s%s; choose with --label (or --label all)%s", path,
         chosen ? "none of the chosen labels is in it, but" : "holds several labels:", list,
-        n == LISTED ? ", .." : "", chosen ? "" : ", or see run's --parts");
+        n == LISTED ? ", .." : "",
+        scan     ? "; of a scan, --label '>100' takes what is above a bound"
+        : chosen ? ""
+                 : ", or see run's --parts");
 }
 
 /* ---- what is chosen ---- */

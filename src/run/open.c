@@ -257,6 +257,9 @@ apsm_status apsm_run_report(apsm_run *run)
     if (!run) return APSM_ERR_ARG;
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "a job without a folder has no report");
+    bool is_model;
+    APSM_TRY(apsm_folder_holds(run->folder, RUN_PROJECT, &is_model));
+    if (!is_model) return run_no_project(run);
     APSM_TRY(guard_files(run, "report", NULL));
     APSM_TRY(stage_start(run, "report"));
     APSM_TRY(apsm_report_write(run->ctx, run->folder));

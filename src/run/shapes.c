@@ -68,6 +68,13 @@ static apsm_status load_groomed(apsm_run *run)
     return apsm_parallel_for(run->ctx, n, load_mesh, run, NULL);
 }
 
+apsm_status run_no_project(const apsm_run *run)
+{
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,
+                     run->folder);
+}
+
 apsm_status run_load_meshes(apsm_run *run)
 {
     if (run->mesh) return APSM_OK;
@@ -77,10 +84,7 @@ apsm_status run_load_meshes(apsm_run *run)
                          run->folder, run->folder);
     if (run_is_in_memory(run))
         return apsm_fail(run->ctx, APSM_ERR_STATE, "job in memory: groom its shapes first");
-    if (run->project.n == 0)
-        return apsm_fail(run->ctx, APSM_ERR_STATE,
-                         "%s: no project here; start with `apsm groom INPUT... -o %s`", run->folder,
-                         run->folder);
+    if (run->project.n == 0) return run_no_project(run);
     for (size_t i = 0; i < run->project.n; i++)
         if (!run->project.subjects[i].groomed)
             return apsm_fail(run->ctx, APSM_ERR_STATE,

@@ -7,6 +7,8 @@
 /* Loads groomed meshes and transforms unless they are there; refuses a project that has not been
  * groomed. */
 apsm_status run_load_meshes(apsm_run *run);
+/* Fails: the folder has no project. */
+apsm_status run_no_project(const apsm_run *run);
 /* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
 typedef enum run_fields {
     RUN_NO_FIELDS,

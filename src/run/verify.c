@@ -378,6 +378,7 @@ apsm_status apsm_run_verify_sized(apsm_context *ctx, const char *folder,
 {
     apsm_verification found = { 0 };
     verifying v = { ctx, folder, report, note, user, &found, NULL };
+    APSM_TRY(apsm_require_folder(ctx, folder));
     char *path = apsm_path_join(folder, RUN_MANIFEST);
     if (!path) return APSM_ERR_MEMORY;
     bool usable = false;

@@ -88,6 +88,8 @@ fit 1 "half: refused: is 0.5" model half.ply -o half
 [ -e half/particles/half_world.particles ] && fail "a refused shape has particles"
 fit 0 "fitted" model half.ply -o half --force --overwrite
 fit 1 "refused" model torus.ply -o torus
+"$synthetic" new/whole.ply giant.ply scale 1e12
+fit 1 "e+11 times as large as the model's mean" model giant.ply -o giant
 fit 1 "holds fits already" model half.ply -o half
 fit 1 "is a model folder" model half.ply -o model
 fit 1 "no model folder" new/whole.ply half.ply -o x

@@ -45,6 +45,33 @@ expect 0 "" run beside -o beside "${quick[@]}"
 cmp -s cohort/s0.ply beside/s0.ply || fail "an input beside the model was changed"
 expect 0 "" run beside -o beside "${quick[@]}" --overwrite
 
+# ---- whatever is asked of a folder that is no model, or is not there: no file is made in it ----
+mkdir stranger && echo mine >stranger/notes.txt && echo '{"measurements": []}' >measures.json && echo 'name,x,y,z' >points.csv
+for verb in report initialize optimize evaluate; do
+    unharmed 1 "stranger: no project here" stranger $verb stranger
+    expect 1 "missing: no project here" $verb missing
+done
+unharmed 1 "stranger: no manifest.json in this folder" stranger verify stranger
+expect 1 "missing: no such folder" verify missing
+expect 1 "points.csv: is a file" verify points.csv
+for call in "add @ cohort/s0.ply" "exclude @ s0" "test @ --formula size" "asymmetry @ --of a --within b" "measure @ measures.json" \
+    "landmarks @ points.csv -o out" "norm @ model" "predict @ --of age" "compare @ @" "export @ --to vtp -o out" "render @" \
+    "render @ -o out" "fit @ cohort/s0.ply -o out"; do
+    # shellcheck disable=SC2086 # words of a call
+    unharmed 1 "stranger: " stranger ${call//@/stranger}
+    # shellcheck disable=SC2086
+    expect 1 "missing: " ${call//@/missing}
+    [ -e out ] && fail "apsm $call: leaves a folder" && rm -rf out
+done
+[ -e missing ] && fail "a folder that is not there was made"
+
+# ---- a folder whose name no project can hold ----
+bad=$(printf 'bad\377')
+mkdir "$bad" && cp cohort/*.ply "$bad"
+expect 2 "its path is not UTF-8" run "$bad" -o out "${quick[@]}"
+expect 2 "its path is not UTF-8" check "$bad"
+[ -e out ] && fail "a folder is left where a path is not UTF-8"
+
 # ---- a folder that is no model, with files of the user ----
 for file in scores.csv model.json report.html history.csv evaluation.json evaluation.csv \
     certificate.json project.swproj manifest.json groomed/mine.ply particles/mine.particles \

@@ -29,6 +29,8 @@ refused colours.nii "has colours"
 refused fourd.nii "extract one volume"
 refused probability.nii "--label '>0.5'"
 refused two.nii "choose with --label"
+refused scan.nii "of a scan, --label '>100'"
+refused no_syntax.dcm "does not say how its data are written"
 refused bz2.nrrd "save it as gzip or raw"
 refused absent.mhd "absent.mhd: its data file 'nothere.raw' is not there"
 taken float.nii ""
@@ -36,6 +38,9 @@ taken big.nii ""
 taken gzip.nii ""
 taken plain.nii.gz ""
 taken negative.nii ""
+taken negative_size.nii "a voxel size in its header is negative"
+taken half_spacing.nrrd "does not say the spacing of every axis"
+taken no_endian.nrrd "does not say the order of bytes"
 
 # ---- a header whose slices are in files of their own: all of them are the input ----
 expect 0 "" groom slices -o slices.model --faces 1000
@@ -49,6 +54,8 @@ refused nan.ply "line 15: a coordinate is not finite"
 refused points.vtk "a point cloud?"
 refused far.ply "lies 1e+07 from the origin"
 refused halves.ply "2 separate parts"
+refused flat.ply "all its points lie in a plane, or on a line"
+refused giant.ply "is 4e+201 long, which is no length of a shape"
 refused comma.ply "line 11: expected a coordinate, found '5,1763809'"
 for mesh in quads.ply negative.obj continued.obj strips.vtk version51.vtk big.ply solid.stl insideout.ply; do taken $mesh ""; done
 
