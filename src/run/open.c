@@ -221,6 +221,7 @@ apsm_status apsm_run_help_sized(apsm_context *ctx, const apsm_run_settings *give
     const size_t plan = meet(settings->company, 0);
     for (size_t k = 0; k < sizeof steps / sizeof steps[0]; k++) {
         if (plan >> k & 1) APSM_TRY(help(ctx, settings, steps[k]));
+        settings->overwrite = false; /* what has been made since is to be used */
         meet(settings->company, 0);
     }
     return APSM_OK;

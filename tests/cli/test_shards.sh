@@ -112,6 +112,15 @@ ranks 2 "$apsm" run in -o pull_two "${job[@]}" --template-gradient 2>/dev/null |
 diff -r -q -x manifest.json -x report.html pull_one pull_two || fail "ranks change a template that feels the others"
 ranks 2 "$apsm" run in -o two "${job[@]}" --threads 2 2>/dev/null || fail "2 ranks of 2 threads"
 same two
+ranks 2 "$apsm" run in -o two "${job[@]}" --overwrite 2>/dev/null || fail "2 ranks, a model made anew"
+same two
+if timeout 5 srun --mpi=list 2>&1 | grep -qw pmix && timeout 5 sinfo >/dev/null 2>&1; then
+    timeout 120 srun -n 2 --mpi=pmix "$apsm" run in -o srun "${job[@]}" 2>/dev/null || fail "2 ranks under srun"
+    same srun
+    echo "2 ranks under srun" # without PMIx they would be two programs that want one folder
+else
+    echo "SKIPPED: ranks under srun are not tested, there is no Slurm with PMIx"
+fi
 ranks 2 "$apsm" run nowhere -o no 2>err && fail "2 ranks on nothing"
 grep -q "nowhere: no such" err || fail "ranks do not tell what is wrong: $(cat err)"
 
