@@ -140,7 +140,7 @@ verify 1 "input m1: " m
 
 # Folders that are none, and manifests that are damaged.
 verify 1 "no manifest.json in this folder" cohort
-verify 1 "no manifest.json in this folder" nowhere
+verify 1 "no such folder; check the name" nowhere
 echo "{" >x/manifest.json
 verify 1 "manifest.json:2:0"
 "$apsm" verify >said 2>&1

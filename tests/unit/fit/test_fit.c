@@ -151,6 +151,7 @@ static void bad_starts(void **state)
     o.hand = APSM_HAND_SAME;
     assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_OK);
     assert_true(miss_of(&again) < 0.15);
+    apsm_fit_free(&again);
     o.hand = APSM_HAND_OTHER;
     assert_int_equal(apsm_fit_surface(ctx, m, "patient", &mesh, &o, &again), APSM_ERR_ARG);
     o.hand = APSM_HAND_AUTO;
