@@ -21,7 +21,7 @@
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 
-enum { ROUNDS = 4, LEAST_SHAPES = 4 };
+enum { ROUNDS = 4, LEAST_SHAPES = 4, MANY_SHAPES = 8 };
 /* Particles of a model that is usual: their spacing makes the radii of form. */
 static const double usual_particles = 128.0;
 /* Poses that fit worse by this factor are not looked at. */
@@ -154,7 +154,7 @@ static void choose_of_hand(const election *e, size_t i, size_t hand)
 bool pose_hands_differ(size_t n, size_t base, const pose_choice *choice, double *scratch)
 {
     size_t others = 0;
-    if (n < LEAST_SHAPES) return true;
+    if (n < MANY_SHAPES) return true;
     for (size_t i = 0; i < n; i++) {
         const double more = choice[i].evidence[1] - choice[i].evidence[0];
         if (i != base) scratch[others++] = isfinite(more) ? fabs(more) : INFINITY;

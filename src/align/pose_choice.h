@@ -33,7 +33,8 @@ typedef struct pose_choice {
 void pose_heights(const apsm_mesh *mesh, const apsm_cloud *cloud, double *faces, double *heights);
 
 /* Whether hands usually (the median) are clear: those of organs that are alike on both sides are
- * not, and single ones differ by chance.  True of fewer than four shapes.  scratch: n. */
+ * not, and single ones differ by chance.  True of fewer than eight shapes, whose median says
+ * little.  scratch: n. */
 bool pose_hands_differ(size_t n, size_t base, const pose_choice *choice, double *scratch);
 
 /* 1: clearly a mirror image; -1: clearly none; 0: undecided.  By much more evidence, or, where
