@@ -257,8 +257,13 @@ static bool is_any_image(const apsm_input_list *list)
 /* Unless told otherwise, the labels that the model's shapes had. */
 static apsm_status take_labels(apsm_context *ctx, session *s)
 {
-    const char *labels = s->model->labels;
-    if (!labels || (s->settings->labels && *s->settings->labels)) return APSM_OK;
+    const char *labels = s->model->labels, *own = s->settings->labels;
+    if (own && *own && !is_any_image(&s->list))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "--label %s: no input is an image, and nothing else has labels; leave the "
+                         "option out",
+                         own);
+    if (!labels || (own && *own)) return APSM_OK;
     apsm_labels_free(&s->reading.labels);
     APSM_TRY(apsm_labels_parse(ctx, labels, &s->reading.labels));
     s->reading.labels.if_several = true;

@@ -37,6 +37,9 @@ size_t landmark_list_find(const landmark_list *l, const char *name)
     return k;
 }
 
+/* No coordinate, in any unit. */
+static const double farthest = 1e15;
+
 apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *name,
                               const double x[3], landmark_list *l)
 {
@@ -47,9 +50,9 @@ apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *n
         return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: two points are called '%s'; rename one", path,
                          name);
     for (size_t c = 0; c < 3; c++)
-        if (!isfinite(x[c]))
-            return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: '%s' is not at a finite place", path,
-                             name);
+        if (!(fabs(x[c]) < farthest))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE,
+                             "%s: '%s' is not at a place where anything is", path, name);
     char **names = realloc(l->name, (l->n + 1) * sizeof *names);
     if (names) l->name = names;
     double *all = realloc(l->x, 3 * (l->n + 1) * sizeof *all);
@@ -134,14 +137,16 @@ size_t landmark_cut_fields(char *line, char *field[LANDMARK_FIELDS])
     return n;
 }
 
-/* Where the columns are: name,x,y,z in a .csv, id,x,y,z,...,label (the 12th) in a .fcsv. */
+/* Where the columns are: name,x,y,z in a .csv, and others only if the header has them (decimal
+ * commas would be columns, too); id,x,y,z,...,label (the 12th) in a .fcsv, whose columns are 0. */
 static apsm_status add_line(apsm_context *ctx, const char *path, size_t number, char *line,
-                            bool slicer, bool ras, landmark_list *l)
+                            size_t columns, bool ras, landmark_list *l)
 {
     char *field[LANDMARK_FIELDS];
     double x[3];
+    const bool slicer = columns == 0;
     const size_t n = landmark_cut_fields(line, field), label = slicer ? 11 : 0;
-    if (n < 4 || label >= n)
+    if (n < 4 || label >= n || (!slicer && n > columns))
         return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: %s", path, number,
                          slicer ? "is no point of 3D Slicer" : "is not name,x,y,z");
     for (size_t c = 0; c < 3; c++)
@@ -163,8 +168,9 @@ static void read_comment(const char *line, bool *ras)
 static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list *l)
 {
     char *text = NULL;
-    size_t size, number = 0;
+    char *field[LANDMARK_FIELDS];
     const bool slicer = ends_in(path, ".fcsv");
+    size_t size, number = 0, columns = slicer ? 0 : 4;
     bool ras = slicer;
     APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
     apsm_status status = APSM_OK;
@@ -175,9 +181,9 @@ static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list
         if (*at == '#')
             read_comment(at, &ras);
         else if (number == 1 && !slicer && strncasecmp(at, "name,", 5) == 0)
-            continue;
+            columns = landmark_cut_fields(at, field);
         else if (at[strspn(at, " \t\r")])
-            status = add_line(ctx, path, number, at, slicer, ras, l);
+            status = add_line(ctx, path, number, at, columns, ras, l);
     }
     free(text);
     return status;

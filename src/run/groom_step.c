@@ -115,6 +115,7 @@ static apsm_status describe_grooming(const groom_work *w, json_t *notes)
 static apsm_status align_by_landmarks(groom_work *w)
 {
     landmarks_mirror(w->run, &w->in);
+    landmarks_tell_far(w->run, &w->in);
     return landmarks_align(w->run, &w->in, w->alignment.template_index, w->alignment.M);
 }
 

@@ -137,6 +137,36 @@ void landmarks_mirror(apsm_run *run, const groom_inputs *in)
         if (in->reflected[i]) landmark_table_move(&run->landmarks, i, in->reflection[i]);
 }
 
+/* How far x lies from the box. */
+static double outside(const double x[3], const double lo[3], const double hi[3])
+{
+    double d = 0;
+    for (size_t c = 0; c < 3; c++) d = hypot(d, fmax(fmax(lo[c] - x[c], x[c] - hi[c]), 0));
+    return d;
+}
+
+void landmarks_tell_far(const apsm_run *run, const groom_inputs *in)
+{
+    const landmark_table *const t = &run->landmarks;
+    double lo[3], hi[3], first = 0;
+    size_t far = 0, shape = 0, mark = 0;
+    for (size_t i = 0; i < in->list.n; i++) {
+        apsm_mesh_bounds(&in->mesh[i], lo, hi);
+        const double size = hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+        for (size_t l = 0; l < t->L; l++) {
+            const double off =
+                landmark_is_there(t, i, l) ? outside(landmark_at(t, i, l), lo, hi) : 0;
+            if (off > size && far++ == 0) first = off, shape = i, mark = l;
+        }
+    }
+    if (far > 0)
+        apsm_log(run->ctx, APSM_LOG_WARNING,
+                 "%zu landmark%s farther from the shape than it is long ('%s' is %.3g away from "
+                 "%s): given in another frame, or another unit?",
+                 far, far == 1 ? " lies" : "s lie", t->name[mark], first,
+                 in->list.cases[shape].name);
+}
+
 /* ---- pose ---- */
 
 apsm_status landmarks_align(apsm_run *run, const groom_inputs *in, size_t template_index, double *M)

@@ -11,6 +11,8 @@
 apsm_status landmarks_read(apsm_run *run, const groom_inputs *in);
 /* From the frames of the inputs to those of the groomed meshes. */
 void landmarks_mirror(apsm_run *run, const groom_inputs *in);
+/* Warns of those that can hardly belong to their groomed shapes. */
+void landmarks_tell_far(const apsm_run *run, const groom_inputs *in);
 /* M (list.n x 16) anew if shapes are aligned by them, else left. */
 apsm_status landmarks_align(apsm_run *run, const groom_inputs *in, size_t template_index,
                             double *M);

@@ -80,6 +80,10 @@ static apsm_status take_folder(apsm_run *run, groom_inputs *in, const char *fold
 static apsm_status take_file(apsm_run *run, groom_inputs *in, const char *path)
 {
     size_t owner;
+    if (!apsm_file_exists(path))
+        return apsm_fail(run->ctx, APSM_ERR_IO,
+                         "--constraints %s: cannot be read: no such file or folder; check the name",
+                         path);
     char *stem = apsm_path_stem(path), *own = stem ? strdup(path) : NULL;
     apsm_status status = own ? groom_inputs_template(run, in, &owner) : APSM_ERR_MEMORY;
     for (size_t i = 0; i < in->list.n && status == APSM_OK; i++)

@@ -335,8 +335,14 @@ apsm_status source_read(apsm_run *run, apsm_project *source, bool *own)
     *source = (apsm_project){ 0 };
     *own = run->n_inputs == 0;
     if (*own) return APSM_OK;
-    if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) return APSM_OK;
     const char *domain = apsm_run_text(run, "domain");
+    if (run->n_inputs > 1 || !apsm_is_project_file(run->inputs[0])) {
+        if (!*domain) return APSM_OK;
+        return apsm_fail(run->ctx, APSM_ERR_ARG,
+                         "--domain %s: only a project has domains; give one, or leave the option "
+                         "out",
+                         domain);
+    }
     if (!*domain) return apsm_project_read(run->ctx, run->inputs[0], source);
     APSM_TRY(apsm_project_read_domain(run->ctx, run->inputs[0], domain, source));
     return check_domain(run, domain, source);

@@ -73,8 +73,23 @@ static const double *source_of(const placing *p, size_t d)
     return p->s->aligned ? p->m.model.mean : p->m.P + 3 * p->m.part[d].template_index * p->m.J;
 }
 
-static void find_parts(placing *p)
+/* Of all particles that the points are given on. */
+static double size_of_source(const placing *p)
 {
+    double lo[3] = { INFINITY, INFINITY, INFINITY }, hi[3] = { -INFINITY, -INFINITY, -INFINITY };
+    for (size_t d = 0; d < p->m.parts; d++)
+        for (size_t k = 0; k < 3 * p->m.part[d].J; k++) {
+            const double x = source_of(p, d)[3 * p->m.part[d].first + k];
+            lo[k % 3] = fmin(lo[k % 3], x);
+            hi[k % 3] = fmax(hi[k % 3], x);
+        }
+    return hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+}
+
+/* Nothing is known of what lies farther from the surface than that is long. */
+static apsm_status find_parts(placing *p)
+{
+    const double size = size_of_source(p);
     for (size_t l = 0; l < p->marks.n; l++) {
         double least = INFINITY;
         for (size_t d = 0; d < p->m.parts; d++) {
@@ -85,7 +100,13 @@ static void find_parts(placing *p)
                 if (d2 < least) least = d2, p->part_of[l] = d;
             }
         }
+        if (!(sqrt(least) <= size))
+            return apsm_fail(p->ctx, APSM_ERR_GEOMETRY,
+                             "%s: '%s' lies %.3g from the nearest particle of a shape that is %.3g "
+                             "long; give it in the frame of that shape",
+                             p->s->file, p->marks.name[l], sqrt(least), size);
     }
+    return APSM_OK;
 }
 
 /* Y <- the landmarks on particles P, of all parts; w: a warp of all landmarks for each part. */
@@ -180,7 +201,7 @@ static apsm_status place(placing *p)
     p->Y = malloc(3 * p->marks.n * sizeof *p->Y);
     apsm_warp *w = calloc(p->m.parts, sizeof *w);
     apsm_status status = p->part_of && p->P && p->Y && w ? APSM_OK : APSM_ERR_MEMORY;
-    if (status == APSM_OK) find_parts(p);
+    if (status == APSM_OK) status = find_parts(p);
     for (size_t d = 0; d < p->m.parts && status == APSM_OK; d++)
         status = apsm_warp_build(p->ctx, APSM_PHI_R, p->marks.n, p->marks.x, p->m.part[d].J,
                                  source_of(p, d) + 3 * p->m.part[d].first, &w[d]);

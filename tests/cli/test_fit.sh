@@ -89,6 +89,7 @@ fit 1 "half: refused: is 0.5" model half.ply -o half
 fit 0 "fitted" model half.ply -o half --force --overwrite
 fit 1 "refused" model torus.ply -o torus
 "$synthetic" new/whole.ply giant.ply scale 1e12
+fit 2 "--label 1: no input is an image" model half.ply -o labels --label 1
 fit 1 "e+11 times as large as the model's mean" model giant.ply -o giant
 fit 1 "holds fits already" model half.ply -o half
 fit 1 "is a model folder" model half.ply -o model

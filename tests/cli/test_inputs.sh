@@ -94,6 +94,10 @@ expect 0 "particles: 3" info old.particles
 printf '\377\376x\0,\0y\0' >wide.csv
 expect 1 "is text in UTF-16; save it as UTF-8" info wide.csv
 
+# ---- what is said of something that is not there ----
+expect 2 "only a project has domains" check quads.ply --domain tibia
+expect 1 "no such file or folder" check quads.ply --constraints nowhere
+
 # ---- names ----
 expect 2 "control character" check newline
 expect 2 "control character" check escape

@@ -58,6 +58,15 @@ if command -v python3 >/dev/null; then
 fi
 expect 2 "needs" landmarks judge one.csv
 expect 1 "nothere" landmarks judge nothere.csv -o carried2
+printf 'name,x,y,z\na,1e9,0,0\n' >far.csv
+expect 1 "'a' lies 1e+09 from the nearest particle" landmarks judge far.csv -o carried2
+printf 'name,x,y,z\na,1e300,0,0\n' >far.csv
+expect 1 "'a' is not at a place" landmarks judge far.csv -o carried2
+printf 'name,x,y,z\na,1,5,2,5,3,5\n' >far.csv # commas of decimals
+expect 1 "far.csv:2: is not name,x,y,z" landmarks judge far.csv -o carried2
+[ -e carried2 ] && fail "a folder is left where landmarks cannot be carried"
+sed 's/^slide_00,L1,[^,]*/slide_00,L1,1e6/' s/landmarks.csv >far.csv
+expect 0 "1 landmark lies farther from the shape than it is long ('L1' is 1e+06 away from slide_00)" groom s/shapes -o far --landmarks far.csv --faces 500
 [ -e carried2 ] && fail "a refused call left a folder"
 
 # A project's landmarks, in ShapeWorks' way: points without names.
