@@ -9,7 +9,8 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
 failed=0
-limit=60 # seconds that a call of expect may take
+limit=60                           # seconds that a call of expect may take,
+slower=${APSM_TESTS_SLOWER:-1} # times this: what sanitizers watch takes longer
 
 fail() {
     echo "FAILED: $*"
@@ -20,7 +21,7 @@ fail() {
 expect() {
     local code=$1 words=$2
     shift 2
-    timeout -k 5 "$limit" "$apsm" "$@" >said 2>&1 </dev/null
+    timeout -k 5 $((limit * slower)) "$apsm" "$@" >said 2>&1 </dev/null
     local got=$?
     if [ $got -ne "$code" ]; then
         fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"

@@ -7,7 +7,7 @@
 expect() {
     local code=$1 words=$2
     shift 2
-    timeout -s KILL 20 "$apsm" "$@" >said 2>&1 </dev/null
+    timeout -s KILL $((20 * slower)) "$apsm" "$@" >said 2>&1 </dev/null
     local got=$?
     if [ $got -ne "$code" ]; then
         fail "apsm $*: exit code $got, not $code: $(tail -n 3 said)"

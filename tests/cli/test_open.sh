@@ -59,7 +59,7 @@ expect 0 "ignored, as asked for" groom p.swproj -o ignored --ignore constraints 
 # ---- new shapes meet such models: open ones are whole, closed ones are refused ----
 "$synthetic" ellipsoid closed.ply index 1 level 2
 for of in bowl/m:bowl/shapes/b1.ply m:m/groomed/e1.ply; do
-    timeout 60 "$apsm" fit "${of%:*}" "${of#*:}" closed.ply -o fits --overwrite --hand same >said 2>&1
+    timeout $((60 * slower)) "$apsm" fit "${of%:*}" "${of#*:}" closed.ply -o fits --overwrite --hand same >said 2>&1
     grep -q "closed: refused: is a closed surface, and the model's shapes are open ones" said || fail "fit ${of%:*}: $(cat said)"
     grep -q '"partial": false' fits/fit.json || fail "an open shape is a part of an open model: $of: $(cat said)"
     grep -q '"partial": true' fits/fit.json && fail "an open shape is a part of an open model: $of: $(cat said)"

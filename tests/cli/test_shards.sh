@@ -9,6 +9,7 @@ slurm=$root/tests/support/one-node-slurm own_slurm=
 trap '[ -z "$own_slurm" ] || "$slurm" stop "$own_slurm"; rm -rf "$dir"' EXIT
 cd "$dir" || exit 1
 failed=0
+slower=${APSM_TESTS_SLOWER:-1} # see head.sh
 fail() { echo "FAILED: $*" && failed=1; }
 small=(-J 32 --threads 1 --stage1-epochs 1 --stage2-epochs 1 --fidelity-rounds 1)
 job=("${small[@]}" --faces 1200 --quiet) loud=("${small[@]}" --faces 1200)
@@ -99,7 +100,7 @@ if ! ldd "$apsm" | grep -q libmpi; then
     echo "SKIPPED: ranks are not tested, this program was built without APSM_MPI (make test-mpi does)"
     exit $failed
 fi
-ranks() { timeout 120 mpirun --allow-run-as-root --oversubscribe -n "$@"; }
+ranks() { timeout $((120 * slower)) mpirun --allow-run-as-root --oversubscribe -n "$@"; }
 for n in 1 2 8 3; do
     begin=$(date +%s%N)
     ranks $n "$apsm" run in -o r$n "${job[@]}" 2>/dev/null || fail "$n ranks"
@@ -142,7 +143,7 @@ cmp one/particles/s2_local.particles fixed_3/particles/s2_local.particles || fai
 kills=${KILLS:-5} ended=0
 for ((k = 1; k <= kills; k++)); do
     rm -rf killed
-    timeout 120 mpirun --allow-run-as-root --oversubscribe -n 3 "$apsm" run in -o killed "${job[@]}" >/dev/null 2>err &
+    timeout $((120 * slower)) mpirun --allow-run-as-root --oversubscribe -n 3 "$apsm" run in -o killed "${job[@]}" >/dev/null 2>err &
     whole=$!
     for ((t = 0; t < 100; t++)); do
         victims=$(pgrep -P "$(pgrep -P $whole | head -n 1)" 2>/dev/null)
