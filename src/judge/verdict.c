@@ -96,11 +96,16 @@ static bool is_settled(const apsm_findings *f, const apsm_turn *other, double le
            other->evidence > fmax(o->told, least);
 }
 
+static bool speaks_for_mirror(const apsm_findings *f)
+{
+    return f->turn[1].evidence < 0.0 || f->turn[1].agreement > f->agreement;
+}
+
 unsigned apsm_verdict_note_hand(const apsm_findings *f, double usual, bool undecided,
                                 const apsm_verdict_options *o)
 {
     if (f && is_settled(f, &f->turn[1], decisive * usual, o)) return 0;
-    if (f && !undecided && usual < o->told) return 0;
+    if (f && !undecided && usual < o->told && !speaks_for_mirror(f)) return 0;
     return 1u << (undecided ? APSM_DOUBT_HAND : APSM_DOUBT_MIRRORED);
 }
 

@@ -77,7 +77,7 @@ double apsm_verdict_probability(const apsm_findings *findings, const apsm_verdic
 /* The doubt that grooming's note of a hand comes to (findings NULL: there are none).  None where
  * they speak clearly for the shape as it is, beside the usual evidence (the median), or where the
  * surface does not usually tell hands: then nobody is singled out, unless hands were to be found
- * (undecided). */
+ * (undecided) or the surface speaks for the other hand, since half of either look symmetric. */
 unsigned apsm_verdict_note_hand(const apsm_findings *findings, double usual, bool undecided,
                                 const apsm_verdict_options *options);
 

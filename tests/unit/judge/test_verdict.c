@@ -2,6 +2,7 @@
  * silence about the cohort without them. */
 #include "cmocka_all.h"
 
+#include <jansson.h>
 #include <string.h>
 
 #include "core/random.h"
@@ -388,7 +389,14 @@ static void form_settles_notes(void **state)
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
     f.turn[1].agreement = 1.6;
     assert_int_equal(apsm_verdict_note_hand(&f, 1.0, false, &o), mirrored);
+    f.turn[1].agreement = 1.4;
     assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), 0); /* nobody's hand is told */
+    f.turn[1].evidence = -0.1; /* but of this one against it */
+    assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), mirrored);
+    f.turn[1].evidence = 0.1;
+    assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), 0);
+    f.turn[1].agreement = 1.6;
+    assert_int_equal(apsm_verdict_note_hand(&f, 0.1, false, &o), mirrored);
     assert_int_equal(apsm_verdict_note_hand(&f, 0.1, true, &o), 1u << APSM_DOUBT_HAND);
 }
 
@@ -423,6 +431,32 @@ static void poses_against_the_others_have_to_be_clear(void **state)
     assert_int_equal(apsm_verdict_note_pose(&f, 1.2, APSM_POSE_AGAINST, &o), 1u << APSM_DOUBT_POSE);
     f.turn[0].evidence = 4.0;
     assert_int_equal(apsm_verdict_note_pose(&f, 5.0, APSM_POSE_AGAINST, &o), 0);
+}
+
+/* How many shapes are doubted when grooming calls the poses of the first `ambiguous` so. */
+static size_t doubted_poses(size_t ambiguous)
+{
+    static const char *const name[I] = { "a", "b", "c", "d", "e", "f", "g", "h" };
+    static scene s;
+    cohort_certificate c;
+    size_t n = 0;
+    json_t *notes = json_array();
+    for (size_t i = 0; i < ambiguous; i++)
+        json_array_append_new(notes, json_pack("{s:s, s:s}", "shape", name[i], "aspect", "pose"));
+    open_scene(&s);
+    assert_int_equal(certify_cohort(s.ctx, &s.cohort, J, s.P, notes, &c), APSM_OK);
+    for (size_t i = 0; i < I; i++) n += c.doubts[i] == 1u << APSM_DOUBT_POSE;
+    certify_free(&c);
+    close_scene(&s);
+    json_decref(notes);
+    return n;
+}
+
+static void form_settles_no_poses_of_which_most_are_ambiguous(void **state)
+{
+    (void)state;
+    assert_int_equal(doubted_poses(I / 2), 0);
+    assert_int_equal(doubted_poses(I / 2 + 1), I);
 }
 
 /* On a sphere of radius R the mean height within r of a point is -r^2 / 4R, and no scale's sign or
@@ -549,6 +583,7 @@ int main(void)
         cmocka_unit_test(probability_follows_form),
         cmocka_unit_test(form_settles_notes),
         cmocka_unit_test(sought_poses_have_to_be_told),
+        cmocka_unit_test(form_settles_no_poses_of_which_most_are_ambiguous),
         cmocka_unit_test(poses_against_the_others_have_to_be_clear),
         cmocka_unit_test(quantiles_leave_one_out),
         cmocka_unit_test(heights_on_a_sphere),
