@@ -22,9 +22,10 @@ static const double near = 0.7; /* of particles that lie between others, in h */
 static const double wrong_share = 0.1, wrong_distance = 2.0; /* h */
 static const double least_spread = 0.01;                     /* of heights */
 
-/* LANES usual particles side by side; those beyond the last are infinitely far away. */
+/* LANES usual particles side by side, from their centre and over h; those beyond the last are
+ * infinitely far away. */
 typedef struct usual_block {
-    double x[3][LANES], n[3][LANES];
+    float x[3][LANES], n[3][LANES];
 } usual_block;
 
 static size_t blocks_of(size_t J)
@@ -35,7 +36,7 @@ static size_t blocks_of(size_t J)
 size_t apsm_turns_work_size(size_t J)
 {
     return (size_t)MOST * (6 + 6 + 3 + 2 * APSM_FORM_SCALES) +
-           blocks_of(J) * (sizeof(usual_block) / sizeof(double));
+           blocks_of(J) * ((sizeof(usual_block) + LANES * sizeof(float)) / sizeof(double) + 1);
 }
 
 /* Turn number k of a cube: the permutations of the axes, with the signs that make det = +1. */
@@ -74,72 +75,135 @@ static void start(const double c[3], const double A[9], const double S[9], doubl
     for (size_t r = 0; r < 3; r++) M[4 * r + 3] = c[r] - vec3_dot(M + 4 * r, c);
 }
 
+/* The usual particles as a search goes through them; arrays in the scratch. */
+typedef struct usual_set {
+    const apsm_turns_input *in;
+    size_t blocks;
+    usual_block *block; /* blocks */
+    float *cost;        /* blocks x LANES */
+    uint32_t *near;     /* blocks: those in which the least may be */
+    double c[3];        /* centre */
+    float reach;        /* largest coordinate of x */
+} usual_set;
+
 /* The moved part of a shape; arrays in the scratch. */
 typedef struct moved {
     size_t n, stride;
     double *p, *normal; /* n x 3: as they are, or reflected in the usual frame */
     double *q, *qn;     /* n x 3: moved */
     double *target;     /* n x 3 */
-    const usual_block *usual;
+    const usual_set *usual;
 } moved;
 
-static void arrange_usual(const apsm_turns_input *in, usual_block *block)
+static usual_set arrange_usual(const apsm_turns_input *in, const double c[3], double *work)
 {
-    for (size_t k = 0; k < blocks_of(in->J) * LANES; k++)
-        for (size_t c = 0; c < 3; c++) {
-            block[k / LANES].x[c][k % LANES] = k < in->J ? in->X[3 * k + c] : INFINITY;
-            block[k / LANES].n[c][k % LANES] = k < in->J ? in->XN[3 * k + c] : 0.0;
+    usual_set u = { .in = in, .blocks = blocks_of(in->J), .block = (usual_block *)(void *)work };
+    u.cost = (float *)(void *)(u.block + u.blocks);
+    u.near = (uint32_t *)(void *)(u.cost + LANES * u.blocks);
+    memcpy(u.c, c, sizeof u.c);
+    for (size_t k = 0; k < u.blocks * LANES; k++)
+        for (size_t a = 0; a < 3; a++) {
+            const bool there = k < in->J;
+            const float x = there ? (float)((in->X[3 * k + a] - c[a]) / in->h) : INFINITY;
+            u.block[k / LANES].x[a][k % LANES] = x;
+            u.block[k / LANES].n[a][k % LANES] = there ? (float)in->XN[3 * k + a] : 0.0f;
+            if (there) u.reach = fmaxf(u.reach, fabsf(x));
         }
+    return u;
+}
+
+/* Costs over h^2 for one at q with normal n, in single precision; returns the least. */
+APSM_KERNEL static float estimate(const usual_set *u, const float q[3], const float n[3])
+{
+    float least[LANES], all = INFINITY;
+    for (size_t l = 0; l < LANES; l++) least[l] = INFINITY;
+    for (size_t k = 0; k < u->blocks; k++) {
+        const usual_block *restrict b = u->block + k;
+        float *restrict cost = u->cost + LANES * k;
+#pragma omp simd
+        for (size_t l = 0; l < LANES; l++) {
+            const float x = q[0] - b->x[0][l], y = q[1] - b->x[1][l], z = q[2] - b->x[2][l];
+            const float cosine = n[0] * b->n[0][l] + n[1] * b->n[1][l] + n[2] * b->n[2][l];
+            cost[l] = x * x + y * y + z * z + 2.0f * (1.0f - cosine);
+            least[l] = cost[l] < least[l] ? cost[l] : least[l];
+        }
+    }
+    for (size_t l = 0; l < LANES; l++) all = least[l] < all ? least[l] : all;
+    return all;
+}
+
+/* u->near <- the blocks with a cost up to the limit; returns their number. */
+APSM_KERNEL static size_t list_near(const usual_set *u, float limit)
+{
+    size_t count = 0;
+    for (size_t k = 0; k < u->blocks; k++) {
+        const float *restrict cost = u->cost + LANES * k;
+        int near_by = 0;
+#pragma omp simd reduction(| : near_by)
+        for (size_t l = 0; l < LANES; l++) near_by |= cost[l] <= limit;
+        u->near[count] = (uint32_t)k;
+        count += near_by != 0;
+    }
+    return count;
+}
+
+/* Where the search is. */
+typedef struct choice {
+    double cost, distance2;
+    uint32_t at;
+} choice;
+
+/* Usual particle k instead, if it costs less. */
+static void try_particle(const apsm_turns_input *in, const double q[3], const double n[3], size_t k,
+                         choice *best)
+{
+    const double *X = in->X + 3 * k, *XN = in->XN + 3 * k, weigh = 2.0 * in->h * in->h;
+    const double x = q[0] - X[0], y = q[1] - X[1], z = q[2] - X[2];
+    const double d2 = x * x + y * y + z * z;
+    const double cost = d2 + weigh * (1.0 - (n[0] * XN[0] + n[1] * XN[1] + n[2] * XN[2]));
+    if (cost < best->cost) *best = (choice){ cost, d2, (uint32_t)k };
 }
 
 /* at <- the usual particle of least cost for one at q with normal n, of equal ones the first;
- * returns its squared distance.  weigh: 2 h^2. */
-APSM_KERNEL static double nearest(size_t blocks, const usual_block *restrict usual, double weigh,
-                                  const double q[3], const double n[3], uint32_t *at)
+ * returns its squared distance.  Single precision tells which it can be, double decides: with
+ * coordinates up to r and unit normals an estimate errs by less than 2^-17 r^2 + 2^-19. */
+static double nearest(const usual_set *u, const double q[3], const double n[3], uint32_t *at)
 {
-    double least[LANES], block[LANES] = { 0 }, distance2[LANES] = { 0 };
-    size_t best = 0;
-    for (size_t l = 0; l < LANES; l++) least[l] = INFINITY;
-    for (size_t k = 0; k < blocks; k++) {
-        const usual_block *restrict b = usual + k;
-#pragma omp simd
-        for (size_t l = 0; l < LANES; l++) {
-            const double x = q[0] - b->x[0][l], y = q[1] - b->x[1][l], z = q[2] - b->x[2][l];
-            const double d2 = x * x + y * y + z * z;
-            const double cosine = n[0] * b->n[0][l] + n[1] * b->n[1][l] + n[2] * b->n[2][l];
-            const double cost = d2 + weigh * (1.0 - cosine);
-            block[l] = cost < least[l] ? (double)k : block[l];
-            distance2[l] = cost < least[l] ? d2 : distance2[l];
-            least[l] = cost < least[l] ? cost : least[l];
-        }
+    float f[3], fn[3], r = u->reach;
+    choice best = { .cost = INFINITY };
+    for (size_t a = 0; a < 3; a++) {
+        f[a] = (float)((q[a] - u->c[a]) / u->in->h);
+        fn[a] = (float)n[a];
+        r = fabsf(f[a]) > r ? fabsf(f[a]) : r;
     }
-    for (size_t l = 1; l < LANES; l++)
-        if (least[l] < least[best] || (least[l] == least[best] && block[l] < block[best])) best = l;
-    *at = (uint32_t)(LANES * (size_t)block[best] + best);
-    return distance2[best];
+    const float limit = estimate(u, f, fn) + 0x1p-16f * r * r + 0x1p-18f;
+    const size_t count = list_near(u, limit);
+    for (size_t b = 0; b < count; b++)
+        for (size_t k = LANES * u->near[b]; k < LANES * (u->near[b] + 1); k++)
+            if (u->cost[k] <= limit) try_particle(u->in, q, n, k, &best);
+    *at = best.at;
+    return best.distance2;
 }
 
 /* at (n) <- the usual particles on which M lays those of m; returns the mean squared distance. */
-static double lay(const apsm_turns_input *in, const double M[16], moved *m, uint32_t *at)
+static double lay(const double M[16], moved *m, uint32_t *at)
 {
     double sum = 0.0;
     apsm_affine_apply(M, m->n, m->p, m->q);
     apsm_affine_apply_normals(M, m->n, m->normal, m->qn);
-    for (size_t k = 0; k < m->n; k++)
-        sum += nearest(blocks_of(in->J), m->usual, 2.0 * in->h * in->h, m->q + 3 * k, m->qn + 3 * k,
-                       at + k);
+    for (size_t k = 0; k < m->n; k++) sum += nearest(m->usual, m->q + 3 * k, m->qn + 3 * k, at + k);
     return sum / (double)m->n;
 }
 
 static double settle(const apsm_turns_input *in, double M[16], moved *m, uint32_t *at)
 {
     for (int round = 0; round < ROUNDS; round++) {
-        lay(in, M, m, at);
+        lay(M, m, at);
         for (size_t k = 0; k < m->n; k++)
             memcpy(m->target + 3 * k, in->X + 3 * at[k], 3 * sizeof *m->target);
         apsm_affine_fit(m->n, m->p, m->target, NULL, 0, M);
     }
-    return sqrt(lay(in, M, m, at)) / in->h;
+    return sqrt(lay(M, m, at)) / in->h;
 }
 
 /* Whether particles would be elsewhere, and not only a little. */
@@ -204,13 +268,12 @@ static double evidence(const apsm_turns_input *in, const moved *m, const uint32_
     return sum / (double)(m->n * APSM_FORM_SCALES);
 }
 
-static double fit_as_it_is(const apsm_turns_input *in, const usual_block *usual)
+static double fit_as_it_is(const apsm_turns_input *in, const usual_set *usual)
 {
     double sum = 0.0;
     for (size_t j = 0; j < in->J; j++) {
         uint32_t at = 0;
-        sum += nearest(blocks_of(in->J), usual, 2.0 * in->h * in->h, in->P + 3 * j, in->N + 3 * j,
-                       &at);
+        sum += nearest(usual, in->P + 3 * j, in->N + 3 * j, &at);
     }
     return sqrt(sum / (double)in->J) / in->h;
 }
@@ -227,9 +290,8 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
     apsm_affine_identity(best->M);
     frame(in->J, in->X, c, A);
     start(c, A, flip, reflection);
-    usual_block *usual = (usual_block *)(void *)work;
-    arrange_usual(in, usual);
-    m.usual = usual;
+    const usual_set usual = arrange_usual(in, c, work);
+    m.usual = &usual;
     work += apsm_turns_work_size(in->J) - apsm_turns_work_size(0);
     take_particles(in, mirrored ? reflection : NULL, work, &m);
     for (size_t k = 0; k < TURNS; k++) {
@@ -249,5 +311,5 @@ void apsm_turns_search(const apsm_turns_input *in, bool mirrored, apsm_turn *bes
         memcpy(best->M, M, sizeof M);
         if (mirrored) apsm_affine_multiply(M, reflection, best->M);
     }
-    if (own_fit) *own_fit = fit_as_it_is(in, usual);
+    if (own_fit) *own_fit = fit_as_it_is(in, &usual);
 }
