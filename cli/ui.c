@@ -28,6 +28,7 @@ struct cli_ui {
     double began, shown; /* times of the stage's first report and of the last one shown */
     size_t done_at_start;
     bool drawn; /* a bar stands on the last line */
+    char *said; /* the last message, or NULL */
 };
 
 double cli_clock(void)
@@ -257,11 +258,20 @@ void cli_ui_progress(void *user, const apsm_progress *p)
     if (p->done >= p->total) end_stage(ui);
 }
 
+/* Files that are read more than once are not complained of more than once. */
+static bool is_said_again(cli_ui *ui, const char *line)
+{
+    if (ui->said && strcmp(ui->said, line) == 0) return true;
+    free(ui->said);
+    ui->said = strdup(line); /* NULL: it may be said again */
+    return false;
+}
+
 void cli_ui_log(void *user, apsm_log_level level, const char *line)
 {
     cli_ui *ui = user;
     const bool warning = level == APSM_LOG_WARNING, drawn = ui->drawn;
-    if (ui->quiet && !warning) return;
+    if ((ui->quiet && !warning) || is_said_again(ui, line)) return;
     if (ui->style == STYLE_JSON) {
         put_json(ui, json_pack("{s:s, s:o}", "event", warning ? "warning" : "message", "text",
                                json_text(line)));
@@ -303,5 +313,6 @@ void cli_ui_free(cli_ui *ui)
 {
     if (!ui) return;
     end_stage(ui);
+    free(ui->said);
     free(ui);
 }

@@ -127,10 +127,15 @@ static void check_whole(checking *c)
 /* One column of a row, and the file that it names. */
 static void check_column(checking *c, const apsm_subject *s, const char *key, const char *stored)
 {
-    char *path = path_of(c, s, key, stored);
+    char *const text = strdup(stored);
+    for (char *at = text; at && *at; at++)
+        if (*at == '\\') *at = '/'; /* as the project's own files are read */
+    char *path = text ? path_of(c, s, key, text) : NULL;
+    if (!text) tell(c, "%s: out of memory for its %s", s->name, key);
     if (path && !apsm_is_folder(path) && !apsm_file_exists(path))
         tell(c, "%s: %s: %s does not exist; correct the path or remove it", s->name, key, path);
     free(path);
+    free(text);
 }
 
 static bool is_made_by_a_run(const char *key)

@@ -71,6 +71,11 @@ done
 expect 1 "empty.swproj: names no shapes" check empty.swproj
 expect 1 "nameless.swproj: shape 1 (x) names no input" check nameless.swproj
 
+# ---- paths as Windows writes them, and a name twice, which is told once ----
+mkdir sub && cp quads.ply sub && printf '{"data": [{"name": "a", "shape_1": "sub\\\\quads.ply"}, {"name": "a", "shape_1": "big.ply"}]}' >back.swproj
+expect 0 "no problems found" check back.swproj
+[ "$(grep -c "is now called" said)" = 1 ] || fail "a warning is told again: $(cat said)"
+
 # ---- parameter files of ShapeWorks before version 6 ----
 expect 0 "2 shapes" info old.xml
 expect 0 "-J 32 takes as many" run old.xml -o old --dry-run --ignore fixed
