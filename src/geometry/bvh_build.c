@@ -327,7 +327,30 @@ APSM_KERNEL static void lane_rows(const corners *restrict t, float row[restrict 
     }
 }
 
-static void fill_leaf(apsm_bvh *bvh, size_t number)
+/* Into the tree's frame; returns their box. */
+APSM_KERNEL static box place_corners(const apsm_bvh *bvh, corners *restrict t)
+{
+    box b = { { 0 }, { 0 } };
+    for (int c = 0; c < 3; c++) {
+        const double centre = bvh->centre[c], scale = bvh->scale;
+        float lo = INFINITY, hi = -INFINITY;
+        for (int k = 0; k < 3; k++)
+#pragma omp simd reduction(min : lo) reduction(max : hi)
+            for (int i = 0; i < LEAF; i++) {
+                const double x = (t->x[k][c][i] - centre) * scale;
+                const float q = (float)x;
+                t->x[k][c][i] = x;
+                lo = q < lo ? q : lo;
+                hi = q > hi ? q : hi;
+            }
+        b.lo[c] = lo - PAD;
+        b.hi[c] = hi + PAD;
+    }
+    return b;
+}
+
+/* Returns the leaf's box. */
+static box fill_leaf(apsm_bvh *bvh, size_t number)
 {
     leaf *out = &bvh->leaves[number];
     const uint32_t *face = bvh->face + LEAF * number;
@@ -340,15 +363,13 @@ static void fill_leaf(apsm_bvh *bvh, size_t number)
         }
     lane_normals(&t, unit);
     for (size_t i = 0; i < LEAF; i++)
-        for (size_t c = 0; c < 3; c++) {
-            bvh->face_normal[3 * (size_t)face[i] + c] = unit[c][i];
-            for (size_t k = 0; k < 3; k++)
-                t.x[k][c][i] = (t.x[k][c][i] - bvh->centre[c]) * bvh->scale;
-        }
+        for (size_t c = 0; c < 3; c++) bvh->face_normal[3 * (size_t)face[i] + c] = unit[c][i];
+    const box bounds = place_corners(bvh, &t);
     turn_corners(&t);
     lane_rows(&t, out->row);
     for (size_t i = 1; i < LEAF; i++)
         if (face[i] == face[i - 1]) out->row[ORIGIN][i] = NAN;
+    return bounds;
 }
 
 static void add_leaf(apsm_bvh *bvh, const uint32_t *faces, uint32_t count)
@@ -513,18 +534,12 @@ void bvh_arrays(apsm_bvh *bvh, array_list *list)
     arrays_add(list, &bvh->twin, 3 * nf * sizeof *bvh->twin);
 }
 
-/* Bounds of a child whose own children are up to date. */
-static box child_bounds(const apsm_bvh *bvh, const node *n, int child)
+/* Bounds of a child: a leaf, which is filled, or a node that is up to date. */
+static box child_bounds(apsm_bvh *bvh, const node *n, int child)
 {
     box b = empty_box;
-    const uint32_t count = ref_count(n->ref[child]), number = ref_number(n->ref[child]);
-    if (count > 0) {
-        for (uint32_t i = 0; i < count; i++) {
-            const box face = face_box(bvh, bvh->face[LEAF * (size_t)number + i]);
-            box_grow(&b, &face);
-        }
-        return b;
-    }
+    const uint32_t number = ref_number(n->ref[child]);
+    if (ref_count(n->ref[child]) > 0) return fill_leaf(bvh, number);
     const node *inner = &bvh->nodes[number];
     for (int k = 0; k < inner->children; k++)
         for (int c = 0; c < 3; c++) {
@@ -537,7 +552,6 @@ static box child_bounds(const apsm_bvh *bvh, const node *n, int child)
 void apsm_bvh_refit(apsm_bvh *bvh)
 {
     choose_frame(bvh);
-    for (size_t l = 0; l < bvh->leaf_count; l++) fill_leaf(bvh, l);
     for (size_t n = bvh->node_count; n-- > 0;) /* children have larger numbers */
         for (int k = 0; k < bvh->nodes[n].children; k++) {
             const box b = child_bounds(bvh, &bvh->nodes[n], k);
