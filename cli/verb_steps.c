@@ -80,6 +80,9 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
     settings.n_set = args->n_set;
     bool contours;
     APSM_TRY(apsm_contours_wanted(ctx, &settings, &contours));
+    if (contours && args->parts)
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "--parts: the inputs are contours, of which each is a shape of its own");
     if (contours) return apsm_contours_run(ctx, &settings);
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &parts, &joint));
     const cli_ranks ranks = cli_ranks_get();

@@ -17,6 +17,13 @@ bool stage_is_before(const char *stage, const char *other)
     return false;
 }
 
+bool stage_is_known(const char *stage)
+{
+    for (size_t k = 0; k < STAGES; k++)
+        if (strcmp(stages[k], stage) == 0) return true;
+    return false;
+}
+
 const char *stage_name(size_t k)
 {
     return k < STAGES - 1 ? stages[k] : NULL;

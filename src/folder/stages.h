@@ -8,6 +8,8 @@
 
 /* Whether a stage comes before another; false if there is none of that name. */
 bool stage_is_before(const char *stage, const char *other);
+/* Whether there is one of that name: files of others (joints) come from no stage. */
+bool stage_is_known(const char *stage);
 /* The k-th of those that are recorded as done; NULL beyond the last. */
 const char *stage_name(size_t k);
 /* The k-th of all, the report among them; NULL beyond the last. */

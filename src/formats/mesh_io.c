@@ -53,8 +53,11 @@ static void refuse_no_faces(scan *s, const soup *m)
 {
     if (m->polygons) return;
     if (m->lines)
-        scan_refuse(s, APSM_ERR_FORMAT,
-                    "has no faces but %zu lines: contours? make a surface of them", m->lines);
+        scan_refuse(
+            s, APSM_ERR_FORMAT,
+            "has no faces but %zu lines: contours? `apsm run` takes them, by themselves; else "
+            "make a surface of them",
+            m->lines);
     else if (m->points)
         scan_refuse(s, APSM_ERR_FORMAT,
                     "has no faces but %zu points: a point cloud? export it as a surface",

@@ -261,6 +261,7 @@ apsm_status apsm_run_report(apsm_run *run)
     bool is_model;
     APSM_TRY(apsm_folder_holds(run->folder, RUN_PROJECT, &is_model));
     if (!is_model) return run_no_project(run);
+    APSM_TRY(manifest_refuse_contours(run));
     APSM_TRY(guard_files(run, "report", NULL));
     APSM_TRY(stage_start(run, "report"));
     APSM_TRY(apsm_report_write(run->ctx, run->folder));

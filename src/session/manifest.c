@@ -126,8 +126,17 @@ bool manifest_is_joint(const apsm_run *run)
     return manifest_json_is_joint(run->manifest);
 }
 
+apsm_status manifest_refuse_contours(const apsm_run *run)
+{
+    if (!manifest_json_is_contours(run->manifest)) return APSM_OK;
+    return apsm_fail(run->ctx, APSM_ERR_STATE,
+                     "%s: holds a model of contours, which `apsm run` alone makes, with its report",
+                     run->folder);
+}
+
 apsm_status manifest_refuse_joint(const apsm_run *run)
 {
+    APSM_TRY(manifest_refuse_contours(run));
     if (!manifest_is_joint(run)) return APSM_OK;
     return apsm_fail(run->ctx, APSM_ERR_STATE,
                      "%s: holds a joint of several parts; give `apsm run` the inputs and --parts "

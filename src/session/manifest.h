@@ -34,8 +34,10 @@ const char *manifest_input_sha256(const apsm_run *run, const char *name);
 
 /* Whether the folder holds a joint of several parts (src/assemble), not a model of one. */
 bool manifest_is_joint(const apsm_run *run);
-/* Refuses a step in such a folder: its parts are models, the joint is made of them. */
+/* Refuses a step in such a folder, whose parts are models, of which the joint is made, and in one
+ * of contours; the other in one of contours alone. */
 apsm_status manifest_refuse_joint(const apsm_run *run);
+apsm_status manifest_refuse_contours(const apsm_run *run);
 
 /* A clock for one stage. */
 typedef struct stage_clock {

@@ -60,7 +60,8 @@ void outputs_forget(apsm_run *run, const char *stage)
     void *next;
     json_object_foreach_safe(records(run), next, path, record)
     {
-        const bool later = !stage_is_before(stage_of(record), stage);
+        const bool later =
+            stage_is_known(stage_of(record)) && !stage_is_before(stage_of(record), stage);
         if (later || stage_writes(stage, path)) json_object_del(records(run), path);
     }
 }

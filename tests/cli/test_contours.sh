@@ -61,6 +61,10 @@ expect 1 "continue it with --resume" run in -o m -J 48
 # ---- report, verify, resume ----
 [ "$(grep -c '<html' m/report.html)" -eq 1 ] && [ "$(wc -c <m/report.html)" -gt 100000 ] || fail "no report"
 expect 0 "agree" verify m
+files=$(tail -n 1 said)
+for verb in report optimize evaluate; do expect 1 "holds a model of contours" $verb m; done
+expect 0 "$files" verify m
+expect 1 "the inputs are contours" run in -o p --parts a=c,b=d
 expect 0 "nothing to do" run in -o m -J 48 --resume
 expect 1 "begun with other options" run in -o m -J 40 --resume
 expect 2 "give its inputs again" run -o m --resume

@@ -88,6 +88,10 @@ cmp -s joint/model.json again/model.json || fail "resumed: another model"
 
 # It can be verified as a whole, parts included, and is not mistaken for a model of one part.
 "$apsm" verify joint >said 2>&1 || fail "verify: $(tail -n 3 said)"
+agree=$(tail -n 1 said)
+"$apsm" report joint >said 2>&1 || fail "report: $(tail -n 3 said)"
+"$apsm" verify joint >said 2>&1 || fail "verify after report: $(tail -n 3 said)"
+[ "$(tail -n 1 said)" = "$agree" ] || fail "report strikes files off the manifest: $(tail -n 1 said)"
 echo >>joint/parts/cup/scores.csv
 "$apsm" verify joint >said 2>&1 && fail "a changed file of a part is not found"
 said=$("$apsm" evaluate joint 2>&1) && fail "evaluate of a joint"
