@@ -136,11 +136,11 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
 /* ---- dry run ---- */
 
 /* CPU seconds of one shape on a core of the 2020s, as functions of J particles fitted to what
- * benchmarks/rates measures; they only serve a forecast. */
+ * benchmarks/rates, before and cohort measure; they only serve a forecast. */
 static double groom_seconds(const apsm_options *o)
 {
     const double faces = (double)o->groom.remesh_options.faces;
-    return 0.105 + 1.6e-5 * faces; /* poses; remeshing and registration of all vertices */
+    return 0.085 + 7e-6 * faces; /* poses; remeshing and registration of all vertices */
 }
 
 /* The pairs that the template is chosen from (docs/method.md, Initialisation). */
@@ -153,7 +153,7 @@ static double template_seconds(double I)
 
 static double initialize_seconds(double J)
 {
-    return 0.06 + 3.7e-4 * J;
+    return 0.045 + 1.55e-4 * J;
 }
 
 /* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
@@ -189,7 +189,7 @@ static double round_seconds(const apsm_options *o)
 
 static double evaluate_seconds(double J)
 {
-    return 0.08 + 1e-4 * J; /* with the report */
+    return 0.045 + 3e-4 * J; /* with the report */
 }
 
 /* The side of the model that is decomposed. */
