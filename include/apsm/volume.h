@@ -24,7 +24,7 @@ typedef struct apsm_segment {
 typedef struct apsm_volume {
     size_t n[3];
     double origin[3], spacing[3], direction[9];
-    int32_t *label;        /* of each layer in turn; NULL if value is not */
+    int32_t *label;        /* of each layer in turn; NULL if value or small is not */
     size_t layers;         /* segments may overlap in different layers; 0 counts as 1 */
     size_t segments;       /* 0: labels have no names */
     apsm_segment *segment; /* segments */

@@ -29,7 +29,7 @@ void bvh_near_choose(const apsm_bvh *bvh, const bvh_near *from, const double x[3
 void bvh_near_closest(const apsm_bvh *bvh, const bvh_near *near, const double x[3],
                       double max_distance2, uint32_t *slot, apsm_closest *out);
 
-/* The same for eight points in the cube. */
+/* The same for eight points in the cube.  *slot is a guess that may stay as it was. */
 enum { BVH_AT_ONCE = 8 };
 void bvh_near_closest_of(const apsm_bvh *bvh, const bvh_near *near, const double x[BVH_AT_ONCE][3],
                          double max_distance2, uint32_t *slot, apsm_closest out[BVH_AT_ONCE]);

@@ -159,7 +159,7 @@ apsm_status repair_faces(repair *r)
         status = decide_pairs(m, fate);
         if (status == APSM_OK) status = repair_drop(m, fate);
         r->report->duplicate_faces += n - m->nf;
-        r->report->unused_vertices = nv - m->nv - r->report->merged_vertices;
+        r->report->unused_vertices += nv - m->nv - r->report->merged_vertices;
     }
     free(fate);
     free(list);

@@ -157,6 +157,15 @@ static double thickness(const apsm_mesh *m, double n[3])
     return most;
 }
 
+/* Vertices of no face, which may be anywhere, have no say in what counts as near or flat. */
+static apsm_status drop_unused(repair *r)
+{
+    const size_t nv = r->mesh.nv;
+    APSM_TRY(repair_drop(&r->mesh, NULL));
+    r->report->unused_vertices = nv - r->mesh.nv;
+    return APSM_OK;
+}
+
 /* What has no volume, or none that can be reckoned with. */
 static apsm_status refuse_flat(const repair *r)
 {
@@ -275,8 +284,9 @@ static apsm_status check_result(repair *r)
 static apsm_status run(repair *r)
 {
     APSM_TRY(check_input(r));
-    APSM_TRY(refuse_flat(r));
     APSM_TRY(refuse_stray(r));
+    APSM_TRY(drop_unused(r));
+    APSM_TRY(refuse_flat(r));
     APSM_TRY(repair_weld(r));
     APSM_TRY(repair_faces(r));
     APSM_TRY(something_left(r));

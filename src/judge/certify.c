@@ -310,7 +310,8 @@ static apsm_status usual_evidence(const cohort_certificate *c, double usual[2])
     return APSM_OK;
 }
 
-/* Grooming's doubts are ours, unless the form speaks clearly for the pose. */
+/* Grooming's doubts are ours, unless the form speaks clearly for the pose.  Where it called more
+ * than half of the poses ambiguous, however few shapes there are, no form speaks for any. */
 static apsm_status add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certificate *c)
 {
     size_t k;

@@ -180,7 +180,7 @@ static double nearest(const usual_set *u, const double q[3], const double n[3], 
     const size_t count = list_near(u, limit);
     for (size_t b = 0; b < count; b++)
         for (size_t k = LANES * u->near[b]; k < LANES * (u->near[b] + 1); k++)
-            if (u->cost[k] <= limit) try_particle(u->in, q, n, k, &best);
+            if (k < u->in->J && u->cost[k] <= limit) try_particle(u->in, q, n, k, &best);
     *at = best.at;
     return best.distance2;
 }

@@ -41,17 +41,17 @@ static apsm_status longest_axis(size_t J, const double *T, double axis[3])
 
 /* A particle reaches, by a vertex of the template between, to others some 7 h away: a fixed number
  * of rings of some sqrt(J) particles. */
-static size_t particles_in_band(size_t J)
+static double particles_in_band(size_t J)
 {
     static const double rings = 11;
-    return (size_t)(rings * sqrt((double)J));
+    return rings * sqrt((double)J);
 }
 
 apsm_status fidelity_find_band(size_t J, const double *T, uint32_t *order, size_t *band)
 {
     double axis[3];
     *band = 0;
-    if (2 * particles_in_band(J) > J) return APSM_OK; /* nothing would be gained */
+    if (2 * particles_in_band(J) > (double)J) return APSM_OK; /* nothing would be gained */
     APSM_TRY(longest_axis(J, T, axis));
     place *p = malloc(J * sizeof *p);
     if (!p) return APSM_ERR_MEMORY;
@@ -62,7 +62,7 @@ apsm_status fidelity_find_band(size_t J, const double *T, uint32_t *order, size_
     qsort(p, J, sizeof *p, by_place);
     for (size_t k = 0; k < J; k++) order[p[k].particle] = (uint32_t)k;
     free(p);
-    *band = 2 * particles_in_band(J) + 1;
+    *band = 2 * (size_t)particles_in_band(J) + 1;
     return APSM_OK;
 }
 

@@ -143,6 +143,7 @@ write("halves.ply", ply(V + [(x + 60, y, z) for x, y, z in V], F + [tuple(i + le
 write("comma.ply", ply(V, F).replace(".", ",").replace("ascii 1,0", "ascii 1.0"))
 write("quads.ply", ply(V, CAPS + QUADS))
 write("negative.obj", obj(V, F, base=-len(V)))
+write("far_unused.obj", obj(V, F) + "v 1e30 0 0\n")
 write("continued.obj", obj(V, F, "v %g %g \\\n %g\n"))
 strips = "".join("42 " + " ".join("%d %d" % (1 + i * 20 + j % 20, 21 + i * 20 + j % 20) for j in range(21)) + "\n"
                  for i in range(10))

@@ -58,6 +58,7 @@ refused flat.ply "all its points lie in a plane, or on a line"
 refused giant.ply "is 4e+201 long, which is no length of a shape"
 refused comma.ply "line 11: expected a coordinate, found '5,1763809'"
 for mesh in quads.ply negative.obj continued.obj strips.vtk version51.vtk big.ply solid.stl insideout.ply; do taken $mesh ""; done
+taken far_unused.obj "1 unused vertices dropped"
 
 # ---- formats of others, by name ----
 for pair in a.mgz:"is empty" a.gii:"is empty" a.wrl:.ply a.mcs:.stl lh.curv:lh.white a.tif:"is empty" a.png:"flat picture" a.raw:.nhdr a.img:.hdr a.zip:unpack \

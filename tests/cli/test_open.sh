@@ -65,7 +65,7 @@ for of in bowl/m:bowl/shapes/b1.ply m:m/groomed/e1.ply; do
     grep -q '"partial": true' fits/fit.json && fail "an open shape is a part of an open model: $of: $(cat said)"
 done
 "$synthetic" bowl/shapes/b1.ply half.ply scale .5
-timeout 60 "$apsm" fit bowl/m half.ply bowl/shapes/b2.ply -o fits --overwrite --hand same >said 2>&1
+timeout $((60 * slower)) "$apsm" fit bowl/m half.ply bowl/shapes/b2.ply -o fits --overwrite --hand same >said 2>&1
 grep -q "half: refused: .*(of a part say --extent part)" said || fail "nothing is said of parts: $(cat said)"
 [ "$(grep -c "extent part" said)" = 1 ] || fail "parts are spoken of where nothing is refused: $(cat said)"
 

@@ -116,7 +116,7 @@ same two
 ranks 2 "$apsm" run in -o two "${job[@]}" --overwrite 2>/dev/null || fail "2 ranks, a model made anew"
 same two
 if timeout 5 srun --mpi=list 2>&1 | grep -qw pmix && timeout 5 sinfo >/dev/null 2>&1; then
-    timeout 120 srun -n 2 --mpi=pmix "$apsm" run in -o srun "${job[@]}" 2>/dev/null || fail "2 ranks under srun"
+    timeout $((120 * slower)) srun -n 2 --mpi=pmix "$apsm" run in -o srun "${job[@]}" 2>/dev/null || fail "2 ranks under srun"
     same srun
     echo "2 ranks under srun" # without PMIx they would be two programs that want one folder
 else

@@ -139,16 +139,36 @@ static void indefinite_is_refused(void **state)
     release(&s);
 }
 
-/* A sphere has no axis, a handful of particles no band. */
 static void few_particles_have_no_band(void **state)
 {
     (void)state;
-    double T[3 * 100];
-    uint32_t place[100];
+    double T[3 * 484];
+    uint32_t place[484];
     size_t band = 1;
-    scatter(100, T);
-    assert_int_equal(fidelity_find_band(100, T, place, &band), APSM_OK);
+    scatter(483, T);
+    assert_int_equal(fidelity_find_band(483, T, place, &band), APSM_OK);
     assert_int_equal(band, 0);
+    scatter(484, T);
+    assert_int_equal(fidelity_find_band(484, T, place, &band), APSM_OK);
+    assert_int_equal(band, 2 * 242 + 1); /* 11 rings of 22 particles, to both sides */
+}
+
+/* A ball has no longest axis; any order will do, but it has to be one. */
+static void a_ball_has_an_order(void **state)
+{
+    (void)state;
+    double T[3 * J];
+    uint32_t place[J];
+    bool taken[J] = { false };
+    size_t band = 0;
+    scatter(J, T);
+    for (size_t j = 0; j < J; j++) T[3 * j + 2] /= 1.8;
+    assert_int_equal(fidelity_find_band(J, T, place, &band), APSM_OK);
+    assert_true(band > 0);
+    for (size_t j = 0; j < J; j++) {
+        assert_true(place[j] < J && !taken[place[j]]);
+        taken[place[j]] = true;
+    }
 }
 
 int main(void)
@@ -158,6 +178,7 @@ int main(void)
         cmocka_unit_test(without_a_band_the_whole_is_factored),
         cmocka_unit_test(indefinite_is_refused),
         cmocka_unit_test(few_particles_have_no_band),
+        cmocka_unit_test(a_ball_has_an_order),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
