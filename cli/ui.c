@@ -17,6 +17,8 @@ typedef enum style { STYLE_BAR, STYLE_PLAIN, STYLE_JSON } style;
 
 static const double redraw_seconds = 0.1, line_seconds = 5;
 
+enum { MOST_SAID = 64 };
+
 struct cli_ui {
     FILE *out, *err;
     style style;
@@ -27,8 +29,9 @@ struct cli_ui {
     double mismatched;   /* last known of the stage, or NAN */
     double began, shown; /* times of the stage's first report and of the last one shown */
     size_t done_at_start;
-    bool drawn; /* a bar stands on the last line */
-    char *said; /* the last message, or NULL */
+    bool drawn;            /* a bar stands on the last line */
+    char *said[MOST_SAID]; /* the first warnings, n_said */
+    size_t n_said;
 };
 
 double cli_clock(void)
@@ -258,12 +261,13 @@ void cli_ui_progress(void *user, const apsm_progress *p)
     if (p->done >= p->total) end_stage(ui);
 }
 
-/* Files that are read more than once are not complained of more than once. */
-static bool is_said_again(cli_ui *ui, const char *line)
+/* Files that are read more than once are not warned of more than once. */
+static bool is_said_again(cli_ui *ui, const char *warning)
 {
-    if (ui->said && strcmp(ui->said, line) == 0) return true;
-    free(ui->said);
-    ui->said = strdup(line); /* NULL: it may be said again */
+    for (size_t k = 0; k < ui->n_said; k++)
+        if (strcmp(ui->said[k], warning) == 0) return true;
+    char *const copy = ui->n_said < MOST_SAID ? strdup(warning) : NULL;
+    if (copy) ui->said[ui->n_said++] = copy; /* else it may be said again */
     return false;
 }
 
@@ -271,7 +275,7 @@ void cli_ui_log(void *user, apsm_log_level level, const char *line)
 {
     cli_ui *ui = user;
     const bool warning = level == APSM_LOG_WARNING, drawn = ui->drawn;
-    if ((ui->quiet && !warning) || is_said_again(ui, line)) return;
+    if (warning ? is_said_again(ui, line) : ui->quiet) return;
     if (ui->style == STYLE_JSON) {
         put_json(ui, json_pack("{s:s, s:o}", "event", warning ? "warning" : "message", "text",
                                json_text(line)));
@@ -313,6 +317,6 @@ void cli_ui_free(cli_ui *ui)
 {
     if (!ui) return;
     end_stage(ui);
-    free(ui->said);
+    for (size_t k = 0; k < ui->n_said; k++) free(ui->said[k]);
     free(ui);
 }

@@ -110,11 +110,11 @@ static void refuse_other_set(scan *s, word set)
 {
     char shown[WORD_SHOWN];
     if (!scan_ok(s) || word_is_any_case(set, "POLYDATA")) return;
-    const bool image =
-        word_is_any_case(set, "RECTILINEAR_GRID") || word_is_any_case(set, "STRUCTURED_POINTS");
-    scan_fail(s, "the file holds %s, not POLYDATA; %s", word_show(set, shown),
-              image ? "an image: save it as .nrrd or .nii.gz, or as structured points"
-                    : "extract the surface and save it as poly data");
+    const char *remedy = "extract the surface and save it as poly data";
+    if (word_is_any_case(set, "STRUCTURED_POINTS")) remedy = "an image, where a surface is needed";
+    if (word_is_any_case(set, "RECTILINEAR_GRID"))
+        remedy = "an image: save it as .nrrd or .nii.gz, or as structured points";
+    scan_fail(s, "the file holds %s, not POLYDATA; %s", word_show(set, shown), remedy);
 }
 
 /* ---- a field of the points ---- */
@@ -347,6 +347,7 @@ static void read_grid(scan *s, vtk_grid *g)
     word set;
     vtk_read_header(s, &f, &set);
     g->ascii = f.ascii;
+    g->bare_cr = s->bare_cr;
     const bool grid = scan_ok(s) && word_is_any_case(set, "UNSTRUCTURED_GRID");
     if (!grid) refuse_other_set(s, set);
     while (scan_skip_blanks(s, true)) {
@@ -400,18 +401,19 @@ static void put_big_endian(apsm_writer *w, double x)
 apsm_status vtk_grid_write(apsm_context *ctx, const char *path, const vtk_grid *g, const double *x)
 {
     apsm_writer *w;
+    const char *const end = g->bare_cr ? "\r" : "\n";
     APSM_TRY(apsm_writer_open(ctx, path, &w));
     apsm_writer_write(w, g->bytes, g->points_at);
-    apsm_writer_printf(w, "POINTS %zu double\n", g->n);
+    apsm_writer_printf(w, "POINTS %zu double%s", g->n, end);
     for (size_t k = 0; k < 3 * g->n; k++) {
         if (g->ascii)
             apsm_writer_number(w, x[k]);
         else
             put_big_endian(w, x[k]);
-        if (g->ascii) apsm_writer_write(w, k % 3 == 2 ? "\n" : " ", 1);
+        if (g->ascii) apsm_writer_write(w, k % 3 == 2 ? end : " ", 1);
     }
     const char *rest = g->bytes + g->points_end;
-    if (!g->ascii && g->points_end < g->size && *rest != '\n') apsm_writer_write(w, "\n", 1);
+    if (!g->ascii && g->points_end < g->size && *rest != *end) apsm_writer_write(w, end, 1);
     apsm_writer_write(w, rest, g->size - g->points_end);
     return apsm_writer_commit(w);
 }

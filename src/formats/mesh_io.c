@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "apsm/formats.h"
+#include "formats/inflate.h"
 #include "formats/input_file.h"
 #include "formats/soup.h"
 
@@ -99,6 +100,8 @@ apsm_status mesh_from_bytes(apsm_context *ctx, const char *path, const char *byt
     if (!read) return refuse_extension(ctx, path);
     if (apsm_is_utf16(bytes, size))
         scan_refuse(&s, APSM_ERR_FORMAT, "is text in UTF-16; save it as UTF-8");
+    if (is_gzip((const unsigned char *)bytes, size))
+        scan_refuse(&s, APSM_ERR_FORMAT, "is packed by gzip; unpack it (`gunzip`)");
     if (scan_ok(&s)) read(&s, &m);
     if (read == read_stl) soup_merge_points(&s, &m);
     refuse_no_faces(&s, &m);

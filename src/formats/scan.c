@@ -10,14 +10,20 @@
 #include "core/number.h"
 #include "files/io.h"
 
-/* The file's first line tells. */
+/* The file's first two lines tell: one CR alone may have strayed into a comment. */
 static bool ends_in_cr(const char *bytes, size_t size)
 {
     enum { LONGEST_LINE = 1 << 16 };
-    const size_t most = size < LONGEST_LINE ? size : LONGEST_LINE;
     size_t k = 0;
-    while (k < most && bytes[k] != '\n' && bytes[k] != '\r') k++;
-    return k < most && bytes[k] == '\r' && (k + 1 == size || bytes[k + 1] != '\n');
+    for (int line = 0; line < 2; line++, k++) {
+        const size_t most = size - k < LONGEST_LINE ? size : k + LONGEST_LINE;
+        while (k < most && bytes[k] != '\n' && bytes[k] != '\r') k++;
+        if (k == size) return line > 0;
+        if (k == most || bytes[k] == '\n') return false;
+        if (k + 1 < size && bytes[k + 1] == '\n') return false;
+        if (k + 1 == size) return true;
+    }
+    return true;
 }
 
 static char line_end(const scan *s)

@@ -32,7 +32,8 @@ static bool next_line(FILE *file, char line[LINE])
 {
     size_t n = 0;
     int c;
-    while ((c = getc(file)) != EOF && c != '\n' && c != '\r' && n + 1 < LINE) line[n++] = (char)c;
+    while ((c = getc(file)) != EOF && c != '\n' && c != '\r')
+        if (n + 1 < LINE) line[n++] = (char)c;
     if (c == '\r' && (c = getc(file)) != '\n' && c != EOF) ungetc(c, file);
     line[n] = '\0';
     return n > 0 || c != EOF;

@@ -40,6 +40,13 @@ size_t landmark_list_find(const landmark_list *l, const char *name)
 /* No coordinate, in any unit. */
 static const double farthest = 1e15;
 
+bool landmark_is_place(const double x[3])
+{
+    for (size_t c = 0; c < 3; c++)
+        if (!(fabs(x[c]) < farthest)) return false;
+    return true;
+}
+
 apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *name,
                               const double x[3], landmark_list *l)
 {
@@ -49,10 +56,9 @@ apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *n
     if (landmark_list_find(l, name) < l->n)
         return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: two points are called '%s'; rename one", path,
                          name);
-    for (size_t c = 0; c < 3; c++)
-        if (!(fabs(x[c]) < farthest))
-            return apsm_fail(ctx, APSM_ERR_NONFINITE,
-                             "%s: '%s' is not at a place where anything is", path, name);
+    if (!landmark_is_place(x))
+        return apsm_fail(ctx, APSM_ERR_NONFINITE, "%s: '%s' is not at a place where anything is",
+                         path, name);
     char **names = realloc(l->name, (l->n + 1) * sizeof *names);
     if (names) l->name = names;
     double *all = realloc(l->x, 3 * (l->n + 1) * sizeof *all);

@@ -29,6 +29,8 @@ apsm_status landmark_list_read_plain(apsm_context *ctx, const char *path, size_t
 /* Adds a point; refused as above, path naming the file. */
 apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *name,
                               const double x[3], landmark_list *landmarks) APSM_NODISCARD;
+/* Whether the coordinates are those of a place: finite, and not beyond all measure. */
+bool landmark_is_place(const double x[3]);
 /* As a point list of 3D Slicer, in LPS. */
 apsm_status landmark_list_write(apsm_context *ctx, const char *path,
                                 const landmark_list *landmarks) APSM_NODISCARD;

@@ -121,6 +121,10 @@ static apsm_status take_line(reading *r, size_t number, char *line)
         if (!apsm_parse_number(field[2 + c], strlen(field[2 + c]), &x[c]))
             return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' is no number", r->path, number,
                              field[2 + c]);
+    if (!landmark_is_place(x))
+        return apsm_fail(r->ctx, APSM_ERR_NONFINITE,
+                         "%s:%zu: '%s' is not at a place where anything is", r->path, number,
+                         field[1]);
     const size_t i = find_shape(r, field[0]);
     if (i == r->I) return r->others++, APSM_OK;
     const size_t l = find(r->t, field[1]);

@@ -150,7 +150,7 @@ void landmarks_tell_far(const apsm_run *run, const groom_inputs *in)
     const landmark_table *const t = &run->landmarks;
     double lo[3], hi[3], first = 0;
     size_t far = 0, shape = 0, mark = 0;
-    for (size_t i = 0; i < in->list.n; i++) {
+    for (size_t i = 0; i < in->list.n && t->L > 0; i++) {
         apsm_mesh_bounds(&in->mesh[i], lo, hi);
         const double size = hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
         for (size_t l = 0; l < t->L; l++) {

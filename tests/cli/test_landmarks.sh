@@ -67,6 +67,9 @@ expect 1 "far.csv:2: is not name,x,y,z" landmarks judge far.csv -o carried2
 [ -e carried2 ] && fail "a folder is left where landmarks cannot be carried"
 sed 's/^slide_00,L1,[^,]*/slide_00,L1,1e6/' s/landmarks.csv >far.csv
 expect 0 "1 landmark lies farther from the shape than it is long ('L1' is 1e+06 away from slide_00)" groom s/shapes -o far --landmarks far.csv --faces 500
+sed 's/^slide_00,L1,[^,]*/slide_00,L1,1e20/' s/landmarks.csv >far.csv
+expect 1 "far.csv:2: 'L1' is not at a place" groom s/shapes -o nowhere --landmarks far.csv --faces 500
+[ -e nowhere ] && fail "landmarks that are nowhere leave a folder"
 [ -e carried2 ] && fail "a refused call left a folder"
 
 # A project's landmarks, in ShapeWorks' way: points without names.

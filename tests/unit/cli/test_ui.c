@@ -147,6 +147,28 @@ static void quiet_keeps_warnings_errors_and_answers(void **state)
     release(&s);
 }
 
+static void warnings_are_said_once_and_hidden_by_no_message(void **state)
+{
+    (void)state;
+    stage s;
+    begin(&s, CLI_PROGRESS_AUTO, false);
+    cli_ui_log(s.ui, APSM_LOG_INFO, "a");
+    for (int k = 0; k < 2; k++) {
+        cli_ui_log(s.ui, APSM_LOG_WARNING, "a");
+        cli_ui_log(s.ui, APSM_LOG_WARNING, "b");
+    }
+    char text[32];
+    for (int k = 0; k < 200; k++) {
+        snprintf(text, sizeof text, "%d", k);
+        cli_ui_log(s.ui, APSM_LOG_WARNING, text);
+    }
+    end(&s);
+    assert_string_equal(s.out, "a\n");
+    assert_memory_equal(s.err, "warning: a\nwarning: b\nwarning: 0\n", 33);
+    assert_non_null(strstr(s.err, "warning: 199\n"));
+    release(&s);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -155,6 +177,7 @@ int main(void)
         cmocka_unit_test(long_times_are_readable),
         cmocka_unit_test(every_json_line_is_an_object),
         cmocka_unit_test(quiet_keeps_warnings_errors_and_answers),
+        cmocka_unit_test(warnings_are_said_once_and_hidden_by_no_message),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -9,6 +9,7 @@
 #include <math.h>
 
 #include "apsm/formats.h"
+#include "formats/vtk_grid.h"
 #include "formats/vtk_image.h"
 #include "input/input.h"
 #include "scratch_fixture.h"
@@ -34,12 +35,26 @@ enum { ENDS = sizeof ends / sizeof *ends };
 
 static const double points[4][3] = { { 0, 0, 0 }, { 4, 0, 0 }, { 0, 2.5, 0 }, { 1, 1, -8 } };
 
+/* Six times what the faces enclose, < 0 if they look inward. */
+static double volume(const apsm_mesh *m)
+{
+    double sum = 0;
+    for (size_t t = 0; t < m->nf; t++) {
+        const double *a = m->V + 3 * (size_t)m->F[3 * t], *b = m->V + 3 * (size_t)m->F[3 * t + 1],
+                     *c = m->V + 3 * (size_t)m->F[3 * t + 2];
+        sum += a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) +
+               a[2] * (b[0] * c[1] - b[1] * c[0]);
+    }
+    return sum;
+}
+
 static void expect_tetrahedron(fixture *f, const char *path)
 {
     apsm_mesh m = { 0 };
     if (apsm_read_mesh(f->ctx, path, &m) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
     assert_int_equal(m.nv, 4);
     assert_int_equal(m.nf, 4);
+    if (fabs(volume(&m) + 80) > 1e-12) fail_msg("%s: encloses %g", path, volume(&m));
     for (int v = 0; v < 4; v++) {
         double least = HUGE_VAL; /* STL has its points in another order */
         for (int w = 0; w < 4; w++)
@@ -85,6 +100,45 @@ static void meshes_are_the_same_whatever_ends_their_lines(void **state)
             expect_tetrahedron(f, path);
             free(text);
         }
+}
+
+/* In a comment, say, that two programs wrote. */
+static void a_cr_that_strayed_ends_no_line(void **state)
+{
+    fixture *const f = *state;
+    char text[256];
+    const char *const path = scratch_path(f->folder, "stray.obj");
+    snprintf(text, sizeof text, "# made by hand\r%s", meshes[0].text);
+    scratch_write(path, text, strlen(text));
+    expect_tetrahedron(f, path);
+}
+
+static void surfaces_in_gzip_are_named(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "packed.vtk");
+    apsm_mesh m = { 0 };
+    scratch_write(path, "\x1f\x8b\x08\0\0\0\0\0", 8);
+    assert_int_equal(apsm_read_mesh(f->ctx, path, &m), APSM_ERR_FORMAT);
+    assert_non_null(strstr(apsm_error_text(f->ctx), "packed by gzip"));
+}
+
+/* Points that are moved leave a file that is read as the one before was. */
+static void vtk_surfaces_keep_their_line_ends(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "a.vtk");
+    for (int e = 0; e < ENDS; e++) {
+        size_t size;
+        char *const text = with_ends(meshes[3].text, ends[e], &size);
+        vtk_grid g;
+        scratch_write(path, text, size);
+        assert_int_equal(vtk_grid_read(f->ctx, path, &g), APSM_OK);
+        assert_int_equal(vtk_grid_write(f->ctx, path, &g, g.x), APSM_OK);
+        expect_tetrahedron(f, path);
+        vtk_grid_free(&g);
+        free(text);
+    }
 }
 
 /* The first byte of the values may look like the other half of a line end. */
@@ -194,6 +248,23 @@ static void voxels_in_another_file_are_found_whatever_ends_the_lines(void **stat
     }
 }
 
+/* Else what the file holds would not be in the check sum. */
+static void long_lines_hide_no_data_file(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "long.nhdr");
+    char text[5200];
+    for (int comment = 4090; comment < 4100; comment++) {
+        apsm_file_list files;
+        const int size =
+            snprintf(text, sizeof text, "NRRD0004\n#%0*d\ndata file: v.raw\n", comment - 1, 0);
+        scratch_write(path, text, (size_t)size);
+        assert_int_equal(apsm_input_data_files(path, &files), APSM_OK);
+        assert_int_equal(files.n, 1);
+        apsm_file_list_free(&files);
+    }
+}
+
 /* ---- images of VTK ---- */
 
 static void binary_vtk_images_are_big_endian(void **state)
@@ -260,6 +331,10 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(meshes_are_the_same_whatever_ends_their_lines),
+        cmocka_unit_test(a_cr_that_strayed_ends_no_line),
+        cmocka_unit_test(surfaces_in_gzip_are_named),
+        cmocka_unit_test(vtk_surfaces_keep_their_line_ends),
+        cmocka_unit_test(long_lines_hide_no_data_file),
         cmocka_unit_test(binary_values_begin_right_behind_the_header),
         cmocka_unit_test(images_are_the_same_whatever_ends_their_lines),
         cmocka_unit_test(voxels_in_another_file_are_found_whatever_ends_the_lines),
