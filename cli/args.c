@@ -403,9 +403,7 @@ static apsm_status require_inputs(const parsing *p)
 static apsm_status refuse_contradictions(const parsing *p)
 {
     const cli_args *a = p->args;
-    if (a->out_dir && apsm_is_root(a->out_dir))
-        return apsm_fail(p->ctx, APSM_ERR_ARG,
-                         "%s: is the folder of the whole system; name one of its own", a->out_dir);
+    if (a->out_dir) APSM_TRY(apsm_refuse_root(p->ctx, a->out_dir));
     if (a->resume && a->overwrite)
         return apsm_fail(p->ctx, APSM_ERR_ARG,
                          "--resume and --overwrite contradict each other; keep one");

@@ -131,11 +131,12 @@ static apsm_status render_folder(apsm_context *ctx, const cli_args *args,
         const apsm_render_options one = { .what = (apsm_picture)k };
         APSM_TRY(check_into(ctx, args, &one, folder));
     }
-    const bool made = !apsm_is_folder(folder);
-    APSM_TRY(apsm_make_folder(ctx, folder));
-    const apsm_status status =
-        args->what ? render_into(ctx, args, o, folder, ui) : render_all(ctx, args, *o, folder, ui);
-    if (status != APSM_OK && made) (void)rmdir(folder); /* if nothing is in it */
+    const size_t made = apsm_missing_folders(folder);
+    apsm_status status = apsm_make_folder(ctx, folder);
+    if (status == APSM_OK)
+        status = args->what ? render_into(ctx, args, o, folder, ui)
+                            : render_all(ctx, args, *o, folder, ui);
+    if (status != APSM_OK) apsm_remove_empty_folders(folder, made);
     return status;
 }
 

@@ -46,6 +46,7 @@ static apsm_status check_folder(const joint_job *job)
 {
     const apsm_run_settings *s = &job->settings->run;
     bool ours;
+    APSM_TRY(apsm_refuse_root(job->ctx, s->folder));
     if (!apsm_is_folder(s->folder) || is_empty(s->folder)) return APSM_OK;
     APSM_TRY(is_joint(job, &ours));
     if (ours && (s->resume || s->overwrite)) return APSM_OK;
@@ -226,14 +227,14 @@ static apsm_status put_together(joint_job *job)
 }
 
 /* A folder that was made for parts of which none was begun. */
-static void remove_made(const joint_job *job)
+static void remove_made(const joint_job *job, size_t folders)
 {
     const char *folder = job->settings->run.folder;
     char *parts = apsm_path_join(folder, "parts"), *mark = apsm_path_join(folder, FOLDER_MANIFEST);
     if (parts && mark && (!apsm_is_folder(parts) || is_empty(parts))) {
         rmdir(parts);
         unlink(mark);
-        rmdir(folder);
+        apsm_remove_empty_folders(folder, folders);
     }
     free(parts);
     free(mark);
@@ -242,7 +243,7 @@ static void remove_made(const joint_job *job)
 static apsm_status run_locked(joint_job *job)
 {
     apsm_lock lock = { .fd = -1 };
-    const bool made = !apsm_is_folder(job->settings->run.folder);
+    const size_t made = apsm_missing_folders(job->settings->run.folder);
     APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
     APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
     apsm_status status = mark_folder(job);
@@ -250,7 +251,7 @@ static apsm_status run_locked(joint_job *job)
     if (status == APSM_OK) status = run_parts(job);
     if (status == APSM_OK) status = put_together(job);
     apsm_unlock_folder(&lock);
-    if (made && status != APSM_OK && status != APSM_ERR_INTERRUPTED) remove_made(job);
+    if (made > 0 && status != APSM_OK && status != APSM_ERR_INTERRUPTED) remove_made(job, made);
     return status;
 }
 

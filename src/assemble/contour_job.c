@@ -347,9 +347,11 @@ static void job_free(contour_job *j)
 static apsm_status read_all(contour_job *j)
 {
     const apsm_run_settings *s = j->settings;
+    if (j->folder) APSM_TRY(apsm_refuse_root(j->ctx, j->folder));
     APSM_TRY(take_settings(j, s));
     APSM_TRY(j->by_project ? list_project(j, s)
                            : list_inputs(j->ctx, s, j->exclude, j->pattern, &j->list));
+    if (j->folder) APSM_TRY(apsm_input_check_stored(j->ctx, j->folder, &j->list));
     APSM_TRY(read_curves(j));
     return choose_template(j, &j->template_index);
 }

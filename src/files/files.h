@@ -62,11 +62,16 @@ bool apsm_is_utf16(const char *data, size_t size);
 
 /* mkdir -p. */
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
+/* How many folders apsm_make_folder would make; and removes so many, the last first, of those in
+ * which nothing is. */
+size_t apsm_missing_folders(const char *path);
+void apsm_remove_empty_folders(const char *path, size_t n);
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);
 /* APSM_ERR_IO, with a line: there is none of that name, or it is a file. */
 apsm_status apsm_require_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
-bool apsm_is_root(const char *path); /* "/", by whatever name */
+/* APSM_ERR_ARG, with a line: it is "/", by whatever name. */
+apsm_status apsm_refuse_root(apsm_context *ctx, const char *path) APSM_NODISCARD;
 
 /* *holds: whether the folder has a file or folder of that name.  APSM_ERR_MEMORY: not known. */
 apsm_status apsm_folder_holds(const char *folder, const char *name, bool *holds) APSM_NODISCARD;

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <strings.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 bool apsm_is_folder(const char *path)
 {
@@ -23,11 +24,14 @@ apsm_status apsm_require_folder(apsm_context *ctx, const char *path)
                      path);
 }
 
-bool apsm_is_root(const char *path)
+apsm_status apsm_refuse_root(apsm_context *ctx, const char *path)
 {
     struct stat info, root;
-    return stat(path, &info) == 0 && stat("/", &root) == 0 && info.st_dev == root.st_dev &&
-           info.st_ino == root.st_ino;
+    if (stat(path, &info) != 0 || stat("/", &root) != 0 || info.st_dev != root.st_dev ||
+        info.st_ino != root.st_ino)
+        return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "%s: is the folder of the whole system; name one of its own", path);
 }
 
 bool apsm_file_exists(const char *path)
@@ -76,6 +80,32 @@ apsm_status apsm_make_folder(apsm_context *ctx, const char *path)
     if (!error) error = make_one(part);
     free(part);
     return error ? apsm_fail_errno(ctx, path, "the folder cannot be made", error) : APSM_OK;
+}
+
+size_t apsm_missing_folders(const char *path)
+{
+    size_t n = 0;
+    char *at = strdup(path);
+    while (at && !apsm_is_folder(at) && strcmp(at, ".") != 0) {
+        char *above = apsm_path_folder(at);
+        free(at);
+        at = above;
+        n++;
+    }
+    free(at);
+    return n;
+}
+
+void apsm_remove_empty_folders(const char *path, size_t n)
+{
+    char *at = n > 0 ? strdup(path) : NULL;
+    for (; at && n > 0; n--) {
+        char *above = apsm_path_folder(at);
+        rmdir(at);
+        free(at);
+        at = above;
+    }
+    free(at);
 }
 
 static char *copy(const char *text, size_t length)

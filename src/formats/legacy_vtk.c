@@ -207,6 +207,10 @@ void read_legacy_vtk(scan *s, soup *m)
         int kind = 0;
         while (kind < 4 && !word_is_any_case(section, names[kind])) kind++;
         if (m->want_field && word_is_any_case(section, "POINT_DATA")) read_point_data(s, &f, m);
+        if (m->want_field && word_is_any_case(section, "CELL_DATA")) {
+            vtk_skip_cell_data(s, &f);
+            continue;
+        }
         if (is_attribute(section)) break;
         if (kind < 4)
             read_cells(s, &f, (cells)kind, m);

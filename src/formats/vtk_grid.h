@@ -13,7 +13,7 @@ typedef struct vtk_grid {
     char *bytes; /* of the file */
     size_t size;
     size_t points_at, points_end; /* the section POINTS in them */
-    bool ascii, bare_cr; /* lines end in CR */
+    bool ascii, bare_cr;          /* lines end in CR */
     size_t n;
     double *x; /* n x 3 */
     size_t tets;

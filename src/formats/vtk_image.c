@@ -92,6 +92,14 @@ static void read_values(scan *s, const vtk_text *f, image *m)
                   word_show(kind, shown));
 }
 
+/* VTK writes those of cells before those of points. */
+static void pass_cell_data(scan *s, const vtk_text *f)
+{
+    vtk_skip_cell_data(s, f);
+    if (scan_ok(s) && !scan_left(s))
+        scan_fail(s, "its values belong to cells; turn them into point data, or save it as .nrrd");
+}
+
 static void place(scan *s, image *m, const double spacing[3])
 {
     for (int c = 0; c < 3; c++) m->step[4 * c] = spacing[c];
@@ -124,8 +132,7 @@ void read_vtk_image(scan *s, image *m)
         else if (word_is_any_case(section, "POINT_DATA"))
             read_values(s, &f, m);
         else if (word_is_any_case(section, "CELL_DATA"))
-            scan_fail(s, "its values belong to cells; turn them into point data, or save it as "
-                         ".nrrd");
+            pass_cell_data(s, &f);
         else
             scan_expected(s, "POINT_DATA", section);
     }

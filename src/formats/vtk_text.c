@@ -38,6 +38,17 @@ void vtk_begin_values(scan *s, const vtk_text *f)
     s->binary = !f->ascii;
 }
 
+static void skip_values(scan *s, const vtk_text *f, size_t components, size_t tuples, scalar type)
+{
+    if (components && tuples > scan_left(s) / components)
+        scan_fail(s, "an array that is larger than the file; export it again");
+    vtk_begin_values(s, f);
+    if (!f->ascii) scan_bytes(s, components * tuples * scalar_size(type));
+    for (size_t v = 0; f->ascii && v < components * tuples && scan_ok(s); v++)
+        if (!scan_word(s).length) scan_expected(s, "a value", (word){ "", 0 });
+    s->binary = false;
+}
+
 void vtk_skip_field(scan *s, const vtk_text *f)
 {
     scan_word(s);
@@ -46,14 +57,52 @@ void vtk_skip_field(scan *s, const vtk_text *f)
         scan_word(s);
         const size_t components = scan_count(s, "a number of components", 1);
         const size_t tuples = scan_count(s, "a number of tuples", 1);
-        const scalar type = vtk_type(s, scan_word(s));
-        if (components && tuples > scan_left(s) / components)
-            scan_fail(s, "a field array that is larger than the file; export the mesh again");
-        vtk_begin_values(s, f);
-        if (!f->ascii) scan_bytes(s, components * tuples * scalar_size(type));
-        for (size_t v = 0; f->ascii && v < components * tuples && scan_ok(s); v++)
-            if (!scan_word(s).length) scan_expected(s, "a value", (word){ "", 0 });
-        s->binary = false;
+        skip_values(s, f, components, tuples, vtk_type(s, scan_word(s)));
+    }
+}
+
+/* Behind its first word: name type [components], LOOKUP_TABLE name, values; or name type, values.
+ */
+static void skip_attribute(scan *s, const vtk_text *f, size_t components, size_t cells)
+{
+    int64_t given = (int64_t)components;
+    scan_word(s);
+    const scalar type = vtk_type(s, scan_word(s));
+    const word more = components == 1 ? scan_word_in_line(s) : (word){ "", 0 };
+    if (more.length && (!word_integer(more, &given) || given < 1 || given > 4))
+        scan_expected(s, "a number of components", more);
+    if (components == 1) {
+        scan_rest_of_line(s);
+        scan_expect(s, "LOOKUP_TABLE");
+    }
+    skip_values(s, f, (size_t)given, cells, type);
+}
+
+void vtk_skip_cell_data(scan *s, const vtk_text *f)
+{
+    static const struct {
+        const char *kind;
+        size_t components;
+    } known[] = { { "SCALARS", 1 }, { "VECTORS", 3 }, { "NORMALS", 3 }, { "TENSORS", 9 } };
+    enum { KNOWN = sizeof known / sizeof *known };
+    const size_t cells = scan_count(s, "a number of cells", 1);
+    while (scan_skip_blanks(s, true)) {
+        const scan before = *s;
+        const word kind = scan_word(s);
+        size_t k = 0;
+        while (k < KNOWN && !word_is_any_case(kind, known[k].kind)) k++;
+        if (k < KNOWN)
+            skip_attribute(s, f, known[k].components, cells);
+        else if (word_is_any_case(kind, "FIELD"))
+            vtk_skip_field(s, f);
+        else if (word_is_any_case(kind, "METADATA"))
+            vtk_skip_metadata(s);
+        else if (word_is_any_case(kind, "POINT_DATA")) {
+            *s = before;
+            return;
+        } else
+            scan_fail(s, "its cell data come first, and are not known here; save it with point "
+                         "data alone");
     }
 }
 

@@ -20,6 +20,8 @@ size_t vtk_least_size(const vtk_text *f, scalar type);
 void vtk_begin_values(scan *s, const vtk_text *f);
 /* FIELD name n, then n arrays: name components tuples type, values. */
 void vtk_skip_field(scan *s, const vtk_text *f);
+/* What follows CELL_DATA: its number of cells, and attributes up to POINT_DATA or the end. */
+void vtk_skip_cell_data(scan *s, const vtk_text *f);
 /* Ends with an empty line. */
 void vtk_skip_metadata(scan *s);
 

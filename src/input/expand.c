@@ -278,6 +278,23 @@ static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
     return status;
 }
 
+apsm_status apsm_input_check_stored(apsm_context *ctx, const char *folder,
+                                    const apsm_input_list *list)
+{
+    for (size_t i = 0; i < list->n; i++) {
+        char *const stored = apsm_path_relative(folder, list->cases[i].path);
+        const bool good = stored && is_utf8(stored), missing = !stored;
+        free(stored);
+        if (missing) return out_of_memory(ctx);
+        if (!good)
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "%s: a folder on its way from %s has a name that is not UTF-8; rename "
+                             "it",
+                             list->cases[i].path, folder);
+    }
+    return APSM_OK;
+}
+
 static int by_name_in_any_case(const void *a, const void *b)
 {
     return strcasecmp((*(const apsm_input_case *const *)a)->name,

@@ -65,6 +65,10 @@ apsm_status apsm_input_choose(apsm_context *ctx, const apsm_input_choice *choice
 apsm_status apsm_input_expand(apsm_context *ctx, size_t n, const char *const *inputs,
                               const char *exclude, const char *reflect_match,
                               apsm_input_list *list) APSM_NODISCARD;
+/* Refused, with a line: a case whose path, seen from the folder, no file of a model can hold since
+ * it is not UTF-8. */
+apsm_status apsm_input_check_stored(apsm_context *ctx, const char *folder,
+                                    const apsm_input_list *list) APSM_NODISCARD;
 void apsm_input_list_free(apsm_input_list *list);
 
 /* The kind of a file by its extension, in any case, of .vtk by what it holds; false if it is none

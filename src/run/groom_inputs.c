@@ -52,6 +52,7 @@ apsm_status groom_inputs_list(apsm_run *run, groom_inputs *in)
     } else {
         APSM_TRY(list_files(run, &in->list));
     }
+    APSM_TRY(apsm_input_check_stored(run->ctx, run->folder, &in->list));
     APSM_TRY(
         regions_list(run, in, source->root && !source_ignores(run, "constraints") ? source : NULL));
     APSM_TRY(fixed_find(run, in, source->root ? source : NULL, source_ignores(run, "fixed")));

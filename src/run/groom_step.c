@@ -403,7 +403,7 @@ static void tell(const groom_work *w)
 static apsm_status give_up(apsm_run *run, apsm_status why)
 {
     char *line = strdup(apsm_error_text(run->ctx));
-    const bool nothing = run->made_folder && !run->has_manifest && why != APSM_ERR_INTERRUPTED;
+    const bool nothing = run->made_folders > 0 && !run->has_manifest && why != APSM_ERR_INTERRUPTED;
     if (nothing && kept_end(run) != APSM_OK && line) /* its own line is of no use */
         why = apsm_fail(run->ctx, why, "%s", line);
     free(line);

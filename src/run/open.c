@@ -58,11 +58,12 @@ static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
 static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 {
     if (!s->folder) return open_in_memory(run, s);
+    APSM_TRY(apsm_refuse_root(run->ctx, s->folder));
     if (!apsm_is_folder(s->folder)) APSM_TRY(settings_try(run, s));
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
     if (!s->dry) {
-        run->made_folder = !apsm_is_folder(run->folder);
+        run->made_folders = apsm_missing_folders(run->folder);
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
         if (!run->helps) APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
@@ -157,7 +158,7 @@ static void remove_empty(const apsm_run *run)
     char *state = run_path(run, "state");
     if (state) rmdir(state);
     free(state);
-    rmdir(run->folder);
+    apsm_remove_empty_folders(run->folder, run->made_folders);
 }
 
 void apsm_run_close(apsm_run *run)
@@ -173,7 +174,7 @@ void apsm_run_close(apsm_run *run)
     manifest_close(run);
     apsm_project_free(&run->project);
     apsm_unlock_folder(&run->lock);
-    if (run->made_folder && !run->has_manifest) remove_empty(run);
+    if (run->made_folders > 0 && !run->has_manifest) remove_empty(run);
     for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
     free(run->inputs);
     free(run->folder);

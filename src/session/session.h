@@ -55,11 +55,11 @@ struct apsm_run {
     apsm_surroundings surroundings_known;
     apsm_deal deal; /* while groom or initialize is under way, if there are shards */
     bool dry;
-    bool has_manifest; /* in the folder */
-    bool is_intact;    /* the manifest: as it was sealed, or new */
-    bool made_folder;  /* by this run */
-    const char *last;  /* the last stage that will be run after this one; NULL: none */
-    char **inputs;     /* n_inputs, owned */
+    bool has_manifest;   /* in the folder */
+    bool is_intact;      /* the manifest: as it was sealed, or new */
+    size_t made_folders; /* by this run: its own, and those above it */
+    const char *last;    /* the last stage that will be run after this one; NULL: none */
+    char **inputs;       /* n_inputs, owned */
     size_t n_inputs;
     apsm_project project;
     struct json_t *manifest; /* object; see manifest.h */

@@ -49,7 +49,7 @@ expect 0 "" run beside -o beside "${quick[@]}" --overwrite
 mkdir stranger && echo mine >stranger/notes.txt && echo '{"measurements": []}' >measures.json && echo 'name,x,y,z' >points.csv
 for verb in report initialize optimize evaluate; do
     unharmed 1 "stranger: no project here" stranger $verb stranger
-    expect 1 "missing: no project here" $verb missing
+    expect 1 "missing/deep/er: no project here" $verb missing/deep/er
 done
 unharmed 1 "stranger: no manifest.json in this folder" stranger verify stranger
 expect 1 "missing: no such folder" verify missing
@@ -60,10 +60,13 @@ for call in "add @ cohort/s0.ply" "exclude @ s0" "test @ --formula size" "asymme
     # shellcheck disable=SC2086 # words of a call
     unharmed 1 "stranger: " stranger ${call//@/stranger}
     # shellcheck disable=SC2086
-    expect 1 "missing: " ${call//@/missing}
+    expect 1 "missing/deep: " ${call//@/missing\/deep}
     [ -e out ] && fail "apsm $call: leaves a folder" && rm -rf out
 done
+expect 1 "" render stranger -o missing/pictures
+expect 1 "" run nothing.ply -o missing/model
 [ -e missing ] && fail "a folder that is not there was made"
+expect 2 "is the folder of the whole system" report /
 
 # ---- a folder whose name no project can hold ----
 bad=$(printf 'bad\377')
@@ -71,6 +74,12 @@ mkdir "$bad" && cp cohort/*.ply "$bad"
 expect 2 "its path is not UTF-8" run "$bad" -o out "${quick[@]}"
 expect 2 "its path is not UTF-8" check "$bad"
 [ -e out ] && fail "a folder is left where a path is not UTF-8"
+model=$PWD/out
+cd "$bad" || exit 1
+expect 2 "not UTF-8" run s0.ply s1.ply s2.ply -o "$model" "${quick[@]}"
+expect 0 "" groom s0.ply s1.ply -o model --faces 300
+cd ..
+[ -e out ] && fail "a folder is left where a folder above is not UTF-8"
 
 # ---- a folder that is no model, with files of the user ----
 for file in scores.csv model.json report.html history.csv evaluation.json evaluation.csv \

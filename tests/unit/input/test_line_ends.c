@@ -141,6 +141,22 @@ static void vtk_surfaces_keep_their_line_ends(void **state)
     }
 }
 
+static void fields_behind_those_of_cells_are_found(void **state)
+{
+    fixture *const f = *state;
+    char text[512];
+    double x[4];
+    const char *const path = scratch_path(f->folder, "field.vtk");
+    snprintf(text, sizeof text,
+             "%sCELL_DATA 4\nNORMALS n float\n1 0 0 1 0 0 1 0 0 1 0 0\nPOINT_DATA 4\n"
+             "SCALARS x float\nLOOKUP_TABLE default\n5 6 7 8\n",
+             meshes[3].text);
+    scratch_write(path, text, strlen(text));
+    if (apsm_read_mesh_field(f->ctx, path, "x", 4, x) != APSM_OK)
+        fail_msg("%s", apsm_error_text(f->ctx));
+    assert_true(fabs(x[3] - 8) < 1e-12);
+}
+
 /* The first byte of the values may look like the other half of a line end. */
 static void binary_values_begin_right_behind_the_header(void **state)
 {
@@ -204,6 +220,9 @@ static const struct {
       "ElementSpacing = 1 2 3\nElementType = MET_SHORT\nElementDataFile = LOCAL\n" NUMBERS },
     { "a.vtk", VTK "ASCII\n" GRID "POINT_DATA 12\nSCALARS s short 1\nLOOKUP_TABLE default\n" NUMBERS
                    "METADATA\nINFORMATION 0\n\n" },
+    { "c.vtk", VTK "ASCII\n" GRID "CELL_DATA 2\nSCALARS c float 2\nLOOKUP_TABLE default\n1 2 3 4\n"
+                   "VECTORS v double\n1 2 3\n4 5 6\nFIELD f 1\nx 2 2 int\n1 2\n3 4\nMETADATA\n"
+                   "INFORMATION 0\n\nPOINT_DATA 12\nSCALARS s short\nLOOKUP_TABLE t\n" NUMBERS },
     { "b.vtk", VTK "ASCII\nDATASET STRUCTURED_POINTS\nFIELD f 1\nTIME 1 1 double\n0.5\n"
                    "DIMENSIONS 3 2 2\nASPECT_RATIO 1 2 3\nORIGIN 5 6 7\nPOINT_DATA 12\nMETADATA\n"
                    "INFORMATION 0\n\nFIELD all 2\ns 1 12 float\n" NUMBERS "t 1 12 int\n" NUMBERS },
@@ -299,6 +318,10 @@ static void vtk_images_that_hold_no_labels_are_refused(void **state)
           "line 8: 11 values, but 3 x 2 x 2 points" },
         { VTK "ASCII\n" GRID "CELL_DATA 2\nSCALARS s short\nLOOKUP_TABLE t\n1 1\n",
           "belong to cells" },
+        { VTK "ASCII\n" GRID "CELL_DATA 2\nSCALARS s short\nLOOKUP_TABLE t\n1",
+          "expected a value" },
+        { VTK "ASCII\n" GRID "CELL_DATA 2\nCOLOR_SCALARS s 3\n1 1 1 0 0 0\nPOINT_DATA 12\n",
+          "cell data come first" },
         { VTK "ASCII\n" GRID "POINT_DATA 12\nSCALARS s bit\nLOOKUP_TABLE t\n" NUMBERS,
           "found 'bit'" },
         { VTK "ASCII\n" GRID "POINT_DATA 12\nSCALARS s short\nLOOKUP_TABLE t\n0 1 0\n",
@@ -334,6 +357,7 @@ int main(void)
         cmocka_unit_test(a_cr_that_strayed_ends_no_line),
         cmocka_unit_test(surfaces_in_gzip_are_named),
         cmocka_unit_test(vtk_surfaces_keep_their_line_ends),
+        cmocka_unit_test(fields_behind_those_of_cells_are_found),
         cmocka_unit_test(long_lines_hide_no_data_file),
         cmocka_unit_test(binary_values_begin_right_behind_the_header),
         cmocka_unit_test(images_are_the_same_whatever_ends_their_lines),
