@@ -131,7 +131,8 @@ static apsm_status render_folder(apsm_context *ctx, const cli_args *args,
         const apsm_render_options one = { .what = (apsm_picture)k };
         APSM_TRY(check_into(ctx, args, &one, folder));
     }
-    const size_t made = apsm_missing_folders(folder);
+    size_t made;
+    APSM_TRY(apsm_missing_folders(ctx, folder, &made));
     apsm_status status = apsm_make_folder(ctx, folder);
     if (status == APSM_OK)
         status = args->what ? render_into(ctx, args, o, folder, ui)

@@ -243,7 +243,8 @@ static void remove_made(const joint_job *job, size_t folders)
 static apsm_status run_locked(joint_job *job)
 {
     apsm_lock lock = { .fd = -1 };
-    const size_t made = apsm_missing_folders(job->settings->run.folder);
+    size_t made;
+    APSM_TRY(apsm_missing_folders(job->ctx, job->settings->run.folder, &made));
     APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
     APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
     apsm_status status = mark_folder(job);

@@ -62,9 +62,9 @@ bool apsm_is_utf16(const char *data, size_t size);
 
 /* mkdir -p. */
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;
-/* How many folders apsm_make_folder would make; and removes so many, the last first, of those in
- * which nothing is. */
-size_t apsm_missing_folders(const char *path);
+/* *n <- how many folders apsm_make_folder would make. */
+apsm_status apsm_missing_folders(apsm_context *ctx, const char *path, size_t *n) APSM_NODISCARD;
+/* Removes so many, the last first, of those in which nothing is. */
 void apsm_remove_empty_folders(const char *path, size_t n);
 bool apsm_file_exists(const char *path); /* anything that is not a folder */
 bool apsm_is_folder(const char *path);

@@ -82,18 +82,19 @@ apsm_status apsm_make_folder(apsm_context *ctx, const char *path)
     return error ? apsm_fail_errno(ctx, path, "the folder cannot be made", error) : APSM_OK;
 }
 
-size_t apsm_missing_folders(const char *path)
+apsm_status apsm_missing_folders(apsm_context *ctx, const char *path, size_t *n)
 {
-    size_t n = 0;
     char *at = strdup(path);
+    *n = 0;
     while (at && !apsm_is_folder(at) && strcmp(at, ".") != 0) {
         char *above = apsm_path_folder(at);
         free(at);
         at = above;
-        n++;
+        ++*n;
     }
+    if (!at) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     free(at);
-    return n;
+    return APSM_OK;
 }
 
 void apsm_remove_empty_folders(const char *path, size_t n)

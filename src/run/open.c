@@ -63,7 +63,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
     if (!s->dry) {
-        run->made_folders = apsm_missing_folders(run->folder);
+        APSM_TRY(apsm_missing_folders(run->ctx, run->folder, &run->made_folders));
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
         if (!run->helps) APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
     }
