@@ -171,7 +171,9 @@ static void damaged_vtk_images_are_survived(void **state)
 {
     fixture *const f = *state;
     const char *const image = "# vtk DataFile Version 4.2\rt\rASCII\rDATASET STRUCTURED_POINTS\r"
-                              "DIMENSIONS 3 2 2\rSPACING 1 1 1\rORIGIN 0 0 0\rPOINT_DATA 12\r"
+                              "DIMENSIONS 3 2 2\rSPACING 1 1 1\rORIGIN 0 0 0\rCELL_DATA 2\r"
+                              "SCALARS c int\rLOOKUP_TABLE d\r1 2\rVECTORS v int\r1 2 3 4 5 6\r"
+                              "POINT_DATA 12\r"
                               "SCALARS s short 1\rLOOKUP_TABLE default\r0 1 0 0 1 1 0 0 0 7 0 0\r";
     scratch_write(scratch_path(f->folder, "i.vtk"), image, strlen(image));
     survive_damage(f, "i.vtk", false);
