@@ -458,9 +458,8 @@ static apsm_status judge_mirrored(aligner *a)
         if (a->out->mirrored[i] && a->opt->mirror_check == APSM_MIRROR_FIX)
             memcpy(a->P + 16 * i, a->mirror + 16 * i, 16 * sizeof *a->P);
     }
-    const bool given = a->opt->template_index != APSM_TEMPLATE_AUTO;
-    for (size_t i = 0; i < a->n && !given && 2 * mirrored > a->n; i++)
-        a->out->mirrored[i] = !a->out->mirrored[i];
+    if (a->opt->template_index != APSM_TEMPLATE_AUTO || 2 * mirrored <= a->n) return APSM_OK;
+    for (size_t i = 0; i < a->n; i++) a->out->mirrored[i] = !a->out->mirrored[i];
     return APSM_OK;
 }
 

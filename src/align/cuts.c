@@ -21,7 +21,7 @@
 #include "align/align.h"
 #include "align/icp.h"
 #include "geometry/affine.h"
-#include "geometry/vec3.h"
+#include "geometry/face.h"
 
 enum { CANDIDATES = 1500, NARROWER = 3, BETWEEN = 4 };
 
@@ -95,17 +95,6 @@ static void middle_of(const apsm_mesh *mesh, size_t f, double x[3])
     for (size_t k = 0; k < 3; k++) x[k] = (a[k] + b[k] + c[k]) / 3.0;
 }
 
-/* Normal of face f; returns its area. */
-static double normal_of(const apsm_mesh *mesh, size_t f, double n[3])
-{
-    const double *a = mesh->V + 3 * mesh->F[3 * f];
-    double u[3], v[3];
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 1], a, u);
-    vec3_sub(mesh->V + 3 * mesh->F[3 * f + 2], a, v);
-    vec3_cross(u, v, n);
-    return 0.5 * vec3_normalise(n);
-}
-
 static flatness measure(const apsm_mesh *mesh, const double plane[4], const depths *d)
 {
     flatness f = { 0 };
@@ -115,7 +104,7 @@ static flatness measure(const apsm_mesh *mesh, const double plane[4], const dept
         middle_of(mesh, i, x);
         const double z = vec3_dot(plane, x) - end;
         if (!(z >= least)) continue;
-        const double area = normal_of(mesh, i, m);
+        const double area = 0.5 * face_normal(mesh, i, m);
         add_piece(plane, x, m, z, area, d, &f);
     }
     return f;
@@ -169,7 +158,7 @@ static bool is_flat(const apsm_mesh *mesh, double radius, const double plane[4],
         middle_of(mesh, i, x);
         const double z = vec3_dot(plane, x) - plane[3];
         if (fabs(z) > thick * radius) continue;
-        const double area = normal_of(mesh, i, m), cosine = vec3_dot(plane, m);
+        const double area = 0.5 * face_normal(mesh, i, m), cosine = vec3_dot(plane, m);
         if (cosine < cosine_flat) continue;
         seen += area;
         square += area * z * z;
@@ -205,7 +194,7 @@ void apsm_cloud_find_cuts(const apsm_mesh *mesh, apsm_cloud *cloud)
     cloud->cuts = 0;
     for (size_t i = 0; i < mesh->nf; i += every) {
         double plane[4], x[3], flat;
-        normal_of(mesh, i, plane);
+        face_normal(mesh, i, plane);
         middle_of(mesh, i, x);
         plane[3] = vec3_dot(plane, x);
         if (!is_new(cloud, plane) || !may_be_cut(cloud, plane)) continue;

@@ -16,7 +16,7 @@
 #include <string.h>
 
 #include "correspond/neighbourhood_row.h"
-#include "geometry/vec3.h"
+#include "geometry/face.h"
 
 static const double report_factor[2] = { 1.5, 2.0 };
 
@@ -155,16 +155,6 @@ static size_t keep_farthest(pass *a, size_t n)
     }
     a->s->missing[0] = best;
     return farthest >= 0.0;
-}
-
-static void face_normal(const apsm_mesh *mesh, uint32_t f, double n[3])
-{
-    const double *a = mesh->V + 3 * (size_t)mesh->F[3 * f];
-    double u[3], v[3];
-    vec3_sub(mesh->V + 3 * (size_t)mesh->F[3 * f + 1], a, u);
-    vec3_sub(mesh->V + 3 * (size_t)mesh->F[3 * f + 2], a, v);
-    vec3_cross(u, v, n);
-    vec3_normalise(n);
 }
 
 /* Where j gets to on its way to k.  false: k cannot be reached. */

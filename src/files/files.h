@@ -55,10 +55,15 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
 /* The same of a text: without a mark of byte order, and where lines end in a bare CR, in LF. */
 apsm_status apsm_read_text(apsm_context *ctx, const char *path, size_t limit, char **data,
                            size_t *size) APSM_NODISCARD;
+/* Whether a text is UTF-8, and so can be held by files of JSON. */
+bool apsm_is_utf8(const char *text);
 /* Whether the bytes begin like a text in UTF-16. */
 bool apsm_is_utf16(const char *data, size_t size);
 
 /* ---- Folders and paths ------------------------------------------------------------------ */
+
+/* Turns the backslashes of a path from Windows. */
+void apsm_path_from_windows(char *path);
 
 /* mkdir -p. */
 apsm_status apsm_make_folder(apsm_context *ctx, const char *path) APSM_NODISCARD;

@@ -9,6 +9,12 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+void apsm_path_from_windows(char *path)
+{
+    for (; *path; path++)
+        if (*path == '\\') *path = '/';
+}
+
 bool apsm_is_folder(const char *path)
 {
     struct stat info;

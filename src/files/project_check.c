@@ -128,8 +128,7 @@ static void check_whole(checking *c)
 static void check_column(checking *c, const apsm_subject *s, const char *key, const char *stored)
 {
     char *const text = strdup(stored);
-    for (char *at = text; at && *at; at++)
-        if (*at == '\\') *at = '/'; /* as the project's own files are read */
+    if (text) apsm_path_from_windows(text);
     char *path = text ? path_of(c, s, key, text) : NULL;
     if (!text) tell(c, "%s: out of memory for its %s", s->name, key);
     if (path && !apsm_is_folder(path) && !apsm_file_exists(path))

@@ -121,8 +121,7 @@ static apsm_status read_transform(const reading *r, size_t i, const json_t *row,
 static apsm_status read_path(const char *text, char **slot)
 {
     APSM_TRY(apsm_text_set(slot, text));
-    for (char *c = *slot; c && *c; c++)
-        if (*c == '\\') *c = '/';
+    if (*slot) apsm_path_from_windows(*slot);
     return APSM_OK;
 }
 

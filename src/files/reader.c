@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <jansson.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -80,6 +81,13 @@ apsm_status apsm_read_file(apsm_context *ctx, const char *path, size_t limit, ch
         *size = 0;
     }
     return status;
+}
+
+bool apsm_is_utf8(const char *text)
+{
+    json_t *const string = json_string(text);
+    json_decref(string);
+    return string != NULL;
 }
 
 bool apsm_is_utf16(const char *data, size_t size)

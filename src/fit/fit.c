@@ -13,6 +13,7 @@
 #include "fit/tail.h"
 #include "geometry/affine.h"
 #include "geometry/topology.h"
+#include "geometry/vec3.h"
 #include "groom/groom.h"
 #include "optimize/fidelity_shape.h"
 
@@ -302,7 +303,7 @@ static apsm_status check_size(apsm_context *ctx, const char *name, const apsm_fi
     double lo[3], hi[3], size[2];
     for (int k = 0; k < 2; k++) {
         apsm_mesh_bounds(both[k], lo, hi);
-        size[k] = hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+        size[k] = sqrt(vec3_distance2(lo, hi));
     }
     if (size[1] < most * size[0] && most * size[1] > size[0]) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_GEOMETRY,

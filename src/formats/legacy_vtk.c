@@ -119,17 +119,17 @@ static void refuse_other_set(scan *s, word set)
 
 /* ---- a field of the points ---- */
 
-/* n tuples of one attribute; kept if it is the one that is wanted and has one component. */
-static void read_values(scan *s, const vtk_text *f, word name, size_t components, size_t n,
-                        scalar type, soup *m)
+/* Of one array; kept if it is the one that is wanted and has one component. */
+static void read_values(scan *s, const vtk_text *f, vtk_array a, soup *m)
 {
-    const bool wanted = components == 1 && word_is(name, m->want_field) && !m->field;
-    const size_t count =
-        scan_check_count(s, (int64_t)(components * n), "number of values", vtk_least_size(f, type));
+    const bool wanted = a.components == 1 && word_is(a.name, m->want_field) && !m->field;
+    vtk_begin_values(s, f);
+    const size_t count = scan_check_count(s, (int64_t)(a.components * a.tuples), "number of values",
+                                          vtk_least_size(f, a.type));
     double *const x = wanted && scan_ok(s) ? malloc((count + 1) * sizeof *x) : NULL;
     if (wanted && !x) scan_no_memory(s);
     for (size_t k = 0; k < count && scan_ok(s); k++) {
-        const double v = f->ascii ? scan_number(s, "a value") : scan_real(s, type, true);
+        const double v = f->ascii ? scan_number(s, "a value") : scan_real(s, a.type, true);
         if (x) x[k] = v;
     }
     s->binary = false;
@@ -138,38 +138,18 @@ static void read_values(scan *s, const vtk_text *f, word name, size_t components
     m->fields = count;
 }
 
-/* FIELD name k, then k arrays: name components tuples type, values. */
+/* FIELD name k, then k arrays. */
 static void read_arrays(scan *s, const vtk_text *f, soup *m)
 {
     scan_word(s);
     const size_t arrays = scan_count(s, "a number of arrays", 8);
-    for (size_t k = 0; k < arrays && scan_ok(s); k++) {
-        const word name = scan_word(s);
-        const size_t components = scan_count(s, "a number of components", 1);
-        const size_t tuples = scan_count(s, "a number of tuples", 1);
-        const scalar type = vtk_type(s, scan_word(s));
-        vtk_begin_values(s, f);
-        read_values(s, f, name, components, tuples, type, m);
-    }
+    for (size_t k = 0; k < arrays && scan_ok(s); k++) read_values(s, f, vtk_read_array(s), m);
 }
 
-/* SCALARS name type [components], LOOKUP_TABLE name, values; VECTORS and NORMALS name type, values.
- */
 static void read_attribute(scan *s, const vtk_text *f, word kind, size_t n, soup *m)
 {
-    const bool scalars = word_is_any_case(kind, "SCALARS");
-    const word name = scan_word(s);
-    const scalar type = vtk_type(s, scan_word(s));
-    int64_t components = scalars ? 1 : 3;
-    const word more = scalars ? scan_word_in_line(s) : (word){ "", 0 };
-    if (more.length && (!word_integer(more, &components) || components < 1 || components > 4))
-        scan_expected(s, "a number of components", more);
-    if (scalars) {
-        scan_rest_of_line(s);
-        scan_expect(s, "LOOKUP_TABLE");
-    }
-    vtk_begin_values(s, f);
-    read_values(s, f, name, (size_t)components, n, type, m);
+    const size_t components = word_is_any_case(kind, "SCALARS") ? 1 : 3;
+    read_values(s, f, vtk_read_attribute(s, components, n), m);
 }
 
 /* What follows POINT_DATA, up to what is wanted or not known here. */

@@ -38,13 +38,39 @@ void vtk_begin_values(scan *s, const vtk_text *f)
     s->binary = !f->ascii;
 }
 
-static void skip_values(scan *s, const vtk_text *f, size_t components, size_t tuples, scalar type)
+vtk_array vtk_read_array(scan *s)
 {
-    if (components && tuples > scan_left(s) / components)
+    vtk_array a = { .name = scan_word(s) };
+    a.components = scan_count(s, "a number of components", 1);
+    a.tuples = scan_count(s, "a number of tuples", 1);
+    a.type = vtk_type(s, scan_word(s));
+    return a;
+}
+
+vtk_array vtk_read_attribute(scan *s, size_t components, size_t tuples)
+{
+    const bool scalars = components == 1;
+    int64_t given = (int64_t)components;
+    vtk_array a = { .name = scan_word(s), .tuples = tuples };
+    a.type = vtk_type(s, scan_word(s));
+    const word more = scalars ? scan_word_in_line(s) : (word){ "", 0 };
+    if (more.length && (!word_integer(more, &given) || given < 1 || given > 4))
+        scan_expected(s, "a number of components", more);
+    a.components = (size_t)given;
+    if (scalars) {
+        scan_rest_of_line(s);
+        scan_expect(s, "LOOKUP_TABLE");
+    }
+    return a;
+}
+
+static void skip_values(scan *s, const vtk_text *f, vtk_array a)
+{
+    if (a.components && a.tuples > scan_left(s) / a.components)
         scan_fail(s, "an array that is larger than the file; export it again");
     vtk_begin_values(s, f);
-    if (!f->ascii) scan_bytes(s, components * tuples * scalar_size(type));
-    for (size_t v = 0; f->ascii && v < components * tuples && scan_ok(s); v++)
+    if (!f->ascii) scan_bytes(s, a.components * a.tuples * scalar_size(a.type));
+    for (size_t v = 0; f->ascii && v < a.components * a.tuples && scan_ok(s); v++)
         if (!scan_word(s).length) scan_expected(s, "a value", (word){ "", 0 });
     s->binary = false;
 }
@@ -53,29 +79,7 @@ void vtk_skip_field(scan *s, const vtk_text *f)
 {
     scan_word(s);
     const size_t arrays = scan_count(s, "a number of arrays", 8);
-    for (size_t k = 0; k < arrays && scan_ok(s); k++) {
-        scan_word(s);
-        const size_t components = scan_count(s, "a number of components", 1);
-        const size_t tuples = scan_count(s, "a number of tuples", 1);
-        skip_values(s, f, components, tuples, vtk_type(s, scan_word(s)));
-    }
-}
-
-/* Behind its first word: name type [components], LOOKUP_TABLE name, values; or name type, values.
- */
-static void skip_attribute(scan *s, const vtk_text *f, size_t components, size_t cells)
-{
-    int64_t given = (int64_t)components;
-    scan_word(s);
-    const scalar type = vtk_type(s, scan_word(s));
-    const word more = components == 1 ? scan_word_in_line(s) : (word){ "", 0 };
-    if (more.length && (!word_integer(more, &given) || given < 1 || given > 4))
-        scan_expected(s, "a number of components", more);
-    if (components == 1) {
-        scan_rest_of_line(s);
-        scan_expect(s, "LOOKUP_TABLE");
-    }
-    skip_values(s, f, (size_t)given, cells, type);
+    for (size_t k = 0; k < arrays && scan_ok(s); k++) skip_values(s, f, vtk_read_array(s));
 }
 
 void vtk_skip_cell_data(scan *s, const vtk_text *f)
@@ -92,7 +96,7 @@ void vtk_skip_cell_data(scan *s, const vtk_text *f)
         size_t k = 0;
         while (k < KNOWN && !word_is_any_case(kind, known[k].kind)) k++;
         if (k < KNOWN)
-            skip_attribute(s, f, known[k].components, cells);
+            skip_values(s, f, vtk_read_attribute(s, known[k].components, cells));
         else if (word_is_any_case(kind, "FIELD"))
             vtk_skip_field(s, f);
         else if (word_is_any_case(kind, "METADATA"))

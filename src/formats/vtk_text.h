@@ -18,6 +18,18 @@ scalar vtk_type(scan *s, word name);
 size_t vtk_least_size(const vtk_text *f, scalar type);
 /* The line with the section's keyword ends; in a binary file values follow at once. */
 void vtk_begin_values(scan *s, const vtk_text *f);
+/* What is said of values before they begin. */
+typedef struct vtk_array {
+    word name;
+    size_t components, tuples;
+    scalar type;
+} vtk_array;
+
+/* Of an array of a FIELD: name components tuples type. */
+vtk_array vtk_read_array(scan *s);
+/* Behind its first word, of an attribute of so many: name type [components], LOOKUP_TABLE name of
+ * SCALARS (components 1); name type of others. */
+vtk_array vtk_read_attribute(scan *s, size_t components, size_t tuples);
 /* FIELD name n, then n arrays: name components tuples type, values. */
 void vtk_skip_field(scan *s, const vtk_text *f);
 /* What follows CELL_DATA: its number of cells, and attributes up to POINT_DATA or the end. */

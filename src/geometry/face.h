@@ -13,6 +13,13 @@ static inline void face_vector(const apsm_mesh *mesh, size_t f, double n[3])
                   mesh->V + 3 * (size_t)c[2], n);
 }
 
+/* Unit; returns how long it was, twice the area. */
+static inline double face_normal(const apsm_mesh *mesh, size_t f, double n[3])
+{
+    face_vector(mesh, f, n);
+    return vec3_normalise(n);
+}
+
 static inline double face_area(const apsm_mesh *mesh, size_t f)
 {
     double n[3];

@@ -5,8 +5,8 @@
 
 #include <string.h>
 
+#include "geometry/face.h"
 #include "geometry/geodesic_state.h"
-#include "geometry/vec3.h"
 
 typedef struct plane {
     const apsm_mesh *mesh;
@@ -18,16 +18,6 @@ static double height(const plane *p, uint32_t v)
     double d[3];
     vec3_sub(p->mesh->V + 3 * (size_t)v, p->x, d);
     return vec3_dot(p->m, d);
-}
-
-static void face_normal(const apsm_mesh *mesh, uint32_t f, double n[3])
-{
-    const uint32_t *F = mesh->F + 3 * (size_t)f;
-    double e[3], d[3];
-    vec3_sub(mesh->V + 3 * (size_t)F[1], mesh->V + 3 * (size_t)F[0], e);
-    vec3_sub(mesh->V + 3 * (size_t)F[2], mesh->V + 3 * (size_t)F[0], d);
-    vec3_cross(e, d, n);
-    vec3_normalise(n);
 }
 
 /* Where the plane cuts half-edge k, whose ends are at heights a and b of different sides. */

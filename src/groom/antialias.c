@@ -33,9 +33,9 @@ static const double fidelity = 0.02;     /* mu for smoothing = 1 */
 static const float voxel_margin = 0.03f; /* m */
 static const float slice_margin = 0.06f; /* m between slices, over between_slope */
 enum { REACH = 4, ROUNDS = 3, ITERATIONS = 8, BINS = 4096 };
+enum { IN_A_RUN = 255 }; /* of thin_mark's marks: the node has a kind */
 /* Kinds of fine nodes: between the mask's; mask nodes bound by (A2); mask nodes that are not; of
  * those, what sticks out by a voxel. */
-enum { IN_A_RUN = 255 };
 enum { FREE, INNER, OUTER, INNER_LOOSE, OUTER_LOOSE, INNER_RAGGED, OUTER_RAGGED };
 /* M in (A1); of ragged nodes the mask is hardly believed. */
 static const float expected[] = { 0.0f, 1.0f, 0.0f, 1.0f, 0.0f, 0.65f, 0.35f };

@@ -10,13 +10,9 @@
 
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
+#include "geometry/volume.h"
 #include "groom/closing.h"
 #include "groom/parts.h"
-
-static bool is_in(const apsm_volume *v, size_t at)
-{
-    return v->small ? v->small[at] != 0 : v->label[at] != 0;
-}
 
 /* Bounding box lo..hi (inclusive) of the label; false if there is none. */
 static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
@@ -30,9 +26,9 @@ static bool bounding_box(const apsm_volume *v, size_t lo[3], size_t hi[3])
         for (size_t y = 0; y < v->n[1]; y++) {
             const size_t row = v->n[0] * (y + v->n[1] * z);
             size_t from = 0, to = v->n[0];
-            while (from < to && !is_in(v, row + from)) from++;
+            while (from < to && !volume_label(v, row + from)) from++;
             if (from == to) continue;
-            while (!is_in(v, row + to - 1)) to--;
+            while (!volume_label(v, row + to - 1)) to--;
             const size_t first[3] = { from, y, z }, last[3] = { to - 1, y, z };
             for (int c = 0; c < 3; c++) {
                 if (first[c] < lo[c]) lo[c] = first[c];
@@ -57,7 +53,7 @@ static apsm_status crop(const apsm_volume *v, const size_t lo[3], const size_t h
             const size_t row = v->n[0] * (y + v->n[1] * z);
             unsigned char *to =
                 m->in + m->n[0] * (y - lo[1] + rim[1] + m->n[1] * (z - lo[2] + rim[2])) + rim[0];
-            for (size_t x = lo[0]; x <= hi[0]; x++) to[x - lo[0]] = is_in(v, row + x);
+            for (size_t x = lo[0]; x <= hi[0]; x++) to[x - lo[0]] = volume_label(v, row + x) != 0;
         }
     return APSM_OK;
 }

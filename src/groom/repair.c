@@ -128,28 +128,17 @@ static apsm_status refuse_stray(const repair *r)
                      r->name, v, m->V[3 * v], m->V[3 * v + 1], m->V[3 * v + 2], most / usual);
 }
 
-/* Twice the area of a face along its normal. */
-static void face_normal(const apsm_mesh *m, size_t f, double n[3])
-{
-    const uint32_t *const F = m->F + 3 * f;
-    double a[3], b[3];
-    vec3_sub(m->V + 3 * F[1], m->V + 3 * F[0], a);
-    vec3_sub(m->V + 3 * F[2], m->V + 3 * F[0], b);
-    vec3_cross(a, b, n);
-}
-
 /* How far the corners lie from the plane of the largest face; n: scratch. */
 static double thickness(const apsm_mesh *m, double n[3])
 {
     double largest = 0.0, most = 0.0, at[3];
     size_t first = 0;
     for (size_t f = 0; f < m->nf; f++) {
-        face_normal(m, f, n);
+        face_vector(m, f, n);
         const double area = vec3_dot(n, n);
         if (area > largest) largest = area, first = f;
     }
     face_normal(m, first, n);
-    vec3_normalise(n);
     for (size_t h = 0; h < 3 * m->nf; h++) {
         vec3_sub(m->V + 3 * m->F[h], m->V + 3 * m->F[3 * first], at);
         most = fmax(most, fabs(vec3_dot(at, n)));

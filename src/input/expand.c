@@ -4,7 +4,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <jansson.h>
 #include <regex.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -251,20 +250,13 @@ static bool is_control(char c)
     return (unsigned char)c < 32 || c == 127;
 }
 
-static bool is_utf8(const char *text)
-{
-    json_t *const string = json_string(text);
-    json_decref(string);
-    return string != NULL;
-}
-
 /* Of a case: files of the model are called by it, with endings and for a moment with more. */
 static apsm_status check_name(apsm_context *ctx, const apsm_input_case *one)
 {
     enum { MOST = 200 };
     const char *wrong = NULL;
-    if (!is_utf8(one->path)) wrong = "its path is not UTF-8";
-    if (!is_utf8(one->name)) wrong = "its name is not UTF-8";
+    if (!apsm_is_utf8(one->path)) wrong = "its path is not UTF-8";
+    if (!apsm_is_utf8(one->name)) wrong = "its name is not UTF-8";
     if (strlen(one->name) > MOST) wrong = "its name is longer than 200 bytes";
     for (const char *c = one->name; *c; c++)
         if (is_control(*c)) wrong = "its name has a control character";
@@ -283,7 +275,7 @@ apsm_status apsm_input_check_stored(apsm_context *ctx, const char *folder,
 {
     for (size_t i = 0; i < list->n; i++) {
         char *const stored = apsm_path_relative(folder, list->cases[i].path);
-        const bool good = stored && is_utf8(stored), missing = !stored;
+        const bool good = stored && apsm_is_utf8(stored), missing = !stored;
         free(stored);
         if (missing) return out_of_memory(ctx);
         if (!good)

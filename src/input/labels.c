@@ -7,6 +7,7 @@
 #include <strings.h>
 
 #include "files/files.h"
+#include "geometry/volume.h"
 #include "input/input.h"
 
 void apsm_labels_free(apsm_labels *labels)
@@ -109,12 +110,6 @@ typedef struct place {
     size_t layer;
 } place;
 
-/* Of all layers in turn. */
-static int32_t label_at(const apsm_volume *v, size_t i)
-{
-    return v->small ? v->small[i] : v->label[i];
-}
-
 /* In the first layer. */
 static void put(apsm_volume *v, size_t i, bool in)
 {
@@ -136,7 +131,7 @@ static size_t find_labels(const apsm_volume *v, size_t voxels, size_t layers, pl
     size_t n = 0;
     place last = { 0, 0 };
     for (size_t i = 0; i < layers * voxels && n < LISTED; i++) {
-        const place p = { label_at(v, i), i / voxels };
+        const place p = { volume_label(v, i), i / voxels };
         if (p.label == 0 || (p.label == last.label && p.layer == last.layer)) continue;
         last = p;
         size_t k = 0;
@@ -302,7 +297,8 @@ static apsm_status unite(apsm_context *ctx, const char *path, const apsm_labels 
         p->all = true;
     }
     bool any = false;
-    for (size_t i = 0; i < layers * voxels; i++) any |= is_picked(p, label_at(v, i), i / voxels);
+    for (size_t i = 0; i < layers * voxels; i++)
+        any |= is_picked(p, volume_label(v, i), i / voxels);
     if (!any && labels->if_several && n == 1) {
         apsm_log(ctx, APSM_LOG_INFO, "%s: label %d is the only one, and so the shape", path,
                  found[0].label);
@@ -314,7 +310,7 @@ static apsm_status unite(apsm_context *ctx, const char *path, const apsm_labels 
         return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", path);
     for (size_t i = 0; i < voxels; i++) {
         bool in = false;
-        for (size_t l = 0; l < layers; l++) in |= is_picked(p, label_at(v, i + l * voxels), l);
+        for (size_t l = 0; l < layers; l++) in |= is_picked(p, volume_label(v, i + l * voxels), l);
         put(v, i, in);
     }
     v->layers = 1;
@@ -328,7 +324,7 @@ static apsm_status bound(apsm_context *ctx, const char *path, const apsm_labels 
     const size_t voxels = v->n[0] * v->n[1] * v->n[2];
     bool any = false;
     for (size_t i = 0; i < voxels; i++) {
-        const double x = (double)label_at(v, i);
+        const double x = (double)volume_label(v, i);
         const bool in = labels->side == '<' ? x < labels->level : x > labels->level;
         put(v, i, in);
         any |= in;

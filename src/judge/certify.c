@@ -264,25 +264,18 @@ static apsm_pose_note pose_note(json_t *note)
     return json_is_true(json_object_get(note, "against")) ? APSM_POSE_AGAINST : APSM_POSE_AMBIGUOUS;
 }
 
-/* What is usual: the evidence for pose and hand, and whether grooming called most poses ambiguous:
- * then what they look like, each as it may lie, tells no pose, that of the provisional template
- * included. */
-typedef struct usual_shape {
-    double evidence[2];
-    bool ambiguous;
-} usual_shape;
-
-/* What a note comes to for its shape. */
-static unsigned weigh_note(json_t *note, const apsm_findings *f, const usual_shape *usual)
+/* What a note comes to for its shape; usual: the evidence for pose and hand that shapes have. */
+static unsigned weigh_note(json_t *note, const apsm_findings *f, const double usual[2])
 {
     const apsm_verdict_options options = apsm_verdict_defaults();
     const bool undecided = json_is_true(json_object_get(note, "undecided"));
     if (has(note, "aspect", apsm_aspect_name(APSM_ASPECT_HAND)))
-        return apsm_verdict_note_hand(f, usual->evidence[1], undecided, &options);
+        return apsm_verdict_note_hand(f, usual[1], undecided, &options);
     if (!has(note, "aspect", apsm_aspect_name(APSM_ASPECT_POSE))) return 0;
-    return apsm_verdict_note_pose(f, usual->evidence[0], pose_note(note), &options);
+    return apsm_verdict_note_pose(f, usual[0], pose_note(note), &options);
 }
 
+/* Whether grooming called most poses so. */
 static bool are_ambiguous(size_t I, json_t *notes)
 {
     size_t k, n = 0;
@@ -311,22 +304,24 @@ static apsm_status usual_evidence(const cohort_certificate *c, double usual[2])
 }
 
 /* Grooming's doubts are ours, unless the form speaks clearly for the pose.  Where it called more
- * than half of the poses ambiguous, however few shapes there are, no form speaks for any. */
+ * than half of the poses ambiguous, however few shapes there are, what they look like, each as it
+ * may lie, tells no pose, that of the provisional template included. */
 static apsm_status add_notes(const apsm_cohort *cohort, json_t *notes, cohort_certificate *c)
 {
     size_t k;
     json_t *note;
-    usual_shape usual = { .ambiguous = are_ambiguous(c->I, notes) };
-    APSM_TRY(usual_evidence(c, usual.evidence));
+    double usual[2];
+    const bool ambiguous = are_ambiguous(c->I, notes);
+    APSM_TRY(usual_evidence(c, usual));
     json_array_foreach(notes, k, note)
     {
         for (size_t i = 0; i < c->I; i++) {
             const apsm_findings *f = c->judged ? &c->judgement.shape[i] : NULL;
             if (has(note, "shape", cohort->shape[i].name))
-                c->doubts[i] |= weigh_note(note, f, &usual);
+                c->doubts[i] |= weigh_note(note, f, usual);
         }
     }
-    for (size_t i = 0; i < c->I && usual.ambiguous; i++) c->doubts[i] |= 1u << APSM_DOUBT_POSE;
+    for (size_t i = 0; i < c->I && ambiguous; i++) c->doubts[i] |= 1u << APSM_DOUBT_POSE;
     c->notes = json_incref(notes);
     return APSM_OK;
 }

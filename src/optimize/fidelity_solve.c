@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "geometry/affine.h"
 #include "linalg/linalg.h"
 #include "optimize/fidelity_shape.h"
 
@@ -27,18 +28,6 @@ static int by_place(const void *a, const void *b)
     return (x->particle > y->particle) - (x->particle < y->particle);
 }
 
-static apsm_status longest_axis(size_t J, const double *T, double axis[3])
-{
-    double centre[3] = { 0 }, S[9] = { 0 }, variance[3], Q[9];
-    for (size_t x = 0; x < 3 * J; x++) centre[x % 3] += T[x] / (double)J;
-    for (size_t j = 0; j < J; j++)
-        for (size_t k = 0; k < 9; k++)
-            S[k] += (T[3 * j + k / 3] - centre[k / 3]) * (T[3 * j + k % 3] - centre[k % 3]);
-    APSM_TRY(apsm_symmetric_eigen(3, S, variance, Q));
-    memcpy(axis, Q, 3 * sizeof *axis);
-    return APSM_OK;
-}
-
 /* A particle reaches, by a vertex of the template between, to others some 7 h away: a fixed number
  * of rings of some sqrt(J) particles. */
 static double particles_in_band(size_t J)
@@ -49,15 +38,15 @@ static double particles_in_band(size_t J)
 
 apsm_status fidelity_find_band(size_t J, const double *T, uint32_t *order, size_t *band)
 {
-    double axis[3];
+    double centre[3], V[9];
     *band = 0;
     if (2 * particles_in_band(J) > (double)J) return APSM_OK; /* nothing would be gained */
-    APSM_TRY(longest_axis(J, T, axis));
+    apsm_principal_axes(J, T, centre, V);
     place *p = malloc(J * sizeof *p);
     if (!p) return APSM_ERR_MEMORY;
     for (size_t j = 0; j < J; j++) {
         const double *x = T + 3 * j;
-        p[j] = (place){ x[0] * axis[0] + x[1] * axis[1] + x[2] * axis[2], (uint32_t)j };
+        p[j] = (place){ x[0] * V[0] + x[1] * V[3] + x[2] * V[6], (uint32_t)j };
     }
     qsort(p, J, sizeof *p, by_place);
     for (size_t k = 0; k < J; k++) order[p[k].particle] = (uint32_t)k;

@@ -9,6 +9,7 @@
 #include "folder/features_csv.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
+#include "geometry/volume.h"
 #include "initialize/features.h"
 #include "run/source.h"
 
@@ -148,7 +149,7 @@ static char *image_of(const apsm_run *run, const groom_inputs *in, size_t i, con
 static double voxel(const apsm_volume *v, size_t i, size_t j, size_t k)
 {
     const size_t at = i + v->n[0] * (j + v->n[1] * k);
-    return v->value ? (double)v->value[at] : (double)v->label[at];
+    return v->value ? (double)v->value[at] : (double)volume_label(v, at);
 }
 
 /* Trilinear; beyond the image the value at its border. */

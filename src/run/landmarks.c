@@ -7,6 +7,7 @@
 
 #include "align/landmark_pose.h"
 #include "files/project_columns.h"
+#include "geometry/vec3.h"
 #include "initialize/anchors.h"
 #include "run/source.h"
 
@@ -152,7 +153,7 @@ void landmarks_tell_far(const apsm_run *run, const groom_inputs *in)
     size_t far = 0, shape = 0, mark = 0;
     for (size_t i = 0; i < in->list.n && t->L > 0; i++) {
         apsm_mesh_bounds(&in->mesh[i], lo, hi);
-        const double size = hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+        const double size = sqrt(vec3_distance2(lo, hi));
         for (size_t l = 0; l < t->L; l++) {
             const double off =
                 landmark_is_there(t, i, l) ? outside(landmark_at(t, i, l), lo, hi) : 0;

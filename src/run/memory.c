@@ -1,6 +1,5 @@
 #include "run/memory.h"
 
-#include <jansson.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,9 +20,7 @@ static apsm_status bad(const apsm_run *run, const char *name, const char *what)
 apsm_status run_check_name(const apsm_run *run, const char *name)
 {
     enum { MOST = 200 };
-    json_t *const text = json_string(name); /* NULL: not UTF-8 */
-    json_decref(text);
-    bool fine = text && *name && strlen(name) <= MOST;
+    bool fine = apsm_is_utf8(name) && *name && strlen(name) <= MOST;
     for (const char *c = name; *c; c++)
         fine = fine && (unsigned char)*c >= 32 && *c != 127 && *c != '/';
     if (fine) return APSM_OK;

@@ -83,7 +83,7 @@ static double size_of_source(const placing *p)
             lo[k % 3] = fmin(lo[k % 3], x);
             hi[k % 3] = fmax(hi[k % 3], x);
         }
-    return hypot(hypot(hi[0] - lo[0], hi[1] - lo[1]), hi[2] - lo[2]);
+    return sqrt(vec3_distance2(lo, hi));
 }
 
 /* Nothing is known of what lies farther from the surface than that is long. */

@@ -9,7 +9,7 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 cd "$folder" || exit 1
 failed=0
-limit=60                           # seconds that a call of expect may take,
+limit=60                       # seconds that a call of expect may take,
 slower=${APSM_TESTS_SLOWER:-1} # times this: what sanitizers watch takes longer
 
 fail() {

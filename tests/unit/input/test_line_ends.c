@@ -28,6 +28,18 @@ static char *with_ends(const char *text, const char *end, size_t *size)
     return out;
 }
 
+/* The file of that name, written so. */
+static const char *write_with_ends(const fixture *f, const char *name, const char *text,
+                                   const char *end)
+{
+    size_t size;
+    char *const bytes = with_ends(text, end, &size);
+    const char *const path = scratch_path(f->folder, name);
+    scratch_write(path, bytes, size);
+    free(bytes);
+    return path;
+}
+
 static const char *const ends[] = { "\n", "\r\n", "\r" };
 enum { ENDS = sizeof ends / sizeof *ends };
 
@@ -92,14 +104,8 @@ static void meshes_are_the_same_whatever_ends_their_lines(void **state)
 {
     fixture *const f = *state;
     for (size_t k = 0; k < sizeof meshes / sizeof *meshes; k++)
-        for (int e = 0; e < ENDS; e++) {
-            size_t size;
-            char *const text = with_ends(meshes[k].text, ends[e], &size);
-            const char *const path = scratch_path(f->folder, meshes[k].name);
-            scratch_write(path, text, size);
-            expect_tetrahedron(f, path);
-            free(text);
-        }
+        for (int e = 0; e < ENDS; e++)
+            expect_tetrahedron(f, write_with_ends(f, meshes[k].name, meshes[k].text, ends[e]));
 }
 
 /* In a comment, say, that two programs wrote. */
@@ -127,17 +133,13 @@ static void surfaces_in_gzip_are_named(void **state)
 static void vtk_surfaces_keep_their_line_ends(void **state)
 {
     fixture *const f = *state;
-    const char *const path = scratch_path(f->folder, "a.vtk");
     for (int e = 0; e < ENDS; e++) {
-        size_t size;
-        char *const text = with_ends(meshes[3].text, ends[e], &size);
+        const char *const path = write_with_ends(f, "a.vtk", meshes[3].text, ends[e]);
         vtk_grid g;
-        scratch_write(path, text, size);
         assert_int_equal(vtk_grid_read(f->ctx, path, &g), APSM_OK);
         assert_int_equal(vtk_grid_write(f->ctx, path, &g, g.x), APSM_OK);
         expect_tetrahedron(f, path);
         vtk_grid_free(&g);
-        free(text);
     }
 }
 
@@ -232,14 +234,8 @@ static void images_are_the_same_whatever_ends_their_lines(void **state)
 {
     fixture *const f = *state;
     for (size_t k = 0; k < sizeof images / sizeof *images; k++)
-        for (int e = 0; e < ENDS; e++) {
-            size_t size;
-            char *const text = with_ends(images[k].text, ends[e], &size);
-            const char *const path = scratch_path(f->folder, images[k].name);
-            scratch_write(path, text, size);
-            expect_image(f, path);
-            free(text);
-        }
+        for (int e = 0; e < ENDS; e++)
+            expect_image(f, write_with_ends(f, images[k].name, images[k].text, ends[e]));
 }
 
 static void voxels_in_another_file_are_found_whatever_ends_the_lines(void **state)
@@ -248,22 +244,18 @@ static void voxels_in_another_file_are_found_whatever_ends_the_lines(void **stat
         "NDims = 3\nDimSize = 3 2 2\nOffset = 5 6 7\nElementSpacing = 1 2 3\n"
         "ElementType = MET_UCHAR\nElementDataFile = LIST\none.raw\ntwo.raw\n";
     fixture *const f = *state;
-    const char *const path = scratch_path(f->folder, "l.mhd");
     unsigned char bytes[VOXELS];
     for (int k = 0; k < VOXELS; k++) bytes[k] = (unsigned char)labels[k];
     scratch_write(scratch_path(f->folder, "one.raw"), bytes, VOXELS / 2);
     scratch_write(scratch_path(f->folder, "two.raw"), bytes + VOXELS / 2, VOXELS / 2);
     for (int e = 0; e < ENDS; e++) {
-        size_t size;
-        char *const text = with_ends(meta, ends[e], &size);
+        const char *const path = write_with_ends(f, "l.mhd", meta, ends[e]);
         apsm_file_list files;
-        scratch_write(path, text, size);
         expect_image(f, path);
         assert_int_equal(apsm_input_data_files(path, &files), APSM_OK);
         assert_int_equal(files.n, 2); /* which the manifest's check sum is made of */
         assert_string_equal(strrchr(files.path[1], '/'), "/two.raw");
         apsm_file_list_free(&files);
-        free(text);
     }
 }
 

@@ -8,6 +8,7 @@
 #include <math.h>
 
 #include "apsm/formats.h"
+#include "geometry/volume.h"
 #include "input/input.h"
 #include "scratch_fixture.h"
 
@@ -377,9 +378,8 @@ static void bounds_see_the_whole_image(void **state)
         assert_int_equal(apsm_labels_parse(f->ctx, bounds[k].text, &labels), APSM_OK);
         assert_int_equal(apsm_input_read(f->ctx, &one, &labels, &shape), APSM_OK);
         const size_t *const n = shape.volume.n;
-        const unsigned char *const small = shape.volume.small;
         for (size_t i = 0; i < n[0] * n[1] * n[2]; i++)
-            taken += (small ? small[i] : shape.volume.label[i]) != 0;
+            taken += volume_label(&shape.volume, i) != 0;
         assert_int_equal(taken, bounds[k].taken);
         apsm_input_shape_free(&shape);
     }
