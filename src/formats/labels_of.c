@@ -1,5 +1,6 @@
 #include "formats/labels_of.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
@@ -27,22 +28,31 @@ static inline size_t integer_row(scalar type, const unsigned char *p, bool big_e
     return n;
 }
 
+static bool is_stored_as_meant(const image *m)
+{
+    return m->slope >= 1.0 && m->slope <= 1.0 && m->intercept >= 0.0 && m->intercept <= 0.0;
+}
+
+/* What is meant by a stored value.  Files hold slope and intercept as floats: many write the labels
+ * 0 and 1 as 0 and 32767 with a slope of 1 / 32767, which is not quite that.  What is whole but for
+ * such rounding is whole. */
+static double meant_by(const image *m, double stored)
+{
+    const double scaled = m->slope * stored, x = scaled + m->intercept, whole = floor(x + 0.5);
+    return fabs(x - whole) <= FLT_EPSILON * (fabs(scaled) + fabs(m->intercept)) ? whole : x;
+}
+
 static size_t real_row(const image *m, const unsigned char *p, size_t n, int32_t *label)
 {
     const size_t size = scalar_size(m->type);
+    const bool scaled = !is_stored_as_meant(m);
     for (size_t i = 0; i < n; i++) {
-        const double x =
-            m->slope * scalar_real(m->type, p + i * m->stride[0] * size, m->big_endian) +
-            m->intercept;
+        const double stored = scalar_real(m->type, p + i * m->stride[0] * size, m->big_endian);
+        const double x = scaled ? meant_by(m, stored) : stored;
         if (!fits(x)) return i;
         label[i] = (int32_t)x;
     }
     return n;
-}
-
-static bool is_stored_as_meant(const image *m)
-{
-    return m->slope >= 1.0 && m->slope <= 1.0 && m->intercept >= 0.0 && m->intercept <= 0.0;
 }
 
 static size_t label_row(const image *m, const unsigned char *p, int32_t *label)

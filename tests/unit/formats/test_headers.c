@@ -190,6 +190,34 @@ static void rounded_sforms_are_read(void **state)
     apsm_volume_free(&v);
 }
 
+/* Labels stored as 30 k and 30 k + 15, slope and intercept rounded to floats, are labels (the
+ * largest of them 5 + 2e-7); with a slope that is more than rounding away they are values. */
+static void labels_in_scaled_images_are_labels(void **state)
+{
+    fixture *const f = *state;
+    const char *const path = scratch_path(f->folder, "scaled.nii");
+    const nifti h = { .sform = 1,
+                      .unit = 2,
+                      .pixdim = { 1, 1, 1, 1 },
+                      .srow = { 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0 } };
+    const float slope[3] = { 1 / 30.f, 1 / 30.f, 1.00001f / 30 }, intercept[3] = { 0, -.5f, 0 };
+    for (int k = 0; k < 3; k++) {
+        unsigned char data[VOXELS];
+        for (size_t i = 0; i < VOXELS; i++)
+            data[i] = (unsigned char)(30 * value_of(i) + 15 * (k == 1));
+        write_nifti(path, &h);
+        FILE *file = fopen(path, "r+b");
+        assert_true(file && fseek(file, 112, SEEK_SET) == 0 && fwrite(slope + k, 4, 1, file) == 1);
+        assert_true(fwrite(intercept + k, 4, 1, file) == 1 && fseek(file, 352, SEEK_SET) == 0);
+        assert_true(fwrite(data, VOXELS, 1, file) == 1 && fclose(file) == 0);
+        apsm_volume v;
+        if (apsm_read_volume(f->ctx, path, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+        assert_true(k < 2 ? v.label && !v.value : v.value && !v.label);
+        for (size_t i = 0; i < VOXELS && k < 2; i++) assert_int_equal(v.label[i], value_of(i));
+        apsm_volume_free(&v);
+    }
+}
+
 /* ---- NRRD and MetaImage: every type, both orders, text ---- */
 
 static const struct type {
@@ -361,6 +389,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_nifti_header_is_read_by_the_rule),
         cmocka_unit_test(rounded_sforms_are_read),
+        cmocka_unit_test(labels_in_scaled_images_are_labels),
         cmocka_unit_test(every_nrrd_header_is_read),
         cmocka_unit_test(every_metaimage_header_is_read),
         cmocka_unit_test(orientations_that_disagree_are_told),
