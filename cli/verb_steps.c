@@ -135,6 +135,9 @@ apsm_status apsm_cli_optimize(apsm_context *ctx, const cli_args *args, cli_ui *u
 
 apsm_status apsm_cli_evaluate(apsm_context *ctx, const cli_args *args, cli_ui *ui)
 {
+    if (args->n_inputs > 0 && args->shards > 0)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "--shard: is for a model folder; files are evaluated at once");
     if (args->n_inputs > 0) return apsm_cli_evaluate_files(ctx, args, ui);
     if (cli_args_get(args, "template"))
         return apsm_fail(ctx, APSM_ERR_ARG,

@@ -287,13 +287,18 @@ static apsm_status run_part(apsm_context *ctx, size_t k, int worker, void *user)
     return p->fn(ctx, k / others * p->size + (at < p->rank ? at : at + 1), worker, p->user);
 }
 
+static size_t own_count(const apsm_deal *d, size_t n)
+{
+    return n > d->rank ? (n - d->rank - 1) / d->size + 1 : 0;
+}
+
 apsm_status apsm_dealt_for(apsm_context *ctx, size_t n, apsm_task_fn fn, void *user,
                            const char *stage)
 {
     const apsm_deal *d = ctx->deal;
     if (!d) return apsm_parallel_for(ctx, n, fn, user, stage);
     part p = { fn, user, d->rank, d->size, true };
-    const size_t own = n > d->rank ? (n - d->rank - 1) / d->size + 1 : 0;
+    const size_t own = own_count(d, n);
     APSM_TRY(apsm_parallel_for(ctx, own, run_part, &p, stage));
     APSM_TRY(d->meet(ctx, d->user));
     p.own = false;
@@ -403,4 +408,97 @@ apsm_status apsm_gather(apsm_context *ctx, size_t n, const size_t *element, size
     free(g.own);
     free(g.all);
     return enough ? APSM_OK : apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for what others did");
+}
+
+/* ---- loops that are shared, kept or gathered ---- */
+
+static size_t made_count(const apsm_shared_loop *l)
+{
+    size_t n = 0;
+    while (n < APSM_MOST_MADE && l->made[n].array) n++;
+    return n;
+}
+
+static size_t made_bytes(const apsm_shared_loop *l)
+{
+    size_t bytes = 0;
+    for (size_t k = 0; k < made_count(l); k++) bytes += l->made[k].bytes;
+    return bytes;
+}
+
+/* Element e of all arrays to the piece, or back. */
+static void copy_made(const apsm_shared_loop *l, size_t e, bool back, unsigned char *piece)
+{
+    for (size_t k = 0; k < made_count(l); piece += l->made[k++].bytes) {
+        unsigned char *here = (unsigned char *)l->made[k].array + e * l->made[k].bytes;
+        memcpy(back ? here : piece, back ? piece : here, l->made[k].bytes);
+    }
+}
+
+static bool recall_made(const apsm_context *ctx, const apsm_shared_loop *l, size_t e,
+                        unsigned char *piece)
+{
+    const bool found = apsm_recall(ctx, l->kind, e, made_bytes(l), piece);
+    if (found) copy_made(l, e, true, piece);
+    return found;
+}
+
+/* Recalls element e, or makes and keeps it. */
+static apsm_status make_or_recall(apsm_context *ctx, size_t e, int worker, void *user)
+{
+    const apsm_shared_loop *l = user;
+    if (!ctx->keeper || made_count(l) == 0) return l->fn(ctx, e, worker, l->user);
+    unsigned char *piece = malloc(made_bytes(l) + 1);
+    apsm_status status = piece ? APSM_OK : APSM_ERR_MEMORY;
+    if (piece && !recall_made(ctx, l, e, piece)) {
+        status = l->fn(ctx, e, worker, l->user);
+        if (status == APSM_OK) {
+            copy_made(l, e, false, piece);
+            status = apsm_keep(ctx, l->kind, e, made_bytes(l), piece);
+        }
+    }
+    free(piece);
+    return status;
+}
+
+/* What a share finds of the others' elements: zeros, or, where they decide, all of it. */
+static apsm_status take_others(apsm_context *ctx, const apsm_shared_loop *l)
+{
+    const apsm_deal *d = ctx->deal;
+    unsigned char *piece = calloc(made_bytes(l) + 1, 1);
+    apsm_status status = piece ? APSM_OK : APSM_ERR_MEMORY;
+    if (piece && l->decides) status = d->meet(ctx, d->user);
+    for (size_t e = 0; e < l->n && status == APSM_OK; e++) {
+        if (e % d->size == d->rank) continue;
+        if (!l->decides)
+            copy_made(l, e, true, piece);
+        else if (!recall_made(ctx, l, e, piece))
+            status = APSM_ERR_INTERRUPTED;
+    }
+    free(piece);
+    return status;
+}
+
+static apsm_status gather_made(apsm_context *ctx, const apsm_shared_loop *l)
+{
+    APSM_TRY(apsm_own_for(ctx, l->n, NULL, l->fn, l->user, l->stage));
+    for (size_t k = 0; k < made_count(l); k++)
+        APSM_TRY(apsm_gather(ctx, l->n, NULL, l->made[k].bytes, l->made[k].array));
+    return APSM_OK;
+}
+
+apsm_status apsm_shared_for(apsm_context *ctx, const apsm_shared_loop *given)
+{
+    apsm_shared_loop l = *given;
+    if (gathers(ctx)) return gather_made(ctx, &l);
+    if (!ctx->deal) return apsm_parallel_for(ctx, l.n, make_or_recall, &l, l.stage);
+    part own = { make_or_recall, &l, ctx->deal->rank, ctx->deal->size, true };
+    const size_t n = own_count(ctx->deal, l.n);
+    APSM_TRY(apsm_parallel_for(ctx, n, run_part, &own, l.stage));
+    return take_others(ctx, &l);
+}
+
+bool apsm_is_share(const apsm_context *ctx)
+{
+    return ctx->deal && !ctx->deal->gather;
 }

@@ -36,4 +36,32 @@ apsm_status apsm_gather(apsm_context *ctx, size_t n, const size_t *element, size
                         void *array) APSM_NODISCARD;
 bool apsm_is_own(const apsm_context *ctx, size_t element);
 
+/* What a loop's tasks fill, task e the `bytes` bytes at array + e * bytes. */
+typedef struct apsm_made {
+    void *array;
+    size_t bytes;
+} apsm_made;
+
+enum { APSM_MOST_MADE = 7 };
+typedef struct apsm_shared_loop {
+    const char *kind; /* under which the tasks' results are kept: one of its own for all that
+                         decides them, beside what the keeper's pieces belong to */
+    size_t n;
+    apsm_task_fn fn;
+    void *user;
+    const char *stage;
+    bool decides; /* what another loop of the step keeps is made of it */
+    apsm_made
+        made[APSM_MOST_MADE]; /* up to the first without an array; none: fn recalls and keeps */
+} apsm_shared_loop;
+
+/* A loop whose tasks are done once by all processes together.  If the deal gathers, apsm_own_for
+ * and apsm_gather of all that is made.  Else what can be recalled is not made, what is made is
+ * kept, and a share (a deal that does not gather) does its own tasks alone: what the others make is
+ * zero, or, where it decides, what they have kept; APSM_ERR_INTERRUPTED if some of that is not
+ * there. */
+apsm_status apsm_shared_for(apsm_context *ctx, const apsm_shared_loop *loop) APSM_NODISCARD;
+/* Whether the process is such a share: of what is made of all elements it knows only its own. */
+bool apsm_is_share(const apsm_context *ctx);
+
 #endif

@@ -148,9 +148,13 @@ apsm_status apsm_generalization(apsm_context *ctx, const apsm_shape_model *model
             l.d[k] = model->variance[k] * (double)(I - 1);
             apsm_blocks_pack(model->J, model->mode + k * 3 * model->J, l.mode + k * l.row);
         }
-        status = apsm_own_for(ctx, l.shapes, NULL, leave_out, &l, "generalization");
-        if (status == APSM_OK)
-            status = apsm_gather(ctx, l.shapes, NULL, l.M * sizeof *l.distance, l.distance);
+        const apsm_shared_loop loop = { .kind = "generalization",
+                                        .n = l.shapes,
+                                        .fn = leave_out,
+                                        .user = &l,
+                                        .stage = "generalization",
+                                        .made = { { l.distance, l.M * sizeof *l.distance } } };
+        status = apsm_shared_for(ctx, &loop);
     } else {
         apsm_fail(ctx, status, "out of memory for the generalization of %zu shapes", I);
     }

@@ -212,10 +212,14 @@ static void combine(const search *s, size_t M, double *specificity, double *erro
 /* The chunks, shared by the processes if there are several. */
 static apsm_status walk_all(apsm_context *ctx, search *s)
 {
-    const size_t chunks = chunks_of(s->samples);
-    APSM_TRY(apsm_own_for(ctx, chunks, NULL, one_chunk, s, "specificity"));
-    APSM_TRY(apsm_gather(ctx, chunks, NULL, s->modes * sizeof *s->mean, s->mean));
-    return apsm_gather(ctx, chunks, NULL, s->modes * sizeof *s->sum2, s->sum2);
+    const size_t bytes = s->modes * sizeof(double);
+    const apsm_shared_loop loop = { .kind = "specificity",
+                                    .n = chunks_of(s->samples),
+                                    .fn = one_chunk,
+                                    .user = s,
+                                    .stage = "specificity",
+                                    .made = { { s->mean, bytes }, { s->sum2, bytes } } };
+    return apsm_shared_for(ctx, &loop);
 }
 
 static apsm_status run(apsm_context *ctx, const draws *from, size_t samples, size_t modes,

@@ -12,6 +12,7 @@
 #include <string.h>
 
 #include "core/deal.h"
+#include "core/number.h"
 
 /* ---- summaries ---- */
 
@@ -313,9 +314,10 @@ static void close_scratch(size_t threads, warped *scratch)
     free(scratch);
 }
 
-apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
-                                   const apsm_mesh *template_mesh, size_t I, const double *P,
-                                   const apsm_mesh_source *shape, apsm_surface_distance *result)
+/* kind: for what is kept of it. */
+static apsm_status measure_all(apsm_context *ctx, const char *kind, const apsm_warp *warp,
+                               const apsm_mesh *template_mesh, size_t I, const double *P,
+                               const apsm_mesh_source *shape, apsm_surface_distance *result)
 {
     if (warp->nv != template_mesh->nv)
         return apsm_fail(ctx, APSM_ERR_ARG, "the warp has %zu vertices, the template's mesh %zu",
@@ -326,12 +328,25 @@ apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
     cohort_task t = { warp, template_mesh, P, shape, result, calloc(threads, sizeof(warped)) };
     apsm_status status =
         t.scratch ? open_scratch(template_mesh, threads, t.scratch) : APSM_ERR_MEMORY;
+    const apsm_shared_loop loop = { .kind = kind,
+                                    .n = I,
+                                    .fn = one_shape,
+                                    .user = &t,
+                                    .stage = "surface distance",
+                                    .made = { { result, sizeof *result } } };
     if (status == APSM_OK)
-        status = apsm_own_for(ctx, I, NULL, one_shape, &t, "surface distance");
+        status = apsm_shared_for(ctx, &loop);
     else
         apsm_fail(ctx, status, "surface distances: %s", apsm_status_text(status));
     close_scratch(threads, t.scratch);
-    return status == APSM_OK ? apsm_gather(ctx, I, NULL, sizeof *result, result) : status;
+    return status;
+}
+
+apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
+                                   const apsm_mesh *template_mesh, size_t I, const double *P,
+                                   const apsm_mesh_source *shape, apsm_surface_distance *result)
+{
+    return measure_all(ctx, "surface", warp, template_mesh, I, P, shape, result);
 }
 
 /* Aggregate of the summary that lies `offset` bytes into apsm_surface_distance; shape `skip` is
@@ -400,10 +415,12 @@ static apsm_status judge_by(apsm_context *ctx, size_t t, const double *p, select
     const apsm_bvh *bvh = NULL;
     const apsm_mesh_source source = { get_selected, release_selected, s };
     apsm_warp warp = { 0 };
+    char kind[48];
+    apsm_print(kind, sizeof kind, "surface by template %zu", t);
     APSM_TRY(s->all->get(ctx, t, &mesh, &bvh, s->all->user));
     apsm_status status = apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, s->J, p, &warp);
     if (status == APSM_OK)
-        status = apsm_surface_distances(ctx, &warp, mesh, s->n, s->P, &source, s->distance);
+        status = measure_all(ctx, kind, &warp, mesh, s->n, s->P, &source, s->distance);
     if (status == APSM_OK)
         *result = aggregate(s->n, s->distance, offsetof(apsm_surface_distance, two_way),
                             t % s->stride == 0 ? t / s->stride : SIZE_MAX);

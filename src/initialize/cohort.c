@@ -60,6 +60,7 @@ static array_list list_arrays(apsm_shape *s)
 {
     array_list arrays = { 0 };
     mesh_arrays(&s->mesh, &arrays);
+    if (!s->bvh) return arrays; /* bare */
     arrays_add(&arrays, &s->VN, 3 * s->mesh.nv * sizeof *s->VN);
     topology_arrays(&s->topology, &arrays);
     bvh_arrays(s->bvh, &arrays);
@@ -76,9 +77,21 @@ static apsm_status move_to_store(apsm_context *ctx, apsm_store *store, apsm_shap
     return status;
 }
 
-static bool wants_field(const apsm_field_plan *p, size_t i)
+static bool is_of_share(const apsm_field_plan *p, size_t i)
 {
-    return !p->template_alone && (p->shares == 0 || i % p->shares == p->share);
+    return p->shares == 0 || i % p->shares == p->share;
+}
+
+static bool wants_field(const build *b, size_t i)
+{
+    if (!(b->fields->voxel > 0)) return false;
+    if (i == b->in->template_index) return true;
+    return !b->fields->template_alone && is_of_share(b->fields, i);
+}
+
+static bool stays_bare(const build *b, size_t i)
+{
+    return b->fields->bare && i != b->in->template_index && !is_of_share(b->fields, i);
 }
 
 static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *user)
@@ -89,6 +102,7 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     s->name = b->in->names[i];
     APSM_TRY(apsm_mesh_copy(&b->in->meshes[i], &s->mesh));
     apsm_mesh_transform(&s->mesh, b->in->transforms + 16 * i);
+    if (stays_bare(b, i)) return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
     s->VN = malloc(3 * s->mesh.nv * sizeof *s->VN);
     if (!s->VN) return APSM_ERR_MEMORY;
     apsm_mesh_vertex_normals(&s->mesh, s->VN);
@@ -97,9 +111,9 @@ static apsm_status build_shape(apsm_context *ctx, size_t i, int worker, void *us
     APSM_TRY(apsm_bvh_build(&s->mesh, &s->bvh));
     s->half_thickness = thin_half_thickness(s);
     APSM_TRY(apsm_geodesic_build(&s->mesh, &s->topology, &s->geodesic));
-    const double voxel = b->fields->voxel, band = apsm_dipole_length(s, b->fields->band);
-    if (voxel > 0 && (i == b->in->template_index || wants_field(b->fields, i)))
-        APSM_TRY(apsm_field_build(ctx, s->bvh, voxel, band, &s->field));
+    const double band = apsm_dipole_length(s, b->fields->band);
+    if (wants_field(b, i))
+        APSM_TRY(apsm_field_build(ctx, s->bvh, b->fields->voxel, band, &s->field));
     return b->store ? move_to_store(ctx, b->store, s) : APSM_OK;
 }
 

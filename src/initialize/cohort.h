@@ -125,7 +125,8 @@ apsm_status apsm_cohort_build(apsm_context *ctx, const apsm_cohort_input *in, do
 /* The distance fields of a cohort. */
 typedef struct apsm_field_plan {
     double voxel, band;
-    bool template_alone;  /* no other shape gets one */
+    bool template_alone; /* no other shape gets one */
+    bool bare; /* shapes that are neither the template nor of the share have their mesh alone */
     size_t share, shares; /* else those of shapes share, share + shares, ...; 0 shares: all */
 } apsm_field_plan;
 

@@ -72,29 +72,7 @@ static apsm_status look_up(const apsm_shape *shape, size_t J, const double *P, l
     return APSM_OK;
 }
 
-static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *user)
-{
-    (void)ctx, (void)worker;
-    judging *g = user;
-    looked_up l;
-    const double *P = g->P + i * g->J * 3;
-    const apsm_certificate_options options = apsm_certificate_defaults();
-    const apsm_shape *shape = &g->cohort->shape[i];
-    apsm_certificate *certificate = &g->out->shape[i];
-    apsm_status status = look_up(shape, g->J, P, &l);
-    if (status == APSM_OK) status = measure_rows(g, shape, P, 0, &l);
-    const apsm_certificate_input input = { g->J,  g->h, &g->reference, &l.rows,   g->N6, g->T,
-                                           g->TN, P,    l.N,           l.distance };
-    if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
-    if (status == APSM_OK && certificate->reasons & (1u << APSM_REVIEW_MISMATCHED)) {
-        status = measure_rows(g, shape, P, far_factor, &l);
-        if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
-    }
-    looked_up_free(&l);
-    return status;
-}
-
-/* ---- from other processes ---- */
+/* ---- as records ---- */
 
 enum { LISTS = 5 };
 
@@ -142,6 +120,96 @@ static apsm_status unpack_lists(const uint32_t *words, apsm_certificate *c)
     return APSM_OK;
 }
 
+/* What is kept of a certificate: it, and its lists under a kind of their own. */
+typedef struct certificate_kinds {
+    char whole[40], lists[40];
+} certificate_kinds;
+
+static certificate_kinds kinds_of(size_t reference)
+{
+    certificate_kinds k;
+    apsm_print(k.whole, sizeof k.whole, "certificate by %zu", reference);
+    apsm_print(k.lists, sizeof k.lists, "lists by %zu", reference);
+    return k;
+}
+
+/* Adopts a record of another process: its lists are not ours. */
+static void drop_lists(apsm_certificate *c)
+{
+    word_list list[LISTS];
+    lists_of(c, list);
+    for (size_t k = 0; k < LISTS; k++) *list[k].words = NULL;
+}
+
+static apsm_status recall_certificate(const apsm_context *ctx, const certificate_kinds *kinds,
+                                      size_t i, apsm_certificate *c, bool *found)
+{
+    apsm_certificate kept;
+    *found = apsm_recall(ctx, kinds->whole, i, sizeof kept, &kept);
+    if (!*found) return APSM_OK;
+    drop_lists(&kept);
+    const size_t n = words_of(&kept);
+    uint32_t *words = malloc((n + 1) * sizeof *words);
+    if (!words) return APSM_ERR_MEMORY;
+    apsm_status status = APSM_OK;
+    *found = apsm_recall(ctx, kinds->lists, i, n * sizeof *words, words);
+    if (*found) {
+        *c = kept;
+        status = unpack_lists(words, c);
+    }
+    free(words);
+    return status;
+}
+
+static apsm_status keep_certificate(apsm_context *ctx, const certificate_kinds *kinds, size_t i,
+                                    apsm_certificate *c)
+{
+    apsm_certificate bare = *c;
+    const size_t n = words_of(c);
+    uint32_t *words = malloc((n + 1) * sizeof *words);
+    if (!words) return APSM_ERR_MEMORY;
+    pack_lists(c, words);
+    drop_lists(&bare);
+    apsm_status status = apsm_keep(ctx, kinds->lists, i, n * sizeof *words, words);
+    if (status == APSM_OK) status = apsm_keep(ctx, kinds->whole, i, sizeof bare, &bare);
+    free(words);
+    return status;
+}
+
+static apsm_status make_certificate(const judging *g, size_t i)
+{
+    looked_up l;
+    const double *P = g->P + i * g->J * 3;
+    const apsm_certificate_options options = apsm_certificate_defaults();
+    const apsm_shape *shape = &g->cohort->shape[i];
+    apsm_certificate *certificate = &g->out->shape[i];
+    apsm_status status = look_up(shape, g->J, P, &l);
+    if (status == APSM_OK) status = measure_rows(g, shape, P, 0, &l);
+    const apsm_certificate_input input = { g->J,  g->h, &g->reference, &l.rows,   g->N6, g->T,
+                                           g->TN, P,    l.N,           l.distance };
+    if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
+    if (status == APSM_OK && certificate->reasons & (1u << APSM_REVIEW_MISMATCHED)) {
+        status = measure_rows(g, shape, P, far_factor, &l);
+        if (status == APSM_OK) status = apsm_certify(&input, &options, certificate);
+    }
+    looked_up_free(&l);
+    return status;
+}
+
+static apsm_status judge_shape(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    const judging *g = user;
+    const certificate_kinds kinds = kinds_of(g->t);
+    bool found;
+    APSM_TRY(recall_certificate(ctx, &kinds, i, &g->out->shape[i], &found));
+    if (found) return APSM_OK;
+    APSM_TRY(make_certificate(g, i));
+    return keep_certificate(ctx, &kinds, i, &g->out->shape[i]);
+}
+
+/* ---- from other processes ---- */
+
 /* The certificates of all shapes, where each process has judged its own. */
 static apsm_status gather_certificates(apsm_context *ctx, size_t I, apsm_certificate *shape)
 {
@@ -150,10 +218,7 @@ static apsm_status gather_certificates(apsm_context *ctx, size_t I, apsm_certifi
     for (size_t i = 0; i < I; i++) {
         const size_t n = words_of(&shape[i]);
         most = n > most ? n : most;
-        if (apsm_is_own(ctx, i)) continue;
-        word_list list[LISTS];
-        lists_of(&shape[i], list);
-        for (size_t k = 0; k < LISTS; k++) *list[k].words = NULL; /* the other's */
+        if (!apsm_is_own(ctx, i)) drop_lists(&shape[i]);
     }
     uint32_t *words = malloc(I * most * sizeof *words);
     apsm_status status = words ? APSM_OK : APSM_ERR_MEMORY;
@@ -197,7 +262,8 @@ static apsm_status judge_against(apsm_context *ctx, judging *g, size_t t)
     for (size_t i = 0; i < c->I; i++) apsm_certificate_free(&c->shape[i]);
     memset(c->shape, 0, c->I * sizeof *c->shape);
     APSM_TRY(take_reference(g, t));
-    APSM_TRY(apsm_own_for(ctx, c->I, NULL, judge_shape, g, "certify"));
+    const apsm_shared_loop loop = { .n = c->I, .fn = judge_shape, .user = g, .stage = "certify" };
+    APSM_TRY(apsm_shared_for(ctx, &loop));
     return gather_certificates(ctx, c->I, c->shape);
 }
 
@@ -212,13 +278,14 @@ static bool stands_alone(const judging *g)
 }
 
 /* If most shapes disagree with the template it is the template that is wrong, not they: unless they
- * disagree with each other as well, the most usual of the others takes its place. */
+ * disagree with each other as well, the most usual of the others takes its place.  A share does not
+ * know. */
 static apsm_status doubt_template(apsm_context *ctx, judging *g)
 {
     const cohort_certificate *c = g->out;
     const size_t template_index = g->t;
     size_t best = template_index;
-    if (!c->judged || !stands_alone(g)) return APSM_OK;
+    if (!c->judged || apsm_is_share(ctx) || !stands_alone(g)) return APSM_OK;
     for (size_t i = 0; i < c->I; i++) {
         if (i == template_index || c->doubts[i]) continue;
         if (best == template_index || c->judgement.shape[i].off < c->judgement.shape[best].off)

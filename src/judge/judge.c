@@ -270,28 +270,59 @@ static apsm_status weigh_figures(judging *g)
     return APSM_OK;
 }
 
-/* Of what other processes have found: row k of the figures. */
-static apsm_status gather_figure(apsm_context *ctx, judging *g, size_t k)
+/* Row k of the figures, of which each shape has one. */
+static apsm_made made_figure(const judging *g, size_t k)
 {
-    return apsm_gather(ctx, g->I, NULL, sizeof *g->figure, g->figure + k * g->I);
+    return (apsm_made){ g->figure + k * g->I, sizeof *g->figure };
 }
 
 static apsm_status look_at_all(apsm_context *ctx, judging *g)
 {
-    const size_t I = g->I, bytes = g->J * sizeof(double);
-    APSM_TRY(apsm_own_for(ctx, I, NULL, look_at_shape, g, NULL));
-    APSM_TRY(apsm_gather(ctx, I, NULL, 3 * bytes, g->N));
-    APSM_TRY(apsm_gather(ctx, I, NULL, APSM_FORM_SCALES * bytes, g->height));
-    APSM_TRY(apsm_gather(ctx, I, NULL, bytes, g->reach));
-    for (size_t k = AREA; k <= FLAT; k++) APSM_TRY(gather_figure(ctx, g, k));
-    return APSM_OK;
+    const size_t bytes = g->J * sizeof(double);
+    apsm_shared_loop loop = { .kind = "look",
+                              .n = g->I,
+                              .fn = look_at_shape,
+                              .user = g,
+                              .decides = true,
+                              .made = { { g->N, 3 * bytes },
+                                        { g->height, APSM_FORM_SCALES * bytes },
+                                        { g->reach, bytes } } };
+    for (size_t k = AREA; k <= FLAT; k++) loop.made[3 + k] = made_figure(g, k);
+    return apsm_shared_for(ctx, &loop);
 }
 
 static apsm_status predict_all(apsm_context *ctx, judging *g)
 {
-    APSM_TRY(apsm_own_for(ctx, g->I, NULL, predict_shape, g, NULL));
-    APSM_TRY(apsm_gather(ctx, g->I, NULL, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped, g->slipped));
-    return gather_figure(ctx, g, OFF);
+    const apsm_shared_loop loop = {
+        .kind = "predict",
+        .n = g->I,
+        .fn = predict_shape,
+        .user = g,
+        .decides = true,
+        .made = { { g->slipped, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped }, made_figure(g, OFF) }
+    };
+    return apsm_shared_for(ctx, &loop);
+}
+
+/* What every shape is seen to be beside the others. */
+static apsm_status compare_all(apsm_context *ctx, judging *g)
+{
+    const apsm_made findings = { g->out->shape, sizeof *g->out->shape };
+    const apsm_shared_loop opposed = {
+        .kind = "opposed",
+        .n = g->I,
+        .fn = find_opposed,
+        .user = g,
+        .made = { { g->out->opposed, g->J * sizeof *g->out->opposed }, findings }
+    };
+    const apsm_shared_loop turns = { .kind = "turn",
+                                     .n = g->I,
+                                     .fn = turn_shape,
+                                     .user = g,
+                                     .stage = "judge",
+                                     .made = { findings } };
+    APSM_TRY(apsm_shared_for(ctx, &opposed));
+    return apsm_shared_for(ctx, &turns);
 }
 
 /* spread <- 1.4826 times the median of the others' distance from what is usual. */
@@ -329,10 +360,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column)
         find_slips(g, i, g->distance);
         find_reach(g, i);
     }
-    APSM_TRY(apsm_own_for(ctx, I, NULL, find_opposed, g, NULL));
-    APSM_TRY(apsm_gather(ctx, I, NULL, J * sizeof *g->out->opposed, g->out->opposed));
-    APSM_TRY(apsm_own_for(ctx, I, NULL, turn_shape, g, "judge"));
-    APSM_TRY(apsm_gather(ctx, I, NULL, sizeof *g->out->shape, g->out->shape));
+    APSM_TRY(compare_all(ctx, g));
     return weigh_figures(g);
 }
 

@@ -18,7 +18,9 @@
 #include "run/landmarks.h"
 #include "run/results.h"
 #include "run/shapes.h"
+#include "run/state.h"
 #include "session/guard.h"
+#include "session/kept.h"
 #include "session/manifest.h"
 #include "session/session.h"
 
@@ -129,7 +131,7 @@ static apsm_status compute(evaluation_work *w)
     APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
                              &w->warp));
     APSM_TRY(apsm_evaluate(run->ctx, &input, &w->evaluation));
-    APSM_TRY(landmarks_judge(run, w->J, w->P, &w->landmarks));
+    if (!apsm_is_share(run->ctx)) APSM_TRY(landmarks_judge(run, w->J, w->P, &w->landmarks));
     return certify_cohort(run->ctx, &run->cohort, w->J, w->P,
                           json_object_get(run->manifest, "notes"), &w->certificate);
 }
@@ -314,6 +316,21 @@ static apsm_status compute_part(apsm_run *run, void *user)
     return compute(user);
 }
 
+/* What shares have kept is found; of a share all is that there is to do. */
+static apsm_status compute_with_kept(evaluation_work *w)
+{
+    apsm_run *run = w->run;
+    char identity[65];
+    APSM_TRY(kept_begin_shares(run));
+    if (!run->kept) return run_shared(run, compute_part, w);
+    APSM_TRY(run_identity(run, identity));
+    kept_pieces_of_particles(run, identity, w->I * w->J * 3, w->P);
+    kept_deal_shares(run);
+    const apsm_status status = compute(w);
+    apsm_context_set_keeper(run->ctx, NULL);
+    return kept_end_share(run, status);
+}
+
 /* What fits by the model will need; of two shapes none can be. */
 static apsm_status write_calibration(const evaluation_work *w)
 {
@@ -325,7 +342,7 @@ static apsm_status write_calibration(const evaluation_work *w)
 
 static apsm_status evaluate_and_write(evaluation_work *w)
 {
-    APSM_TRY(run_shared(w->run, compute_part, w));
+    APSM_TRY(compute_with_kept(w));
     if (run_is_in_memory(w->run) || w->run->helps) return APSM_OK;
     APSM_TRY(write_model(w));
     APSM_TRY(write_figures(w));
@@ -367,12 +384,14 @@ apsm_status apsm_run_evaluate(apsm_run *run)
     APSM_TRY(manifest_refuse_joint(run));
     const stage_clock clock = stage_begin();
     evaluation_work w = { .run = run };
-    apsm_status status = run->helps ? APSM_OK : guard_files(run, "evaluate", NULL);
-    if (status == APSM_OK) status = run_load_cohort(run, RUN_NO_FIELDS);
+    const bool share = run->helps && !run->company;
+    apsm_status status = run->helps && !share ? APSM_OK : guard_files(run, "evaluate", NULL);
+    if (status == APSM_OK) status = run_load_cohort(run, share ? RUN_OWN_SURFACES : RUN_NO_FIELDS);
     if (status == APSM_OK) status = load_particles(run, &w);
     if (status == APSM_OK && !run->helps) status = stage_start(run, "evaluate");
     if (status == APSM_OK) status = evaluate_and_write(&w);
     if (status == APSM_OK && !run->helps) status = conclude(&w, &clock);
+    if (status == APSM_OK && !run->helps) status = kept_end_shares(run);
     certify_free(&w.certificate);
     apsm_evaluation_free(&w.evaluation);
     landmark_errors_free(&w.landmarks);

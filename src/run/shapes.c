@@ -136,19 +136,22 @@ apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
                          run->folder);
     const apsm_options *o = &run->options;
     const double h = apsm_expected_spacing(world_area(run, t), (size_t)o->optimize.particles);
-    if (wanted != RUN_NO_FIELDS) APSM_TRY(refuse_giants(run, t));
+    const bool fieldless = wanted == RUN_NO_FIELDS || wanted == RUN_OWN_SURFACES;
+    if (!fieldless) APSM_TRY(refuse_giants(run, t));
     const apsm_field_plan fields = {
-        .voxel = wanted == RUN_NO_FIELDS ? 0 : o->field.field_voxel * h,
+        .voxel = fieldless ? 0 : o->field.field_voxel * h,
         .band = 1.1 * o->optimize.rbf.band * o->optimize.rbf.dipole *
                 h, /* h is seldom expected too small by more */
         .template_alone = wanted == RUN_TEMPLATE_FIELD,
+        .bare = wanted == RUN_OWN_SURFACES,
         .share = run->shard,
-        .shares = run_is_shared(run) ? run->shards : 0,
+        .shares = run_is_shared(run) || wanted == RUN_OWN_SURFACES ? run->shards : 0,
     };
     apsm_store *store;
     APSM_TRY(run_open_store(run, &store));
     const apsm_cohort_input in = { run->project.n, run->names, run->mesh, run->transforms, t };
     APSM_TRY(apsm_cohort_build_in(run->ctx, store, &in, &fields, &run->cohort));
+    if (wanted == RUN_OWN_SURFACES) return APSM_OK; /* nothing guides particles that are finished */
     APSM_TRY(fixed_flag(run));
     APSM_TRY(features_load(run));
     return landmarks_anchor(run);

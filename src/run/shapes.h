@@ -13,7 +13,9 @@ apsm_status run_no_project(const apsm_run *run);
 typedef enum run_fields {
     RUN_NO_FIELDS,
     RUN_TEMPLATE_FIELD,
-    RUN_OWN_FIELDS /* of all shapes, or of the process's own where a company shares them */
+    RUN_OWN_FIELDS,  /* of all shapes, or of the process's own where a company shares them */
+    RUN_OWN_SURFACES /* none; but for the template and a share's own, shapes have their mesh alone
+                      */
 } run_fields;
 apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
 /* Forgets what was loaded: the groomed shapes have changed. */

@@ -11,10 +11,11 @@
 #include "session/settings.h"
 
 struct kept_work {
-    journal *journal;
-    journal **other; /* n_others: what other processes have kept; read only */
+    journal *journal; /* NULL: nothing is added */
+    journal **other;  /* n_others: what other processes have kept; read only */
     size_t n_others;
     size_t added; /* pieces since the last meeting */
+    size_t found; /* pieces of others */
     apsm_keeper keeper;
     journal_key scope; /* what the keeper's pieces belong to */
     char *job;         /* of the grooming that was taken up; NULL: none */
@@ -108,6 +109,19 @@ apsm_status kept_begin(apsm_run *run)
     return status == APSM_OK ? open_journal(run, run->overwrite && !run->helps) : status;
 }
 
+/* evaluate keeps nothing but shares. */
+apsm_status kept_begin_shares(apsm_run *run)
+{
+    if (run_is_in_memory(run) || run->company) return APSM_OK;
+    if (run->helps) return kept_begin(run);
+    kept_close(run);
+    run->kept = calloc(1, sizeof *run->kept);
+    if (!run->kept) return APSM_ERR_MEMORY;
+    const apsm_status status = open_others(run);
+    if (status != APSM_OK || run->kept->n_others == 0) kept_close(run);
+    return status;
+}
+
 void kept_close(apsm_run *run)
 {
     apsm_context_set_keeper(run->ctx, NULL);
@@ -136,6 +150,21 @@ apsm_status kept_end(apsm_run *run)
     return run_remove(run, run_path(run, RUN_JOURNAL));
 }
 
+apsm_status kept_end_shares(apsm_run *run)
+{
+    if (!run->kept) return APSM_OK;
+    if (run->kept->found > 0)
+        apsm_log(run->ctx, APSM_LOG_INFO,
+                 "%zu results that shares have kept were found in %s/state", run->kept->found,
+                 run->folder);
+    else
+        apsm_log(run->ctx, APSM_LOG_WARNING,
+                 "what shares have kept in %s/state is of other particles or options: not used",
+                 run->folder);
+    kept_close(run);
+    return for_shards(run, run_remove);
+}
+
 /* ---- shares ---- */
 
 /* Those who know each other wait for each other.  Who works alone ends with the first loop to which
@@ -153,11 +182,29 @@ static apsm_status meet(apsm_context *ctx, void *user)
     return open_others(run);
 }
 
-void kept_deal(apsm_run *run)
+static void deal(apsm_run *run, apsm_status (*meets)(apsm_context *, void *))
 {
     if (run->shards == 0 || !run->kept) return;
-    run->deal = (apsm_deal){ run->shard, run->shards, run, meet, NULL };
+    run->deal = (apsm_deal){ run->shard, run->shards, run, meets, NULL };
     apsm_context_set_deal(run->ctx, &run->deal);
+}
+
+void kept_deal(apsm_run *run)
+{
+    deal(run, meet);
+}
+
+/* What has been kept until now. */
+static apsm_status look_around(apsm_context *ctx, void *user)
+{
+    apsm_run *run = user;
+    APSM_TRY(journal_flush(ctx, run->kept->journal));
+    return open_others(run);
+}
+
+void kept_deal_shares(apsm_run *run)
+{
+    deal(run, look_around);
 }
 
 apsm_status kept_end_share(apsm_run *run, apsm_status status)
@@ -165,7 +212,8 @@ apsm_status kept_end_share(apsm_run *run, apsm_status status)
     apsm_context_set_deal(run->ctx, NULL);
     if (!run->helps) return status;
     kept_close(run);
-    if (status == APSM_OK) run->share_kept = true;
+    if (status == APSM_OK || (status == APSM_ERR_INTERRUPTED && !apsm_interrupted(run->ctx)))
+        run->share_kept = true; /* others have to keep theirs first */
     if (!run->share_kept) return status;
     apsm_log(run->ctx, APSM_LOG_INFO,
              "share %zu of %zu is kept in %s/state; when all are, the same without --shard goes on",
@@ -179,7 +227,9 @@ apsm_status kept_end_share(apsm_run *run, apsm_status status)
 static apsm_status find(apsm_context *ctx, const struct kept_work *kept, const journal_key *key,
                         void **data, size_t *size)
 {
-    apsm_status status = journal_find(ctx, kept->journal, key, data, size);
+    apsm_status status = APSM_OK;
+    *data = NULL;
+    if (kept->journal) status = journal_find(ctx, kept->journal, key, data, size);
     for (size_t k = 0; k < kept->n_others && status == APSM_OK && !*data; k++)
         status = journal_find(ctx, kept->other[k], key, data, size);
     return status;
@@ -188,6 +238,7 @@ static apsm_status find(apsm_context *ctx, const struct kept_work *kept, const j
 static apsm_status add(apsm_context *ctx, struct kept_work *kept, const journal_key *key,
                        const void *data, size_t size)
 {
+    if (!kept->journal) return APSM_OK;
 #pragma omp atomic
     kept->added++;
     return journal_add(ctx, kept->journal, key, data, size);
@@ -455,7 +506,7 @@ static journal_key piece_key(const struct kept_work *kept, const char *kind, uin
 
 static bool recall(void *user, const char *kind, size_t i, size_t size, void *data)
 {
-    const struct kept_work *kept = user;
+    struct kept_work *kept = user;
     const journal_key key = piece_key(kept, kind, i);
     void *found;
     size_t bytes;
@@ -463,6 +514,8 @@ static bool recall(void *user, const char *kind, size_t i, size_t size, void *da
     const bool fits = bytes == size;
     if (fits) memcpy(data, found, size);
     free(found);
+#pragma omp atomic
+    kept->found += fits;
     return fits;
 }
 
@@ -523,5 +576,21 @@ void kept_pieces_of_shapes(apsm_run *run, const char *identity)
     apsm_sha256_begin(&sha);
     add_text(&sha, "first particles");
     add_text(&sha, identity);
+    set_keeper(run, &sha);
+}
+
+void kept_pieces_of_particles(apsm_run *run, const char *identity, size_t n, const double *P)
+{
+    static const char *const options[] = { "definition", "specificity_samples", "specificity_modes",
+                                           "surface_distance", "other_templates" };
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "evaluate");
+    add_text(&sha, identity);
+    for (size_t k = 0; k < sizeof options / sizeof options[0]; k++) {
+        char text[64] = "";
+        if (apsm_options_get(&run->options, options[k], text) == APSM_OK) add_text(&sha, text);
+    }
+    apsm_sha256_add(&sha, P, n * sizeof *P);
     set_keeper(run, &sha);
 }

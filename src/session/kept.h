@@ -1,7 +1,8 @@
 /* kept.h -- state/work.journal: what groom and initialize have finished of single shapes, so that
  * an interruption costs no more than the shapes that were being worked on.  It is there while one
  * of the two is under way, and begins with what groom was asked for: the folder need not have a
- * project yet, or has that of a model which is being replaced. */
+ * project yet, or has that of a model which is being replaced.  Shares of these and of evaluate
+ * have a journal of their own each. */
 #ifndef APSM_KEPT_H
 #define APSM_KEPT_H
 
@@ -23,13 +24,19 @@ apsm_status kept_compare_shapes(apsm_run *run, const apsm_input_list *list);
 /* The step has ended. */
 apsm_status kept_end(apsm_run *run);
 void kept_close(apsm_run *run);
+
+/* The same of evaluate, which keeps as a share alone, and else finds what shares have kept. */
+apsm_status kept_begin_shares(apsm_run *run);
+apsm_status kept_end_shares(apsm_run *run);
 /* Whether a step that keeps its work has not ended. */
 bool kept_is_there(const apsm_run *run);
 
 /* Deals the step's loops among the run's shards, if there are any, from kept_begin on. */
 void kept_deal(apsm_run *run);
-/* The dealing ends.  Of a run that helps nothing else is to follow: APSM_OK if its share is kept.
- */
+/* The same where a share goes on as long as it finds what it needs of the others. */
+void kept_deal_shares(apsm_run *run);
+/* The dealing ends.  Of a run that helps nothing else is to follow: APSM_OK if its share is kept,
+ * as far as that was possible. */
 apsm_status kept_end_share(apsm_run *run, apsm_status status);
 
 /* What is kept beside a groomed mesh. */
@@ -55,5 +62,7 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
                            const double *turn);
 void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshes);
 void kept_pieces_of_shapes(apsm_run *run, const char *identity);
+/* Of evaluate: of n numbers P, the particles. */
+void kept_pieces_of_particles(apsm_run *run, const char *identity, size_t n, const double *P);
 
 #endif

@@ -40,6 +40,52 @@ for n in 1 7; do
     same by$n
 done
 
+# evaluate: every share goes as far as it can without the others, so that after three rounds all is
+# kept; with fewer, and with shares of other options or particles, what is missing is made.
+rounds_of() { # FOLDER N ROUNDS [OPTION...]
+    for ((r = 0; r < $3; r++)); do
+        for ((k = 1; k <= $2; k++)); do
+            "$apsm" evaluate -o "$1" --threads 1 --quiet --shard $k/$2 "${@:4}" 2>err || fail "$1: $(cat err)"
+        done
+    done
+}
+kept() { # FOLDER: how many kept results the plain verb finds
+    "$apsm" evaluate -o "$1" --threads 1 >log 2>&1 || fail "gathering $1: $(tail -n 1 log)"
+    sed -n 's/^\([0-9]*\) results that shares have kept.*/\1/p' log
+}
+# Specificity in 100 pieces, generalization and surfaces a shape, those again by three other
+# templates, certificates in two pieces, and four pieces of the verdict.
+all=$((100 + 5 * (1 + 1 + 3 + 2 + 4)))
+for n in 1 7; do
+    cp -r one whole$n && cp -r one half$n
+    rounds_of whole$n $n 3
+    diff -r -q one whole$n | grep -v 'shard-' && fail "a share of evaluate wrote more than its share"
+    [ "$(kept whole$n)" = $all ] || fail "not all that $n shares of evaluate keep is found: $(grep kept log)"
+    same whole$n
+done
+"$apsm" evaluate -o half7 --threads 1 --quiet --shard 3/7 2>/dev/null || fail "one share of evaluate"
+cp half7/state/shard-3-of-7.journal third
+some=$(kept half7)
+[ "${some:-0}" -gt 10 ] && [ "$some" -lt $((all / 4)) ] || fail "one of 7 shares is found as $some results"
+same half7
+# Killed: what a journal was cut off in is made again, the rest is found.
+cp -r one cut && head -c $(($(stat -c %s third) / 2)) third >cut/state/shard-3-of-7.journal
+rounds_of cut 7 1 && cmp -s third cut/state/shard-3-of-7.journal || fail "a killed share does not go on"
+for k in 1 2 4 5 6 7; do rm cut/state/shard-$k-of-7.journal; done
+[ "$(kept cut)" = "$some" ] || fail "a share that was killed and goes on is found as $(grep kept log)"
+same cut
+# Stale: other options, another seed, other particles, another program's file.
+cp -r one stale && rounds_of stale 1 1 --definition paper && cp -r stale stale_seed
+[ -z "$(kept stale)" ] && grep -q "not used" log || fail "shares of other options are used: $(grep kept log)"
+same stale
+"$apsm" run in -o other "${job[@]}" --seed 5 2>/dev/null || fail "another seed"
+cmp -s other/model.json one/model.json && fail "another seed makes the same model"
+rm stale_seed/state/*.journal && rounds_of other 1 1 && mv other/state/shard-1-of-1.journal stale_seed/state/
+[ -z "$(kept stale_seed)" ] || fail "shares of another model are used"
+same stale_seed
+"$apsm" evaluate one/project.swproj --shard 1/2 2>err && fail "files are evaluated in shares"
+grep -q "for a model folder" err || fail "evaluating files in shares: $(cat err)"
+
 # Shares that other options made are of no use, and one that is missing is made.
 "$apsm" groom in -o part "${small[@]}" --quiet --shard 2/3 --faces 900 2>/dev/null || fail "other faces"
 "$apsm" groom in -o part "${job[@]}" --shard 1/3 2>/dev/null || fail "one share"

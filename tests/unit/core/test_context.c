@@ -270,6 +270,113 @@ static void what_others_did_is_gathered(void **state)
     gather_once(2, 1, 5, 1 << 23, NULL);
 }
 
+/* ---- shared loops ---- */
+
+/* A journal in memory, and a loop that makes two arrays. */
+typedef struct sharing {
+    bool kept[DEALT];
+    uint16_t piece[DEALT]; /* both results of a task, in the order of the arrays */
+    unsigned char one[DEALT], two[DEALT];
+    bool made[DEALT];
+    size_t meetings;
+} sharing;
+
+static bool recall_piece(void *user, const char *kind, size_t i, size_t size, void *data)
+{
+    const sharing *s = user;
+    assert_string_equal(kind, "loop");
+    assert_int_equal(size, sizeof s->piece[i]);
+    if (s->kept[i]) memcpy(data, &s->piece[i], size);
+    return s->kept[i];
+}
+
+static apsm_status keep_piece(apsm_context *ctx, void *user, const char *kind, size_t i,
+                              size_t size, const void *data)
+{
+    sharing *s = user;
+    (void)ctx;
+    assert_string_equal(kind, "loop");
+    assert_int_equal(size, sizeof s->piece[i]);
+    assert_false(s->kept[i]);
+    memcpy(&s->piece[i], data, size);
+    s->kept[i] = true;
+    return APSM_OK;
+}
+
+static apsm_status make_two(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    sharing *s = user;
+    (void)ctx, (void)worker;
+    assert_false(s->made[i]);
+    s->made[i] = true;
+    s->one[i] = result_of(i);
+    s->two[i] = (unsigned char)~result_of(i);
+    return APSM_OK;
+}
+
+static apsm_status count_meeting(apsm_context *ctx, void *user)
+{
+    (void)ctx;
+    ((sharing *)user)->meetings++;
+    return APSM_OK;
+}
+
+/* The loop by one process that finds what is kept in s; size 0: no share. */
+static apsm_status share_loop(sharing *s, size_t rank, size_t size, bool decides)
+{
+    apsm_context *ctx = apsm_context_new();
+    assert_non_null(ctx);
+    const apsm_keeper keeper = { s, recall_piece, keep_piece };
+    const apsm_deal deal = { rank, size, s, count_meeting, NULL };
+    const apsm_shared_loop loop = { .kind = "loop",
+                                    .n = DEALT,
+                                    .fn = make_two,
+                                    .user = s,
+                                    .decides = decides,
+                                    .made = { { s->one, 1 }, { s->two, 1 } } };
+    apsm_context_set_keeper(ctx, &keeper);
+    if (size > 0) apsm_context_set_deal(ctx, &deal);
+    assert_int_equal(apsm_is_share(ctx), size > 0);
+    memset(s->one, 0xee, sizeof s->one);
+    memset(s->two, 0xee, sizeof s->two);
+    memset(s->made, 0, sizeof s->made);
+    const apsm_status status = apsm_shared_for(ctx, &loop);
+    apsm_context_free(ctx);
+    return status;
+}
+
+static bool has_both(const sharing *s, size_t i)
+{
+    return s->one[i] == result_of(i) && s->two[i] == (unsigned char)~result_of(i);
+}
+
+/* A share makes its own, once; of the others it has nothing, or, where they decide, what they have
+ * kept or an end; who gathers makes what is missing alone. */
+static void what_shares_kept_is_found(void **state)
+{
+    (void)state;
+    for (size_t size = 1; size <= DEALT + 1; size++) {
+        sharing s = { .meetings = 0 };
+        for (size_t rank = 0; rank < size; rank += 2) {
+            assert_int_equal(share_loop(&s, rank, size, false), APSM_OK);
+            for (size_t i = 0; i < DEALT; i++) {
+                assert_int_equal(s.made[i], i % size == rank);
+                assert_true(s.made[i] ? has_both(&s, i) : s.one[i] == 0 && s.two[i] == 0);
+            }
+        }
+        assert_int_equal(s.meetings, 0);
+        const bool whole = size == 1;
+        assert_int_equal(share_loop(&s, 0, size, true), whole ? APSM_OK : APSM_ERR_INTERRUPTED);
+        assert_int_equal(share_loop(&s, 0, 0, false), APSM_OK);
+        for (size_t i = 0; i < DEALT; i++) {
+            assert_int_equal(s.made[i], i % size % 2 != 0);
+            assert_true(has_both(&s, i));
+        }
+        assert_int_equal(share_loop(&s, 0, size, true), APSM_OK);
+        for (size_t i = 0; i < DEALT; i++) assert_true(!s.made[i] && has_both(&s, i));
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -282,6 +389,7 @@ int main(void)
         cmocka_unit_test(structs_of_other_versions_are_taken_as_far_as_they_are_known),
         cmocka_unit_test(own_tasks_come_before_the_others),
         cmocka_unit_test(what_others_did_is_gathered),
+        cmocka_unit_test(what_shares_kept_is_found),
     };
     return cmocka_run_group_tests_name("context", tests, NULL, NULL);
 }
