@@ -23,6 +23,7 @@
 #include "geometry/bvh_guess.h"
 #include "geometry/bvh_tree.h"
 #include "geometry/topology.h"
+#include "geometry/triangle.h"
 #include "geometry/vec3.h"
 
 enum { STACK = 256, WAIT = 24, MOST_LEAVES = 24 };
@@ -39,94 +40,7 @@ const double *bvh_face_normal(const apsm_bvh *bvh, uint32_t face)
     return bvh->face_normal + 3 * (size_t)face;
 }
 
-/* ---- closest point -------------------------------------------------------------------------- */
-
-typedef struct triangle {
-    double p[3][3];    /* corners */
-    double n[3];       /* (p1 - p0) x (p2 - p0) */
-    double inverse_n2; /* 1 / |n|^2; 0: no area to speak of, its edges are all of it */
-} triangle;
-
-static void get_corners(const apsm_bvh *bvh, uint32_t face, double p[3][3])
-{
-    const uint32_t *F = bvh->mesh->F + 3 * (size_t)face;
-    for (int k = 0; k < 3; k++) memcpy(p[k], bvh->mesh->V + 3 * (size_t)F[k], sizeof p[k]);
-}
-
-static triangle get_triangle(const apsm_bvh *bvh, uint32_t face)
-{
-    triangle t;
-    double e[3][3], e2[3];
-    get_corners(bvh, face, t.p);
-    for (int k = 0; k < 3; k++) {
-        vec3_sub(t.p[(k + 1) % 3], t.p[k], e[k]);
-        e2[k] = vec3_dot(e[k], e[k]);
-    }
-    vec3_cross(e[2], e[0], t.n); /* (p0-p2) x (p1-p0) = (p1-p0) x (p2-p0) */
-    const double n2 = vec3_dot(t.n, t.n);
-    /* sin^2 of the corner's angle: below this n is rounding */
-    t.inverse_n2 = n2 > 1e-24 * e2[0] * e2[2] ? 1.0 / n2 : 0.0;
-    return t;
-}
-
-/* Closest point p_k + t (p_k+1 - p_k) of edge k; its squared distance. */
-static double closest_on_edge(const triangle *t, int k, const double x[3], double *along)
-{
-    const double *p = t->p[k], *q = t->p[(k + 1) % 3];
-    double e[3], px[3];
-    vec3_sub(q, p, e);
-    vec3_sub(x, p, px);
-    const double e2 = vec3_dot(e, e), s = e2 > 0.0 ? vec3_dot(px, e) * (1.0 / e2) : 0.0;
-    if (!(s > 0.0)) {
-        *along = 0.0;
-        return vec3_dot(px, px);
-    }
-    if (s >= 1.0) {
-        *along = 1.0;
-        return vec3_distance2(x, q);
-    }
-    *along = s;
-    vec3_add_scaled(px, -s, e);
-    return vec3_dot(px, px);
-}
-
-/* Squared distance of x to t; the weights w of the closest point are exactly 0 for the corners
- * it does not depend on, which tells vertex, edge and interior apart.
- *
- * h_k = n . (e_k x (x - p_k)) is |n| |e_k| times the way from edge k inward.  If all are positive
- * the foot on the plane is inside; otherwise the closest point lies on an edge with h_k <= 0,
- * also at obtuse corners.  Cross products instead of the usual Gram matrix: the error is
- * eps / sin(angle), not eps / sin^2, so slivers keep their digits. */
-static double closest_on_triangle(const triangle *t, const double x[3], double w[3])
-{
-    double h[3], px[3], along = 0.0, best = INFINITY;
-    for (int k = 0; k < 3; k++) {
-        double e[3], m[3];
-        vec3_sub(t->p[(k + 1) % 3], t->p[k], e);
-        vec3_sub(x, t->p[k], px);
-        vec3_cross(e, px, m);
-        h[k] = vec3_dot(t->n, m);
-    }
-    if (t->inverse_n2 > 0.0 && h[0] > 0.0 && h[1] > 0.0 && h[2] > 0.0) {
-        const double height = vec3_dot(t->n, px), sum = h[0] + h[1] + h[2];
-        for (int k = 0; k < 3; k++) w[k] = h[(k + 1) % 3] / sum;
-        return height * height * t->inverse_n2;
-    }
-    for (int k = 0; k < 3; k++) {
-        double s;
-        if (h[k] > 0.0 && t->inverse_n2 > 0.0) continue;
-        const double d2 = closest_on_edge(t, k, x, &s);
-        if (!(d2 < best)) continue;
-        best = d2;
-        along = s;
-        w[k] = 1.0 - along;
-        w[(k + 1) % 3] = along;
-        w[(k + 2) % 3] = 0.0;
-    }
-    return best;
-}
-
-/* ---- the same in the lanes of the processor ------------------------------------------------- */
+/* ---- distances in the lanes of the processor ------------------------------------------------ */
 
 /* A loop becomes lanes only if all it calls is inlined, however large. */
 #if defined(__GNUC__)
@@ -308,7 +222,7 @@ static void decide(const apsm_bvh *bvh, query *s)
     for (int k = 0; k < s->waiting; k++) {
         if (s->distance2[k] > s->cut) continue;
         const uint32_t face = bvh->face[s->wait[k]];
-        const triangle t = get_triangle(bvh, face);
+        const triangle t = get_triangle(bvh->mesh, face);
         double w[3] = { 0 };
         const double d2 = closest_on_triangle(&t, s->x, w);
         if (!(d2 < s->best.distance2 ||
@@ -772,7 +686,7 @@ double apsm_bvh_ray(const apsm_bvh *bvh, const double x[3], const double d[3], d
         for (uint32_t i = 0; i < ref_count(ref); i++) {
             const uint32_t f = bvh->face[LEAF * ref_number(ref) + i];
             double p[3][3];
-            get_corners(bvh, f, p);
+            get_corners(bvh->mesh, f, p);
             hit_triangle(&r, (const double(*)[3])p, f);
         }
         if (ref_count(ref) > 0) continue;

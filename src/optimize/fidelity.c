@@ -300,7 +300,7 @@ static bool try_steps(const round_task *t, size_t i, const fidelity_weights *q, 
     for (int k = 0; k < HALVINGS; k++, length /= 2) {
         fidelity_move(f, i, length, &w->a, &w->b, w);
         if (fidelity_folds(f, &w->b) > folds) continue;
-        fidelity_measure(f, i, t->round, &w->b, w);
+        fidelity_follow(f, i, &w->a, &w->b, w);
         fidelity_value(f, q, &w->b, w);
         if (w->b.value < w->a.value && w->b.distance <= limit) return true;
     }

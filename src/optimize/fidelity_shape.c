@@ -25,6 +25,7 @@
 
 #include "core/kernel.h"
 #include "geometry/vec3.h"
+#include "geometry/walk.h"
 #include "initialize/anchors.h"
 #include "linalg/linalg.h"
 #include "optimize/correspondence_loss.h"
@@ -155,26 +156,39 @@ static void closest(const apsm_bvh *bvh, const double x[3], const double n[3],
     if (isfinite(facing.distance2)) *c = facing;
 }
 
+/* Vertex v of the template, at y, is closest to c on the shape. */
+static void set_pull(const apsm_fidelity *f, const apsm_shape *shape, uint32_t v, const double y[3],
+                     const apsm_closest *c, fidelity_match *m)
+{
+    double n[3];
+    apsm_surface_normal(&shape->mesh, shape->VN, &c->on, n);
+    *m = (fidelity_match){ .vertex = v, .on = c->on };
+    direct(y, c->x, n, f->h, m);
+}
+
+/* Vertex u of the shape is closest to c on the template. */
+static void set_push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
+                     const apsm_closest *c, fidelity_match *m)
+{
+    *m = (fidelity_match){ .vertex = u, .on = c->on };
+    direct(c->x, shape->mesh.V + 3 * (size_t)u, shape->VN + 3 * (size_t)u, f->h, m);
+}
+
 static void pull(const apsm_fidelity *f, const apsm_shape *shape, uint32_t v,
                  const fidelity_work *w, double half_thickness, fidelity_match *m)
 {
     apsm_closest c;
-    double n[3];
-    const double *Y = w->Y;
-    closest(shape->bvh, Y + 3 * (size_t)v, w->YN + 3 * (size_t)v, half_thickness, &c);
-    apsm_surface_normal(&shape->mesh, shape->VN, &c.on, n);
-    *m = (fidelity_match){ .vertex = v, .on = c.on };
-    direct(Y + 3 * (size_t)v, c.x, n, f->h, m);
+    const double *y = w->Y + 3 * (size_t)v;
+    closest(shape->bvh, y, w->YN + 3 * (size_t)v, half_thickness, &c);
+    set_pull(f, shape, v, y, &c, m);
 }
 
 static void push(const apsm_fidelity *f, const apsm_shape *shape, uint32_t u,
                  const apsm_bvh *warped, double half_thickness, fidelity_match *m)
 {
     apsm_closest c;
-    const double *x = shape->mesh.V + 3 * (size_t)u;
-    closest(warped, x, shape->VN + 3 * (size_t)u, half_thickness, &c);
-    *m = (fidelity_match){ .vertex = u, .on = c.on };
-    direct(c.x, x, shape->VN + 3 * (size_t)u, f->h, m);
+    closest(warped, shape->mesh.V + 3 * (size_t)u, shape->VN + 3 * (size_t)u, half_thickness, &c);
+    set_push(f, shape, u, &c, m);
 }
 
 /* The template as particles P have it; nothing to do where a round begins where one ended. */
@@ -190,7 +204,21 @@ static void warp_to(const apsm_fidelity *f, const double *P, fidelity_work *w)
     } else {
         apsm_warp_apply(&f->warp, P, w->Y);
     }
-    apsm_bvh_refit(w->bvh);
+    w->moved = true;
+}
+
+static void fit_tree(fidelity_work *w)
+{
+    if (w->moved) apsm_bvh_refit(w->bvh);
+    w->moved = false;
+}
+
+static void add_up(const apsm_fidelity *f, size_t i, fidelity_state *s, const fidelity_work *w)
+{
+    double sum = 0;
+    for (size_t k = 0; k < s->n; k++) sum += s->match[k].distance;
+    s->distance = sum / (double)s->n;
+    fidelity_find_contacts(f, i, s, w);
 }
 
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
@@ -198,6 +226,7 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
 {
     const apsm_shape *shape = &f->cohort->shape[i];
     warp_to(f, s->P, w);
+    fit_tree(w);
     const double thin = shape->half_thickness < 0.5 * f->h ? shape->half_thickness : INFINITY;
     if (isfinite(thin)) apsm_mesh_vertex_normals(&w->warped, w->YN);
     const size_t step_v = stride_of(f, w->warped.nv), step_u = stride_of(f, shape->mesh.nv);
@@ -208,10 +237,31 @@ void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_sta
     for (size_t u = (size_t)round % step_u; u < shape->mesh.nv; u += step_u)
         push(f, shape, (uint32_t)u, w->bvh, thin, &s->match[n++]);
     s->n = n;
-    double sum = 0;
-    for (size_t k = 0; k < n; k++) sum += s->match[k].distance;
-    s->distance = sum / (double)n;
-    fidelity_find_contacts(f, i, s, w);
+    add_up(f, i, s, w);
+}
+
+void fidelity_follow(const apsm_fidelity *f, size_t i, const fidelity_state *from,
+                     fidelity_state *s, fidelity_work *w)
+{
+    const apsm_shape *shape = &f->cohort->shape[i];
+    const apsm_topology *on_template = &f->cohort->shape[f->cohort->template_index].topology;
+    apsm_closest c;
+    warp_to(f, s->P, w);
+    s->pulls = from->pulls;
+    s->n = from->n;
+    for (size_t k = 0; k < s->pulls; k++) {
+        const fidelity_match *m = &from->match[k];
+        const double *y = w->Y + 3 * (size_t)m->vertex;
+        apsm_walk_closest(&shape->mesh, &shape->topology, y, m->on.face, &c);
+        set_pull(f, shape, m->vertex, y, &c, &s->match[k]);
+    }
+    for (size_t k = s->pulls; k < s->n; k++) {
+        const fidelity_match *m = &from->match[k];
+        const double *x = shape->mesh.V + 3 * (size_t)m->vertex;
+        apsm_walk_closest(&w->warped, on_template, x, m->on.face, &c);
+        set_push(f, shape, m->vertex, &c, &s->match[k]);
+    }
+    add_up(f, i, s, w);
 }
 
 /* ---- the objective ---- */

@@ -33,7 +33,7 @@ typedef struct fidelity_match {
     uint32_t vertex;       /* of the template (pull) or of the shape (push) */
     double direction[3];   /* unit, from the shape towards the warped template */
     double distance;       /* over h */
-    apsm_surface_point on; /* push: where on the warped template */
+    apsm_surface_point on; /* where on the shape (pull) or on the warped template (push) */
 } fidelity_match;
 
 /* Where a shape is: particles with normals, matches, value of the objective. */
@@ -77,6 +77,7 @@ typedef struct fidelity_work {
     double *YN;           /* nv x 3: its normals, for thin shapes */
     apsm_mesh warped;     /* its triangles on Y */
     apsm_bvh *bvh;        /* of warped */
+    bool moved;           /* Y, since the tree was fitted to it */
     double *tangent;      /* J x 2 x 3 */
     double *part;         /* J: of the particles in a point of the warped template */
     float *rows;          /* FIDELITY_ROWS x 2J */
@@ -104,6 +105,10 @@ apsm_status fidelity_round_of(const apsm_fidelity *f, const apsm_fidelity_prior 
 /* Fills s->match and s->distance for particles s->P of shape i. */
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
                       fidelity_work *w);
+/* The same for particles that have moved a little: the vertices of `from`, whose closest points lie
+ * near those that it has. */
+void fidelity_follow(const apsm_fidelity *f, size_t i, const fidelity_state *from,
+                     fidelity_state *s, fidelity_work *w);
 /* The precision of the prior for a shape with particles P (J x 3): w->v and w->z. */
 void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                         fidelity_work *w);
