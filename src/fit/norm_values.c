@@ -163,6 +163,9 @@ apsm_status norm_judge_values(norm_job *w)
     for (size_t c = 0; c < w->table.n && status == APSM_OK; c++) {
         const apsm_column *column = &w->table.column[c];
         bool known = false;
+        if (apsm_column_spoilt_by(column))
+            apsm_log(w->ctx, APSM_LOG_WARNING, "column '%s' is not judged: '%s' is no number",
+                     column->name, apsm_column_spoilt_by(column));
         if (column->category || is_in_formula(w, column)) continue;
         for (size_t i = 0; i < w->N + w->n; i++) all[i] = column->value[w->row[i]];
         for (size_t k = 0; k < w->n; k++) known |= !isnan(all[w->N + k]);

@@ -61,7 +61,8 @@ static apsm_status find_sides(const asymmetry *a, const group_test *t, double si
         }
     if (n == 2) return APSM_OK;
     return apsm_fail(a->ctx, APSM_ERR_ARG,
-                     "--of '%s': is no column with two sides, such as left and right", a->s->of);
+                     "--of '%s': is no column with two sides, such as left and right%s", a->s->of,
+                     c && !c->category ? "; it holds numbers, write words" : "");
 }
 
 /* cell (N) and count (2 S) <- of the rows. */

@@ -56,7 +56,7 @@ static apsm_status take_name(parsing *p, const apsm_column **column)
     if (n == 0) return refuse(p, "a name is missing");
     *column = apsm_table_find(p->table, name);
     skip_blanks(p);
-    return *column ? APSM_OK : unknown_column(p, name);
+    return *column ? apsm_column_check(p->ctx, *column) : unknown_column(p, name);
 }
 
 static bool same_term(const apsm_term *a, const apsm_term *b)
@@ -307,20 +307,40 @@ static apsm_status check_terms(apsm_context *ctx, const apsm_formula *f, size_t 
     return APSM_OK;
 }
 
+/* Names the category with most levels, which may have been meant as numbers. */
+static apsm_status too_few(apsm_context *ctx, const apsm_formula *f, size_t N, const size_t *row,
+                           size_t coefficients)
+{
+    const apsm_column *most = NULL;
+    char why[160] = "";
+    for (size_t k = 0; k < f->n; k++)
+        for (size_t m = 0; m < f->term[k].factors; m++) {
+            const apsm_column *c = f->term[k].factor[m];
+            if (c->category && (!most || columns_of(c, N, row) > columns_of(most, N, row)))
+                most = c;
+        }
+    if (most)
+        snprintf(why, sizeof why, " ('%.40s' holds texts such as '%.40s', %zu groups)", most->name,
+                 most->level[0], columns_of(most, N, row) + 1);
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "%zu subjects are too few for the formula's %zu coefficients%s", N,
+                     coefficients, why);
+}
+
 apsm_status apsm_formula_design(apsm_context *ctx, const apsm_formula *formula,
                                 const apsm_column *within, size_t N, const size_t *row,
                                 apsm_design *design)
 {
     building b = { .f = formula, .within = within, .N = N, .row = row, .r = 1 };
     *design = (apsm_design){ 0 };
+    if (N == 0)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "no shape has a value in every column of the formula; fill the table");
     APSM_TRY(check_terms(ctx, formula, N, row));
     for (size_t k = 0; k < formula->n; k++)
         *(k == formula->of ? &b.s : &b.r) += apsm_term_columns(&formula->term[k], N, row);
     if (within) b.r += columns_of(within, N, row);
-    if (b.r + b.s >= N)
-        return apsm_fail(ctx, APSM_ERR_ARG,
-                         "%zu subjects are too few for the formula's %zu coefficients", N,
-                         b.r + b.s);
+    if (b.r + b.s >= N) return too_few(ctx, formula, N, row, b.r + b.s);
     b.Z = malloc((N * b.r + 1) * sizeof *b.Z);
     b.T = malloc((N * b.s + 1) * sizeof *b.T);
     b.x = malloc((N * (b.r + b.s) + 1) * sizeof *b.x);

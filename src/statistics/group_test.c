@@ -32,6 +32,7 @@ static apsm_status find_response(group_test *t)
     if (t->on != ON_COLUMN) return APSM_OK;
     t->response = apsm_table_find(&t->table, t->s->on);
     if (t->response && !t->response->category) return APSM_OK;
+    if (t->response) APSM_TRY(apsm_column_check(t->ctx, t->response));
     return apsm_fail(t->ctx, APSM_ERR_ARG,
                      "--on '%s': give form, shape, size or modes, or a column of numbers",
                      t->s->on);
@@ -66,11 +67,14 @@ apsm_status group_test_read(group_test *t)
                                &t->table));
     APSM_TRY(add_sizes(t));
     APSM_TRY(find_response(t));
+    if (t->s->within) APSM_TRY(apsm_table_categorize(&t->table, t->s->within));
     APSM_TRY(apsm_formula_parse(t->ctx, t->s->formula, t->s->of, &t->table, &t->formula));
     if (!t->s->within) return APSM_OK;
     t->within = apsm_table_find(&t->table, t->s->within);
-    if (t->within && t->within->category) return APSM_OK;
-    return apsm_fail(t->ctx, APSM_ERR_ARG, "--within '%s': is no column of categories",
+    if (t->within) return APSM_OK;
+    return apsm_fail(t->ctx, APSM_ERR_ARG,
+                     "--within '%s': the table of subjects has no such column; give --subjects, or "
+                     "another name",
                      t->s->within);
 }
 

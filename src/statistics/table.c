@@ -2,6 +2,7 @@
 
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
@@ -127,6 +128,89 @@ static apsm_status add_texts(apsm_table *table, const char *name, char *const *t
     apsm_column *c;
     APSM_TRY(begin_column(table, name, &c));
     return fill_column(table->I, text, c);
+}
+
+static bool is_number_with_comma(const char *text)
+{
+    char copy[64];
+    const size_t n = strlen(text);
+    double value;
+    if (n >= sizeof copy || !strchr(text, ',')) return false;
+    for (size_t k = 0; k <= n; k++) copy[k] = text[k] == ',' ? '.' : text[k];
+    return apsm_parse_number(copy, n, &value);
+}
+
+const char *apsm_column_spoilt_by(const apsm_column *c)
+{
+    size_t numbers = 0, commas = 0, odd = 0;
+    for (size_t k = 0; k < c->levels; k++) {
+        double value;
+        const bool comma = is_number_with_comma(c->level[k]);
+        const bool number = apsm_parse_number(c->level[k], strlen(c->level[k]), &value);
+        numbers += number;
+        commas += comma;
+        if (comma || (!number && commas == 0)) odd = k;
+    }
+    const bool mostly = 2 * (numbers + commas) >= c->levels && numbers < c->levels;
+    return mostly ? c->level[odd] : NULL;
+}
+
+apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c)
+{
+    const char *const odd = apsm_column_spoilt_by(c);
+    if (!odd) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     is_number_with_comma(odd)
+                         ? "column '%s': '%s' is written with a comma; write numbers with a point"
+                         : "column '%s': '%s' is no number, though most of the column are; mend it "
+                           "or leave it empty (for groups, let all names begin with a letter)",
+                     c->name, odd);
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* level (n) <- texts of the n values. */
+static apsm_status name_values(size_t n, const double *value, apsm_column *c)
+{
+    c->level = calloc(n + 1, sizeof *c->level);
+    if (!c->level) return APSM_ERR_MEMORY;
+    c->category = true;
+    for (; c->levels < n; c->levels++) {
+        char text[32];
+        snprintf(text, sizeof text, "%.15g", value[c->levels]);
+        c->level[c->levels] = strdup(text);
+        if (!c->level[c->levels]) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+apsm_status apsm_table_categorize(apsm_table *table, const char *name)
+{
+    apsm_column *c = NULL;
+    for (size_t k = 0; k < table->n; k++)
+        if (strcmp(table->column[k].name, name) == 0) c = &table->column[k];
+    if (!c || c->category) return APSM_OK;
+    double *sorted = malloc((table->I + 1) * sizeof *sorted);
+    if (!sorted) return APSM_ERR_MEMORY;
+    size_t n = 0, levels = 0;
+    for (size_t i = 0; i < table->I; i++)
+        if (!isnan(c->value[i])) sorted[n++] = c->value[i];
+    qsort(sorted, n, sizeof *sorted, by_value);
+    for (size_t k = 0; k < n; k++)
+        if (k == 0 || sorted[k] > sorted[levels - 1]) sorted[levels++] = sorted[k];
+    const apsm_status status = name_values(levels, sorted, c);
+    for (size_t i = 0; i < table->I && status == APSM_OK; i++)
+        for (size_t k = 0; k < levels; k++)
+            if (!(c->value[i] < sorted[k]) && !(c->value[i] > sorted[k])) {
+                c->value[i] = (double)k;
+                break;
+            }
+    free(sorted);
+    return status;
 }
 
 /* ---- from a project ---- */
@@ -289,6 +373,13 @@ static apsm_status check_titles(const sheet *s)
 static apsm_status unknown_name(const sheet *s, size_t I, const char *const *names)
 {
     size_t best = 0;
+    for (size_t k = 1; k < s->columns; k++)
+        for (size_t i = 0; i < I; i++)
+            if (strcmp(s->cell[k], names[i]) == 0)
+                return apsm_fail(s->ctx, APSM_ERR_ARG,
+                                 "%s:%zu: the first column has to name the shapes, and '%s' is "
+                                 "none; put column '%s' first",
+                                 s->path, s->line, s->cell[0], s->title[k]);
     for (size_t i = 1; i < I; i++)
         if (apsm_edit_distance(s->cell[0], names[i]) < apsm_edit_distance(s->cell[0], names[best]))
             best = i;

@@ -55,6 +55,15 @@ apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char 
 /* Adds a column of numbers (I, copied); one of that name is replaced. */
 apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value) APSM_NODISCARD;
 
+/* Of a category most of whose texts are numbers, what keeps it from being a column of numbers: a
+ * number with a decimal comma, or a remark; else NULL. */
+const char *apsm_column_spoilt_by(const apsm_column *c);
+/* Refuses such a column. */
+apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c) APSM_NODISCARD;
+/* Makes a column of numbers, if there is one of that name, one of categories: numbers that say who
+ * or which. */
+apsm_status apsm_table_categorize(apsm_table *table, const char *name) APSM_NODISCARD;
+
 /* The column of that name, or NULL. */
 const apsm_column *apsm_table_find(const apsm_table *table, const char *name);
 void apsm_table_free(apsm_table *table);

@@ -83,6 +83,20 @@ refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
 sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
 refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
 
+# Columns that were meant to be numbers are not taken as groups without a word.
+sed '4s/[0-9]*$/about 30/' table.csv >odd.csv
+refuse 2 "column 'age': 'about 30' is no number" model --subjects odd.csv --formula '~ group + age'
+sed '2,$s/,/;/g;2,$s/$/,5/;1s/,/;/g' table.csv >comma.csv
+refuse 2 "column 'age': '31,5' is written with a comma" model --subjects comma.csv --formula '~ age'
+refuse 2 "is written with a comma" model --subjects comma.csv --formula '~ group' --on age
+refuse_verb predict 2 "is written with a comma" model --subjects comma.csv --of age
+sed '2,$s/$/ years/' table.csv >words.csv
+refuse 2 "('age' holds texts such as '20 years', 12 groups)" model --subjects words.csv --formula '~ age'
+awk -F, '{ print NR - 1 "," $0 }' table.csv >rows.csv
+refuse 2 "put column 'name' first" model --subjects rows.csv --formula '~ group'
+head -n 1 table.csv >none.csv
+refuse 2 "no shape has a value in every column" model --subjects none.csv --formula '~ group'
+
 # ---- ending early ----
 "$apsm" test model --formula '~ group + age' --on size -o early --stop-risk 0.001 >said 2>&1 ||
     fail "stop-risk: $(cat said)"
@@ -120,6 +134,13 @@ for figure in "individuals sum_of_squares $individuals" "directional f $f" "dire
     awk -v g="$got" -v w="$want" 'BEGIN { d = g - w; exit !(g != "" && d * d <= 1e-12 * w * w) }' ||
         fail "asymmetry: $key of $source is $got, not $want"
 done
+# Subjects that are numbers are subjects; sides have to be words.
+sed 's/,p\([0-9]\),/,\1,/' sides.csv >numbered.csv
+"$apsm" asymmetry model --subjects numbered.csv --of side --within person --on size -o numbered -q 2>said ||
+    fail "subjects by number: $(cat said)"
+cmp sides/asymmetry_size.json numbered/asymmetry_size.json || fail "numbers of subjects change the result"
+sed 's/left/0/;s/right/1/' sides.csv >coded.csv
+refuse_verb asymmetry 2 "it holds numbers" model --subjects coded.csv --of side --within person
 # Each subject's amount is a column for the next test.
 "$apsm" test model --subjects sides/asymmetry_size_subjects.csv --formula '~ age' --on asymmetry -o sides -q 2>/dev/null ||
     fail "amounts of asymmetry are no column"
