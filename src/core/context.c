@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "core/deal.h"
+#include "core/hold.h"
 #include "core/number.h"
 
 enum { ERROR_LENGTH = 1024 };
@@ -30,6 +31,8 @@ struct apsm_context {
     void *between_user;
     const apsm_keeper *keeper;
     const apsm_deal *deal;
+    void *held; /* see hold.h */
+    apsm_release_fn release;
     bool is_task;            /* logs go to lines instead of to the sink */
     log_line *first, **last; /* of a task */
     char error[ERROR_LENGTH];
@@ -44,6 +47,7 @@ apsm_context *apsm_context_new(void)
 
 void apsm_context_free(apsm_context *ctx)
 {
+    if (ctx) apsm_hold(ctx, NULL, NULL);
     free(ctx);
 }
 
@@ -97,6 +101,20 @@ apsm_status apsm_keep(apsm_context *ctx, const char *kind, size_t i, size_t size
 {
     const apsm_keeper *k = ctx->keeper;
     return k ? k->keep(ctx, k->user, kind, i, size, data) : APSM_OK;
+}
+
+void *apsm_held(const apsm_context *ctx, apsm_release_fn release)
+{
+    return ctx->release == release ? ctx->held : NULL;
+}
+
+bool apsm_hold(apsm_context *ctx, void *object, apsm_release_fn release)
+{
+    if (ctx->is_task) return false;
+    if (ctx->held) ctx->release(ctx->held);
+    ctx->held = object;
+    ctx->release = release;
+    return true;
 }
 
 void apsm_context_set_deal(apsm_context *ctx, const apsm_deal *deal)

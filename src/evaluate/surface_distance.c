@@ -267,9 +267,10 @@ typedef struct warped {
 } warped;
 
 typedef struct cohort_task {
-    const apsm_warp *warp;
-    const apsm_mesh *template_mesh;
+    const apsm_warp *warp; /* of particles P; NULL: */
     const double *P;
+    const double *Y; /* I x nv x 3, the vertices as they are warped */
+    const apsm_mesh *template_mesh;
     const apsm_mesh_source *shape;
     apsm_surface_distance *result;
     warped *scratch; /* threads */
@@ -283,7 +284,11 @@ static apsm_status one_shape(apsm_context *ctx, size_t i, int worker, void *user
     warped *w = &t->scratch[worker];
     apsm_status status = t->shape->get(ctx, i, &mesh, &bvh, t->shape->user);
     if (status == APSM_OK) {
-        apsm_warp_apply(t->warp, t->P + i * 3 * t->warp->J, w->mesh.V);
+        const size_t nv = w->mesh.nv;
+        if (t->warp)
+            apsm_warp_apply(t->warp, t->P + i * 3 * t->warp->J, w->mesh.V);
+        else
+            memcpy(w->mesh.V, t->Y + i * 3 * nv, 3 * nv * sizeof *t->Y);
         apsm_bvh_refit(w->bvh);
         status = distance_between(ctx, mesh, bvh, &w->mesh, w->bvh, NULL, &t->result[i]);
         if (t->shape->release) t->shape->release(i, mesh, bvh, t->shape->user);
@@ -315,30 +320,25 @@ static void close_scratch(size_t threads, warped *scratch)
 }
 
 /* kind: for what is kept of it. */
-static apsm_status measure_all(apsm_context *ctx, const char *kind, const apsm_warp *warp,
-                               const apsm_mesh *template_mesh, size_t I, const double *P,
-                               const apsm_mesh_source *shape, apsm_surface_distance *result)
+static apsm_status measure_all(apsm_context *ctx, const char *kind, size_t I, cohort_task *t)
 {
-    if (warp->nv != template_mesh->nv)
-        return apsm_fail(ctx, APSM_ERR_ARG, "the warp has %zu vertices, the template's mesh %zu",
-                         warp->nv, template_mesh->nv);
-    if (template_mesh->nf == 0)
-        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "a surface without triangles has no distance");
     const size_t threads = (size_t)apsm_context_threads(ctx);
-    cohort_task t = { warp, template_mesh, P, shape, result, calloc(threads, sizeof(warped)) };
+    if (t->template_mesh->nf == 0)
+        return apsm_fail(ctx, APSM_ERR_GEOMETRY, "a surface without triangles has no distance");
+    t->scratch = calloc(threads, sizeof *t->scratch);
     apsm_status status =
-        t.scratch ? open_scratch(template_mesh, threads, t.scratch) : APSM_ERR_MEMORY;
+        t->scratch ? open_scratch(t->template_mesh, threads, t->scratch) : APSM_ERR_MEMORY;
     const apsm_shared_loop loop = { .kind = kind,
                                     .n = I,
                                     .fn = one_shape,
-                                    .user = &t,
+                                    .user = t,
                                     .stage = "surface distance",
-                                    .made = { { result, sizeof *result } } };
+                                    .made = { { t->result, sizeof *t->result } } };
     if (status == APSM_OK)
         status = apsm_shared_for(ctx, &loop);
     else
         apsm_fail(ctx, status, "surface distances: %s", apsm_status_text(status));
-    close_scratch(threads, t.scratch);
+    close_scratch(threads, t->scratch);
     return status;
 }
 
@@ -346,7 +346,13 @@ apsm_status apsm_surface_distances(apsm_context *ctx, const apsm_warp *warp,
                                    const apsm_mesh *template_mesh, size_t I, const double *P,
                                    const apsm_mesh_source *shape, apsm_surface_distance *result)
 {
-    return measure_all(ctx, "surface", warp, template_mesh, I, P, shape, result);
+    if (warp->nv != template_mesh->nv)
+        return apsm_fail(ctx, APSM_ERR_ARG, "the warp has %zu vertices, the template's mesh %zu",
+                         warp->nv, template_mesh->nv);
+    cohort_task t = {
+        .warp = warp, .P = P, .template_mesh = template_mesh, .shape = shape, .result = result
+    };
+    return measure_all(ctx, "surface", I, &t);
 }
 
 /* Aggregate of the summary that lies `offset` bytes into apsm_surface_distance; shape `skip` is
@@ -407,24 +413,34 @@ static void release_selected(size_t i, const apsm_mesh *mesh, const apsm_bvh *bv
     if (s->all->release) s->all->release(i * s->stride, mesh, bvh, s->all->user);
 }
 
-/* Shape t with particles p in the template's place, warped to the selected shapes but itself. */
+/* Those of a mesh with particles p in the template's place, warped to the selected shapes. */
+static apsm_status measure_by(apsm_context *ctx, const char *kind, const apsm_mesh *mesh,
+                              const double *p, const apsm_mesh_source *source, selection *s)
+{
+    double *Y = malloc(s->n * 3 * mesh->nv * sizeof *Y);
+    if (!Y) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for surface distances");
+    apsm_status status =
+        apsm_warp_to_shapes(ctx, APSM_PHI_R, mesh->nv, mesh->V, s->J, p, s->n, s->P, Y);
+    cohort_task t = { .Y = Y, .template_mesh = mesh, .shape = source, .result = s->distance };
+    if (status == APSM_OK) status = measure_all(ctx, kind, s->n, &t);
+    free(Y);
+    return status;
+}
+
+/* Shape t with particles p in the template's place: distances of the selected shapes but itself. */
 static apsm_status judge_by(apsm_context *ctx, size_t t, const double *p, selection *s,
                             apsm_surface_aggregate *result)
 {
     const apsm_mesh *mesh = NULL;
     const apsm_bvh *bvh = NULL;
     const apsm_mesh_source source = { get_selected, release_selected, s };
-    apsm_warp warp = { 0 };
     char kind[48];
     apsm_print(kind, sizeof kind, "surface by template %zu", t);
     APSM_TRY(s->all->get(ctx, t, &mesh, &bvh, s->all->user));
-    apsm_status status = apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, s->J, p, &warp);
-    if (status == APSM_OK)
-        status = measure_all(ctx, kind, &warp, mesh, s->n, s->P, &source, s->distance);
+    const apsm_status status = measure_by(ctx, kind, mesh, p, &source, s);
     if (status == APSM_OK)
         *result = aggregate(s->n, s->distance, offsetof(apsm_surface_distance, two_way),
                             t % s->stride == 0 ? t / s->stride : SIZE_MAX);
-    apsm_warp_free(&warp);
     if (s->all->release) s->all->release(t, mesh, bvh, s->all->user);
     return status;
 }

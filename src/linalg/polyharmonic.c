@@ -594,6 +594,35 @@ void apsm_polyharmonic_eval(const apsm_interpolants *f, size_t ny, const double 
     }
 }
 
+/* phi (n, out) between y and the centres X. */
+APSM_KERNEL static void phi_row(apsm_phi phi, size_t n, const double *restrict X, const double y[3],
+                                double *restrict row)
+{
+    for (size_t k = 0; k < n; k++) {
+        const double dx = y[0] - X[3 * k], dy = y[1] - X[3 * k + 1], dz = y[2] - X[3 * k + 2];
+        row[k] = dx * dx + dy * dy + dz * dz;
+    }
+    for (size_t k = 0; k < n; k++)
+        row[k] = phi == APSM_PHI_R ? sqrt(row[k]) : row[k] * sqrt(row[k]);
+}
+
+void apsm_polyharmonic_eval_many(const apsm_interpolants *f, size_t ny, const double *Y,
+                                 double *work, double *out)
+{
+    const size_t n = f->n, m = f->m, B = APSM_POLYHARMONIC_BLOCK;
+    for (size_t r = 0; r < ny; r += B) {
+        const size_t rows = ny - r < B ? ny - r : B;
+        for (size_t b = 0; b < rows; b++) {
+            const double *y = Y + 3 * (r + b);
+            phi_row(f->phi, n, f->X, y, work + b * n);
+            for (size_t j = 0; j < m; j++)
+                out[(r + b) * m + j] =
+                    f->c[j] + f->c[m + j] * y[0] + f->c[2 * m + j] * y[1] + f->c[3 * m + j] * y[2];
+        }
+        apsm_gemm(0, 0, rows, m, n, 1.0, work, n, f->w, m, 1.0, out + r * m, m);
+    }
+}
+
 /* Column b of values and of d: phi(|y_b - x_k|) and [1; y_b] (each with row length m). */
 static void map_right_hand_sides(const apsm_polyharmonic *f, const double *X, size_t m,
                                  const double *Y, double *values, double *d)

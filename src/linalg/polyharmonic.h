@@ -75,6 +75,10 @@ typedef struct apsm_interpolants {
 /* out (ny x m) = the interpolants at Y (ny x 3).  O(ny n m). */
 void apsm_polyharmonic_eval(const apsm_interpolants *f, size_t ny, const double *Y, double *out);
 
+/* The same with many interpolants, in 64s of Y: phi is taken once for all m.  work: 64 n. */
+void apsm_polyharmonic_eval_many(const apsm_interpolants *f, size_t ny, const double *Y,
+                                 double *work, double *out);
+
 /* The interpolant as a linear map of its values: W (ny x n, out) with f(Y) = W values.  X must
  * be the centres of f.  Rows sum to 1, and W X = Y.  O(ny n^2).  work: of size
  * apsm_polyharmonic_solve_work_size(n, APSM_POLYHARMONIC_BLOCK). */

@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "core/hold.h"
 #include "core/kernel.h"
 #include "linalg/linalg.h"
 
@@ -78,16 +79,19 @@ static void make_centres(builder *b, size_t J, const double *P)
     for (size_t j = 0; j < J; j++) b->warp->merged += b->share[b->centre[j]] > 1;
 }
 
-static apsm_status factor(apsm_context *ctx, apsm_phi phi, builder *b)
+static apsm_status fail_memory(apsm_context *ctx, const builder *b)
 {
-    const size_t threads = (size_t)apsm_context_threads(ctx);
-    b->work_size = apsm_polyharmonic_solve_work_size(b->n, APSM_POLYHARMONIC_BLOCK);
+    return apsm_fail(ctx, APSM_ERR_MEMORY,
+                     "out of memory for the warp of %zu vertices by %zu particles", b->warp->nv,
+                     b->warp->J);
+}
+
+static apsm_status factor(apsm_phi phi, builder *b)
+{
     b->store = malloc(apsm_polyharmonic_store_size(b->n, false) * sizeof *b->store);
-    b->work = malloc(threads * b->work_size * sizeof *b->work);
-    if (b->n < b->warp->J) b->row = malloc(threads * ROWS * b->n * sizeof *b->row);
     double *work = malloc(apsm_polyharmonic_factor_work_size(b->n) * sizeof *work);
     apsm_status status = APSM_ERR_MEMORY;
-    if (b->store && b->work && work && (b->row || b->n == b->warp->J))
+    if (b->store && work)
         status = apsm_polyharmonic_factor(phi, b->n, b->Q, false, 0.0, b->store, work, &b->f);
     free(work);
     return status;
@@ -114,16 +118,20 @@ static apsm_status map_rows(apsm_context *ctx, size_t task, int worker, void *us
     return APSM_OK;
 }
 
-static apsm_status build(apsm_context *ctx, apsm_phi phi, const double *P, builder *b)
+/* Centres and their factor. */
+static apsm_status prepare(apsm_context *ctx, apsm_phi phi, const double *P, builder *b)
 {
-    const size_t J = b->warp->J, n = b->warp->nv;
+    const size_t J = b->warp->J;
+    if (b->warp->nv == 0 || J == 0 || !b->X || !P)
+        return apsm_fail(ctx, APSM_ERR_ARG, "a warp needs vertices and particles");
+    for (size_t k = 0; k < 3 * J; k++)
+        if (!isfinite(P[k]))
+            return apsm_fail(ctx, APSM_ERR_NONFINITE, "particle %zu of the template is not finite",
+                             k / 3);
     b->centre = malloc(J * sizeof *b->centre);
     b->share = malloc(J * sizeof *b->share);
     b->Q = malloc(3 * J * sizeof *b->Q);
-    b->warp->W = malloc(n * J * sizeof *b->warp->W);
-    if (!b->centre || !b->share || !b->Q || !b->warp->W)
-        return apsm_fail(ctx, APSM_ERR_MEMORY,
-                         "out of memory for the warp of %zu vertices by %zu particles", n, J);
+    if (!b->centre || !b->share || !b->Q) return fail_memory(ctx, b);
     make_centres(b, J, P);
     if (b->n < LEAST_CENTRES)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
@@ -134,7 +142,7 @@ static apsm_status build(apsm_context *ctx, apsm_phi phi, const double *P, build
                  "%zu of the template's %zu particles coincide with another: the warp follows the "
                  "mean of each group",
                  b->warp->merged, J);
-    const apsm_status status = factor(ctx, phi, b);
+    const apsm_status status = factor(phi, b);
     if (status == APSM_ERR_SINGULAR)
         return apsm_fail(ctx, APSM_ERR_GEOMETRY,
                          "the template's particles lie in a plane or nearly coincide: no warp "
@@ -142,6 +150,20 @@ static apsm_status build(apsm_context *ctx, apsm_phi phi, const double *P, build
     if (status != APSM_OK)
         return apsm_fail(ctx, status, "warp through %zu particles: %s", b->n,
                          apsm_status_text(status));
+    return APSM_OK;
+}
+
+/* ---- as weights of the particles ---- */
+
+static apsm_status build(apsm_context *ctx, apsm_phi phi, const double *P, builder *b)
+{
+    const size_t threads = (size_t)apsm_context_threads(ctx), n = b->warp->nv;
+    APSM_TRY(prepare(ctx, phi, P, b));
+    b->work_size = apsm_polyharmonic_solve_work_size(b->n, APSM_POLYHARMONIC_BLOCK);
+    b->work = malloc(threads * b->work_size * sizeof *b->work);
+    if (b->n < b->warp->J) b->row = malloc(threads * ROWS * b->n * sizeof *b->row);
+    b->warp->W = malloc(n * b->warp->J * sizeof *b->warp->W);
+    if (!b->work || !b->warp->W || (!b->row && b->n < b->warp->J)) return fail_memory(ctx, b);
     return apsm_parallel_for(ctx, (n + ROWS - 1) / ROWS, map_rows, b, "warp");
 }
 
@@ -149,12 +171,6 @@ apsm_status apsm_warp_build(apsm_context *ctx, apsm_phi phi, size_t n, const dou
                             const double *P, apsm_warp *warp)
 {
     *warp = (apsm_warp){ .nv = n, .J = J };
-    if (n == 0 || J == 0 || !X || !P)
-        return apsm_fail(ctx, APSM_ERR_ARG, "a warp needs vertices and particles");
-    for (size_t k = 0; k < 3 * J; k++)
-        if (!isfinite(P[k]))
-            return apsm_fail(ctx, APSM_ERR_NONFINITE, "particle %zu of the template is not finite",
-                             k / 3);
     builder b = { .X = X, .warp = warp };
     const apsm_status status = build(ctx, phi, P, &b);
     builder_free(&b);
@@ -162,9 +178,152 @@ apsm_status apsm_warp_build(apsm_context *ctx, apsm_phi phi, size_t n, const dou
     return status;
 }
 
+/* ---- shared ---- */
+
+typedef struct apsm_shared_warp {
+    size_t users;
+    apsm_phi phi;
+    double *X, *P; /* what it is of */
+    apsm_warp warp;
+} apsm_shared_warp;
+
+static void release(void *object)
+{
+    apsm_shared_warp *s = object;
+    if (--s->users > 0) return;
+    free(s->X);
+    free(s->P);
+    free(s->warp.W);
+    free(s);
+}
+
+static void lend(apsm_shared_warp *s, apsm_warp *warp)
+{
+    s->users++;
+    *warp = s->warp;
+    warp->lent = s;
+}
+
+static bool is_of(const apsm_shared_warp *s, apsm_phi phi, size_t n, const double *X, size_t J,
+                  const double *P)
+{
+    return s->phi == phi && s->warp.nv == n && s->warp.J == J &&
+           memcmp(s->X, X, 3 * n * sizeof *X) == 0 && memcmp(s->P, P, 3 * J * sizeof *P) == 0;
+}
+
+/* A new one, the caller its one user. */
+static apsm_status make_shared(apsm_context *ctx, apsm_phi phi, const double *X, const double *P,
+                               const apsm_warp *warp, apsm_shared_warp **made)
+{
+    const size_t n = 3 * warp->nv * sizeof *X, m = 3 * warp->J * sizeof *P;
+    apsm_shared_warp *s = *made = calloc(1, sizeof *s);
+    if (!s) return APSM_ERR_MEMORY;
+    *s = (apsm_shared_warp){ .users = 1, .phi = phi, .X = malloc(n), .P = malloc(m) };
+    if (!s->X || !s->P) return APSM_ERR_MEMORY;
+    memcpy(s->X, X, n);
+    memcpy(s->P, P, m);
+    return apsm_warp_build(ctx, phi, warp->nv, X, warp->J, P, &s->warp);
+}
+
+apsm_status apsm_warp_share(apsm_context *ctx, apsm_phi phi, size_t n, const double *X, size_t J,
+                            const double *P, apsm_warp *warp)
+{
+    *warp = (apsm_warp){ .nv = n, .J = J };
+    apsm_shared_warp *s = apsm_held(ctx, release);
+    if (s && X && P && is_of(s, phi, n, X, J, P)) {
+        lend(s, warp);
+        return APSM_OK;
+    }
+    if (n == 0 || J == 0 || !X || !P || !apsm_hold(ctx, NULL, NULL))
+        return apsm_warp_build(ctx, phi, n, X, J, P, warp);
+    const apsm_status status = make_shared(ctx, phi, X, P, warp, &s);
+    if (status == APSM_OK) {
+        lend(s, warp);
+        apsm_hold(ctx, s, release);
+    } else {
+        if (s) release(s);
+        *warp = (apsm_warp){ 0 };
+    }
+    return status;
+}
+
+/* ---- to few shapes ---- */
+
+typedef struct carrying {
+    const builder *b;
+    apsm_interpolants f;
+    double *w, *c; /* of f: three interpolants a shape */
+    double *work;  /* of one thread: of the solution and, a block of points, of evaluation */
+    size_t block;  /* of work */
+    double *Y;
+} carrying;
+
+/* Values at the centres (n x 3I, out): means of the particles that they stand for. */
+static void fill_values(const builder *b, size_t I, const double *Q, double *value)
+{
+    const size_t J = b->warp->J, m = 3 * I;
+    memset(value, 0, b->n * m * sizeof *value);
+    for (size_t i = 0; i < I; i++)
+        for (size_t j = 0; j < J; j++)
+            for (size_t a = 0; a < 3; a++)
+                value[b->centre[j] * m + 3 * i + a] +=
+                    Q[3 * (i * J + j) + a] / (double)b->share[b->centre[j]];
+}
+
+static apsm_status carry_rows(apsm_context *ctx, size_t task, int worker, void *user)
+{
+    (void)ctx;
+    const carrying *t = user;
+    const size_t nv = t->b->warp->nv, first = task * ROWS, m = t->f.m;
+    const size_t rows = nv - first < ROWS ? nv - first : ROWS;
+    double *work = t->work + (size_t)worker * t->block,
+           *y = work + APSM_POLYHARMONIC_BLOCK * t->b->n;
+    apsm_polyharmonic_eval_many(&t->f, rows, t->b->X + 3 * first, work, y);
+    for (size_t v = 0; v < rows; v++)
+        for (size_t i = 0; 3 * i < m; i++)
+            memcpy(t->Y + 3 * (i * nv + first + v), y + v * m + 3 * i, 3 * sizeof *y);
+    return APSM_OK;
+}
+
+static apsm_status carry(apsm_context *ctx, size_t I, const double *Q, carrying *t)
+{
+    const builder *b = t->b;
+    const size_t n = b->n, m = 3 * I, threads = (size_t)apsm_context_threads(ctx);
+    const size_t solve = apsm_polyharmonic_solve_work_size(n, m);
+    t->block = APSM_POLYHARMONIC_BLOCK * n + ROWS * m;
+    t->w = malloc(n * m * sizeof *t->w);
+    t->c = malloc(4 * m * sizeof *t->c);
+    t->work = malloc((threads * t->block > solve ? threads * t->block : solve) * sizeof *t->work);
+    if (!t->w || !t->c || !t->work) return fail_memory(ctx, b);
+    fill_values(b, I, Q, t->w);
+    apsm_polyharmonic_solve(&b->f, m, t->w, NULL, t->w, t->c, t->work);
+    t->f = (apsm_interpolants){ b->f.phi, n, m, b->Q, t->w, t->c };
+    return apsm_parallel_for(ctx, (b->warp->nv + ROWS - 1) / ROWS, carry_rows, t, NULL);
+}
+
+apsm_status apsm_warp_to_shapes(apsm_context *ctx, apsm_phi phi, size_t n, const double *X,
+                                size_t J, const double *P, size_t I, const double *Q, double *Y)
+{
+    apsm_warp warp = { .nv = n, .J = J }; /* without W */
+    builder b = { .X = X, .warp = &warp };
+    carrying t = { .b = &b, .Y = Y };
+    apsm_status status = prepare(ctx, phi, P, &b);
+    if (status == APSM_OK) status = carry(ctx, I, Q, &t);
+    free(t.w);
+    free(t.c);
+    free(t.work);
+    builder_free(&b);
+    return status;
+}
+
+/* ---- its use ---- */
+
 void apsm_warp_free(apsm_warp *warp)
 {
-    free(warp->W);
+    if (warp->lent)
+        release(warp->lent);
+    else
+        free(warp->W);
     *warp = (apsm_warp){ 0 };
 }
 

@@ -89,7 +89,7 @@ static void take_over(const ordering *o, apsm_mesh *mesh, double *V)
     mesh->nv = o->met;
 }
 
-apsm_status order_mesh(apsm_mesh *mesh)
+apsm_status order_mesh(apsm_mesh *mesh, uint32_t *old)
 {
     const size_t nv = mesh->nv, nf = mesh->nf;
     ordering o = { .mesh = mesh,
@@ -106,6 +106,7 @@ apsm_status order_mesh(apsm_mesh *mesh)
         list_faces(&o);
         write_faces(&o);
         take_over(&o, mesh, V);
+        if (old) memcpy(old, o.old, o.met * sizeof *old);
     }
     free(o.first);
     free(o.face);

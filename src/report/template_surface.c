@@ -4,6 +4,7 @@
 #include "report/template_surface.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 #include "groom/remesh.h"
 #include "report/order.h"
@@ -19,7 +20,7 @@ apsm_status reduce_mesh(apsm_context *ctx, const apsm_mesh *mesh, const apsm_bvh
     if (mesh->nf > faces) status = apsm_remesh(ctx, mesh, bvh, &options, shown, NULL);
     if (status == APSM_ERR_GEOMETRY) status = apsm_mesh_copy(mesh, shown);
     APSM_TRY(status);
-    status = order_mesh(shown);
+    status = order_mesh(shown, NULL);
     if (status != APSM_OK) apsm_mesh_free(shown);
     return status;
 }
@@ -37,16 +38,43 @@ static apsm_status reduce_part(apsm_context *ctx, size_t faces, apsm_mesh *mesh)
     return APSM_OK;
 }
 
+/* Vertex v of the warp is its vertex old[v]. */
+static apsm_status reorder(size_t nv, const uint32_t *old, apsm_warp *warp)
+{
+    const size_t J = warp->J;
+    apsm_warp ordered = { .nv = nv, .J = J, .merged = warp->merged };
+    ordered.W = malloc(nv * J * sizeof *ordered.W);
+    if (!ordered.W) return APSM_ERR_MEMORY;
+    for (size_t v = 0; v < nv; v++)
+        memcpy(ordered.W + v * J, warp->W + old[v] * J, J * sizeof *ordered.W);
+    apsm_warp_free(warp);
+    *warp = ordered;
+    return APSM_OK;
+}
+
+/* All vertices, in the order in which they pack well. */
+static apsm_status order_part(apsm_mesh *mesh, apsm_warp *warp)
+{
+    uint32_t *old = malloc((mesh->nv + 1) * sizeof *old);
+    apsm_status status = old ? order_mesh(mesh, old) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = reorder(mesh->nv, old, warp);
+    free(old);
+    return status;
+}
+
 static apsm_status make_part(apsm_context *ctx, size_t d, size_t faces, template_surface *t)
 {
     const model_folder *m = t->m;
     const model_part *part = &m->part[d];
     apsm_mesh *mesh = &t->mesh[d];
     APSM_TRY(model_folder_part_mesh(ctx, m, part->template_index, d, mesh));
-    if (faces > 0) APSM_TRY(reduce_part(ctx, faces, mesh));
-    t->first_vertex[d + 1] = t->first_vertex[d] + mesh->nv;
+    const bool whole = mesh->nf <= faces;
+    if (faces > 0 && !whole) APSM_TRY(reduce_part(ctx, faces, mesh));
     const double *P = m->P + 3 * (part->template_index * m->J + part->first);
-    return apsm_warp_build(ctx, APSM_PHI_R, mesh->nv, mesh->V, part->J, P, &t->warp[d]);
+    APSM_TRY(apsm_warp_share(ctx, APSM_PHI_R, mesh->nv, mesh->V, part->J, P, &t->warp[d]));
+    if (faces > 0 && whole) APSM_TRY(order_part(mesh, &t->warp[d]));
+    t->first_vertex[d + 1] = t->first_vertex[d] + mesh->nv;
+    return APSM_OK;
 }
 
 apsm_status template_surface_make(apsm_context *ctx, const model_folder *m, size_t faces,

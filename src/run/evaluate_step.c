@@ -128,7 +128,7 @@ static apsm_status compute(evaluation_work *w)
         .warp = &w->warp,
     };
     APSM_TRY(apsm_shape_model_fit(run->ctx, w->I, w->J, w->P, &w->model));
-    APSM_TRY(apsm_warp_build(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
+    APSM_TRY(apsm_warp_share(run->ctx, APSM_PHI_R, mesh->nv, mesh->V, w->J, w->P + t * w->J * 3,
                              &w->warp));
     APSM_TRY(apsm_evaluate(run->ctx, &input, &w->evaluation));
     if (!apsm_is_share(run->ctx)) APSM_TRY(landmarks_judge(run, w->J, w->P, &w->landmarks));

@@ -95,6 +95,62 @@ static void displaces_as_it_applies(void **state)
     }
 }
 
+/* Without W: the same, also where particles coincide and for any number of threads. */
+static void goes_to_few_shapes(void **state)
+{
+    (void)state;
+    enum { J = 30, V = 300, I = 4 };
+    double *P = cohort(1, J, 1, 1), *X = cohort(1, V, 1, 2), *Q = cohort(I, J, 2, 3), Y[3 * V];
+    double *Z = malloc(I * sizeof Y), *again = malloc(I * sizeof Y);
+    memcpy(P + 3 * 7, P, 3 * sizeof *P);
+    for (int phi = APSM_PHI_R; phi <= APSM_PHI_R3; phi += APSM_PHI_R3 - APSM_PHI_R) {
+        apsm_warp warp = build((apsm_phi)phi, V, X, J, P);
+        assert_int_equal(apsm_warp_to_shapes(ctx, (apsm_phi)phi, V, X, J, P, I, Q, Z), APSM_OK);
+        for (size_t i = 0; i < I; i++) {
+            apsm_warp_apply(&warp, Q + 3 * i * J, Y);
+            golden_close("shape", 3 * V, Z + 3 * i * V, Y, 1e-9);
+        }
+        apsm_context_set_threads(ctx, 2);
+        assert_int_equal(apsm_warp_to_shapes(ctx, (apsm_phi)phi, V, X, J, P, I, Q, again), APSM_OK);
+        apsm_context_set_threads(ctx, 1);
+        assert_memory_equal(again, Z, I * sizeof Y);
+        apsm_warp_free(&warp);
+    }
+    free(P);
+    free(X);
+    free(Q);
+    free(Z);
+    free(again);
+}
+
+/* One that was asked for last is lent, and outlives the context's interest in it; another, by as
+ * little as a bit, is not taken for it. */
+static void is_shared_by_those_who_ask_for_the_same(void **state)
+{
+    (void)state;
+    enum { J = 12, V = 50 };
+    double *P = cohort(1, J, 1, 1), *X = cohort(1, V, 1, 2), Y[3 * V], Z[3 * V];
+    apsm_warp a, b, c;
+    assert_int_equal(apsm_warp_share(ctx, APSM_PHI_R, V, X, J, P, &a), APSM_OK);
+    assert_int_equal(apsm_warp_share(ctx, APSM_PHI_R, V, X, J, P, &b), APSM_OK);
+    assert_ptr_equal(a.W, b.W);
+    apsm_warp_apply(&a, P, Y);
+    apsm_warp_free(&a);
+    P[4] = nextafter(P[4], INFINITY);
+    assert_int_equal(apsm_warp_share(ctx, APSM_PHI_R, V, X, J, P, &c), APSM_OK);
+    assert_ptr_not_equal(b.W, c.W);
+    P[4] = nextafter(P[4], -INFINITY);
+    apsm_warp_apply(&b, P, Z);
+    assert_memory_equal(Y, Z, sizeof Y);
+    apsm_warp_free(&b);
+    assert_int_equal(apsm_warp_share(ctx, APSM_PHI_R3, V, X, J, P, &a), APSM_OK);
+    assert_ptr_not_equal(a.W, c.W);
+    apsm_warp_free(&a);
+    apsm_warp_free(&c);
+    free(P);
+    free(X);
+}
+
 /* Particles go exactly where their targets are; affine maps are reproduced everywhere; whatever
  * the number of threads and of tasks. */
 static void interpolates_and_reproduces_affine_maps(void **state)
@@ -183,6 +239,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(agrees_with_golden),
+        cmocka_unit_test(goes_to_few_shapes),
+        cmocka_unit_test(is_shared_by_those_who_ask_for_the_same),
         cmocka_unit_test(displaces_as_it_applies),
         cmocka_unit_test(interpolates_and_reproduces_affine_maps),
         cmocka_unit_test(coinciding_particles_share_a_centre),

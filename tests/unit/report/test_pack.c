@@ -130,8 +130,11 @@ static void order_keeps_the_mesh(void **state)
     memcpy(m.V, V, sizeof V);
     memcpy(m.F, F, sizeof F);
     const double before = fingerprint(&m), volume = apsm_mesh_volume(&m);
-    assert_int_equal(order_mesh(&m), APSM_OK);
+    uint32_t old[11];
+    assert_int_equal(order_mesh(&m, old), APSM_OK);
     assert_int_equal(m.nv, 10);
+    for (size_t v = 0; v < m.nv; v++)
+        assert_memory_equal(m.V + 3 * v, V + 3 * old[v], 3 * sizeof *V);
     assert_int_equal(m.nf, 12);
     if (fabs(fingerprint(&m) - before) > 1e-12 || fabs(apsm_mesh_volume(&m) - volume) > 1e-12)
         fail_msg("another mesh: volume %g, not %g", apsm_mesh_volume(&m), volume);
