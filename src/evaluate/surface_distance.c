@@ -419,8 +419,7 @@ static apsm_status measure_by(apsm_context *ctx, const char *kind, const apsm_me
 {
     double *Y = malloc(s->n * 3 * mesh->nv * sizeof *Y);
     if (!Y) return apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for surface distances");
-    apsm_status status =
-        apsm_warp_to_shapes(ctx, APSM_PHI_R, mesh->nv, mesh->V, s->J, p, s->n, s->P, Y);
+    apsm_status status = apsm_warp_to_shapes(ctx, mesh->nv, mesh->V, s->J, p, s->n, s->P, Y);
     cohort_task t = { .Y = Y, .template_mesh = mesh, .shape = source, .result = s->distance };
     if (status == APSM_OK) status = measure_all(ctx, kind, s->n, &t);
     free(Y);

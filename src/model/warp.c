@@ -301,13 +301,13 @@ static apsm_status carry(apsm_context *ctx, size_t I, const double *Q, carrying 
     return apsm_parallel_for(ctx, (b->warp->nv + ROWS - 1) / ROWS, carry_rows, t, NULL);
 }
 
-apsm_status apsm_warp_to_shapes(apsm_context *ctx, apsm_phi phi, size_t n, const double *X,
-                                size_t J, const double *P, size_t I, const double *Q, double *Y)
+apsm_status apsm_warp_to_shapes(apsm_context *ctx, size_t n, const double *X, size_t J,
+                                const double *P, size_t I, const double *Q, double *Y)
 {
     apsm_warp warp = { .nv = n, .J = J }; /* without W */
     builder b = { .X = X, .warp = &warp };
     carrying t = { .b = &b, .Y = Y };
-    apsm_status status = prepare(ctx, phi, P, &b);
+    apsm_status status = prepare(ctx, APSM_PHI_R, P, &b);
     if (status == APSM_OK) status = carry(ctx, I, Q, &t);
     free(t.w);
     free(t.c);

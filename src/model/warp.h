@@ -42,9 +42,9 @@ void apsm_warp_displace(size_t nv, size_t J, const float *W, const double *X, co
                         double *Y);
 
 /* Y (I x n x 3, out): the points X as such a warp takes them to I shapes with particles Q (I x J x
- * 3), without W: for few shapes.  J^3/3 + I J^2 + I n J flops. */
-apsm_status apsm_warp_to_shapes(apsm_context *ctx, apsm_phi phi, size_t n, const double *X,
-                                size_t J, const double *P, size_t I, const double *Q,
+ * 3), phi APSM_PHI_R, without W: for few shapes.  J^3/3 + I J^2 + I n J flops. */
+apsm_status apsm_warp_to_shapes(apsm_context *ctx, size_t n, const double *X, size_t J,
+                                const double *P, size_t I, const double *Q,
                                 double *Y) APSM_NODISCARD;
 
 #ifdef __cplusplus
