@@ -63,7 +63,9 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
                                    .reflect_match = cli_args_get(args, "reflect_match"),
                                    .exclude = cli_args_get(args, "exclude"),
                                    .folder = args->out_dir,
-                                   .overwrite = args->overwrite };
+                                   .overwrite = args->overwrite,
+                                   .shard = args->shard,
+                                   .shards = args->shards };
     apsm_fit_options options;
     APSM_TRY(take_options(ctx, args, &options));
     settings.options = &options;
@@ -72,6 +74,7 @@ apsm_status apsm_cli_fit(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     if (args->parts)
         return apsm_fail(ctx, APSM_ERR_ARG, "--parts: %s is a model of one part", settings.model);
     APSM_TRY(apsm_fit_run(ctx, &settings, &n));
+    if (args->shards > 0) return APSM_OK;
     APSM_TRY(apsm_fit_report_write(ctx, args->out_dir));
     cli_say(ui,
             "fitted: %zu good, %zu to review; refused: %zu; failed: %zu; figures in %s/fit.csv, to "

@@ -175,6 +175,10 @@ typedef struct apsm_fit_settings {
     bool overwrite;                               /* results of an earlier fit in folder */
     const apsm_fit_options *options;              /* NULL: the defaults */
     size_t options_size;                          /* sizeof *options */
+    /* Of several processes: the inputs shard, shard + shards, ... (from 0, by their names) are
+     * fitted and kept in state/ of the folder, and nothing else is written; the same call without
+     * finds them there.  shards 0: all inputs. */
+    size_t shard, shards;
 } apsm_fit_settings;
 
 /* How many shapes ended how; failed: could not be read or groomed. */
@@ -184,7 +188,8 @@ typedef struct apsm_fit_totals {
 
 /* Fits every input and writes fit.json, fit.csv, and for each shape particles, mesh and figures
  * (docs/formats.md).  One shape after the other is in memory for each thread.  A shape that is
- * refused or cannot be read is in the tables with its reason and does not end the call.
+ * refused or cannot be read is in the tables with its reason and does not end the call.  Of a share
+ * the totals are 0.
  * APSM_ERR_STATE: the folder holds something else. */
 APSM_API apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *settings,
                                         size_t size, apsm_fit_totals *totals,

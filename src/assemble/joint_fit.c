@@ -592,6 +592,10 @@ apsm_status apsm_joint_fit_sized(apsm_context *ctx, const apsm_fit_settings *giv
     const char *set[3][2];
     if (!totals) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_joint_fit: no place for the totals");
     APSM_TRY(fit_take_settings(ctx, "apsm_joint_fit", given, size, settings, &f.options));
+    if (settings->shards > 0)
+        return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                         "%s: fits of joints are not made in shares; leave --shard out",
+                         settings->model);
     apsm_status status = open_fitting(ctx, &f, parts, &js, set);
     if (status == APSM_OK) status = apsm_parallel_for(ctx, f.job.subjects, fit_subject, &f, "fit");
     if (status == APSM_OK)

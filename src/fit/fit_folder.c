@@ -44,7 +44,7 @@ apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f)
                          "%s: holds %s already; give another folder, or --overwrite", f->path,
                          f->what);
     if (!whole) APSM_TRY(refuse_strangers(ctx, f));
-    for (size_t k = 0; k < f->folders; k++) {
+    for (size_t k = 0; k < f->folders && !f->look; k++) {
         char *path = apsm_path_join(f->path, f->folder[k]);
         const apsm_status status = path ? apsm_make_folder(ctx, path) : APSM_ERR_MEMORY;
         free(path);

@@ -20,6 +20,7 @@ typedef struct fit_folder {
     const char *const *folder; /* made here; without the marker they may be of a call that did not
                                   end, and are taken if asked to overwrite */
     bool overwrite;
+    bool look; /* no folder is made */
 } fit_folder;
 
 /* APSM_ERR_STATE, with a line, if it is a model folder, holds files that nothing of ours has left,

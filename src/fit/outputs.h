@@ -21,6 +21,9 @@ typedef struct fit_row {
     apsm_fit figures;          /* without arrays but score (borrowed) */
 } fit_row;
 
+/* Figures alone remain, the score included; nothing is freed. */
+void fit_forget_arrays(apsm_fit *fit);
+
 /* Rows of all shapes, in a file of the folder until the tables are made of them. */
 typedef struct fit_rows {
     records file;

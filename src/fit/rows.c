@@ -26,6 +26,14 @@ void fit_rows_close(fit_rows *rows)
     *rows = (fit_rows){ .file.fd = -1 };
 }
 
+void fit_forget_arrays(apsm_fit *f)
+{
+    f->local = f->world = f->original = NULL;
+    f->variance = f->sd = f->sd_normal = f->mesh_sd = NULL;
+    f->observed = f->mesh_observed = NULL;
+    f->mesh = f->cropped = (apsm_mesh){ 0 };
+}
+
 apsm_status fit_rows_put(apsm_context *ctx, const fit_rows *rows, size_t i, const fit_row *row)
 {
     fit_row *record = calloc(1, record_size(rows->modes));

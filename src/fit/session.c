@@ -12,6 +12,7 @@
 #include "fit/landmarks.h"
 #include "fit/outputs.h"
 #include "fit/reading.h"
+#include "fit/shares.h"
 #include "landmarks/landmark_file.h"
 
 typedef struct session {
@@ -22,7 +23,8 @@ typedef struct session {
     apsm_input_list list;
     fit_reading reading;
     landmark_list landmarks; /* on the mean; none: point files are clouds */
-    fit_rows rows;
+    fit_shares shares;
+    fit_rows rows; /* of no share */
 } session;
 
 /* ---- points ---- */
@@ -123,11 +125,10 @@ static apsm_status fit_named(apsm_context *ctx, const session *s, const char *pa
 /* ---- one shape ---- */
 
 static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_input_case *c,
-                             fit_row *row, apsm_fit *fit)
+                             apsm_fit *fit)
 {
     apsm_mesh mesh = { 0 };
     apsm_fit_options options = s->options;
-    APSM_TRY(apsm_input_hash(ctx, c->path, row->sha256));
     if (is_point_file(c->path))
         return s->landmarks.n > 0 ? fit_named(ctx, s, c->path, &options, fit)
                                   : fit_cloud(ctx, s, c->path, &options, fit);
@@ -143,12 +144,34 @@ static apsm_status keep_row(apsm_context *ctx, const session *s, size_t i, const
                             fit_row *row)
 {
     row->figures = *fit;
-    apsm_fit *f = &row->figures;
-    f->local = f->world = f->original = NULL;
-    f->variance = f->sd = f->sd_normal = f->mesh_sd = NULL;
-    f->observed = f->mesh_observed = NULL;
-    f->mesh = f->cropped = (apsm_mesh){ 0 };
+    fit_forget_arrays(&row->figures);
     return fit_rows_put(ctx, &s->rows, i, row);
+}
+
+/* The row and figures of a fit that is made here. */
+static apsm_status make_fit(apsm_context *ctx, const session *s, const apsm_input_case *c,
+                            apsm_status hashed, fit_row *row, apsm_fit *fit)
+{
+    const apsm_status status = hashed == APSM_OK ? fit_input(ctx, s, c, fit) : hashed;
+    if (status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED) return status;
+    const char *line = apsm_error_text(ctx);
+    row->failed = status != APSM_OK;
+    snprintf(row->problem, sizeof row->problem, "%s",
+             !row->failed ? fit->reason
+             : *line      ? line
+                          : apsm_status_text(status));
+    row->figures = *fit;
+    return APSM_OK;
+}
+
+/* The same as a share has kept it, or made here; *kept: which. */
+static apsm_status obtain_fit(apsm_context *ctx, session *s, const apsm_input_case *c, fit_row *row,
+                              apsm_fit *fit, bool *kept)
+{
+    *kept = false;
+    const apsm_status hashed = apsm_input_hash(ctx, c->path, row->sha256);
+    if (hashed == APSM_OK) APSM_TRY(fit_shares_find(ctx, &s->shares, c, row, fit, kept));
+    return *kept ? APSM_OK : make_fit(ctx, s, c, hashed, row, fit);
 }
 
 static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
@@ -158,25 +181,39 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
     const apsm_input_case *c = &s->list.cases[i];
     fit_row row = { .name = c->name, .path = c->path };
     apsm_fit fit = { 0 };
-    apsm_status status = fit_input(ctx, s, c, &row, &fit);
-    if (status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED) return status;
-    const char *line = apsm_error_text(ctx);
-    row.failed = status != APSM_OK;
-    snprintf(row.problem, sizeof row.problem, "%s",
-             !row.failed ? fit.reason
-             : *line     ? line
-                         : apsm_status_text(status));
-    row.figures = fit;
-    status =
-        row.failed ? APSM_OK : fit_write_shape(ctx, s->settings->folder, &s->origin, &row, &fit);
+    bool kept;
+    apsm_status status = obtain_fit(ctx, s, c, &row, &fit, &kept);
+    if (status == APSM_OK && !row.failed)
+        status = fit_write_shape(ctx, s->settings->folder, &s->origin, &row, &fit);
     if (status == APSM_OK) status = keep_row(ctx, s, i, &fit, &row);
+    apsm_fit_free(&fit);
+    return status;
+}
+
+/* The k-th of a share: it is kept, and nothing is written.  What fails is left to the job that
+ * gathers, which tells it again. */
+static apsm_status fit_case_of_share(apsm_context *ctx, size_t k, int worker, void *user)
+{
+    (void)worker;
+    session *s = user;
+    const apsm_fit_settings *o = s->settings;
+    const apsm_input_case *c = &s->list.cases[o->shard + k * o->shards];
+    fit_row row = { .name = c->name, .path = c->path };
+    apsm_fit fit = { 0 };
+    bool kept;
+    apsm_status status = obtain_fit(ctx, s, c, &row, &fit, &kept);
+    if (status == APSM_OK && row.failed)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: failed: %s", row.name, row.problem);
+    else if (status == APSM_OK && !kept)
+        status = fit_shares_keep(ctx, &s->shares, c, &row);
     apsm_fit_free(&fit);
     return status;
 }
 
 /* ---- the folder ---- */
 
-static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
+/* look: nothing is made. */
+static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o, bool look)
 {
     static const char *const files[] = { FIT_CSV, "report.html" };
     static const char *const folders[] = { "particles", "meshes", "shapes" };
@@ -188,7 +225,8 @@ static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
                            .file = files,
                            .folders = 3,
                            .folder = folders,
-                           .overwrite = o->overwrite };
+                           .overwrite = o->overwrite,
+                           .look = look };
     return fit_folder_claim(ctx, &f);
 }
 
@@ -276,20 +314,25 @@ static apsm_status take_labels(apsm_context *ctx, session *s)
 static apsm_status open_session(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
+    const fit_share_job job = { o, &s->options, &s->landmarks };
     APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->reading.labels));
     APSM_TRY(list_inputs(ctx, s));
     if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(take_labels(ctx, s));
-    APSM_TRY(open_folder(ctx, o));
+    APSM_TRY(open_folder(ctx, o, true));
     fit_origin_of(s->model, o->model, &s->options, &s->origin);
     s->reading.groom = fit_model_groom(s->model);
+    APSM_TRY(fit_shares_open(ctx, s->model, &job, &s->shares));
+    if (o->shards > 0) return APSM_OK;
+    APSM_TRY(open_folder(ctx, o, false));
     return fit_rows_open(ctx, o->folder, s->list.n, s->model->model.modes, &s->rows);
 }
 
 static void close_session(session *s)
 {
     fit_rows_close(&s->rows);
+    fit_shares_close(&s->shares);
     landmark_list_free(&s->landmarks);
     apsm_labels_free(&s->reading.labels);
     apsm_input_list_free(&s->list);
@@ -311,12 +354,38 @@ static apsm_status count(apsm_context *ctx, session *s, apsm_fit_totals *totals)
     return APSM_OK;
 }
 
+static apsm_status fit_share(apsm_context *ctx, session *s)
+{
+    const apsm_fit_settings *o = s->settings;
+    const size_t n = s->list.n, own = n > o->shard ? (n - o->shard - 1) / o->shards + 1 : 0;
+    APSM_TRY(apsm_parallel_for(ctx, own, fit_case_of_share, s, "fit"));
+    APSM_TRY(journal_flush(ctx, s->shares.own));
+    apsm_log(ctx, APSM_LOG_INFO,
+             "share %zu of %zu is kept in %s/state; when all are, the same without --shard writes "
+             "the fits",
+             o->shard + 1, o->shards, o->folder);
+    return APSM_OK;
+}
+
+static apsm_status fit_all(apsm_context *ctx, session *s, apsm_fit_totals *totals)
+{
+    const char *folder = s->settings->folder;
+    APSM_TRY(fit_write_mean(ctx, folder, s->model));
+    APSM_TRY(apsm_parallel_for(ctx, s->list.n, fit_case, s, "fit"));
+    APSM_TRY(fit_write_tables(ctx, folder, &s->origin, &s->rows));
+    APSM_TRY(fit_shares_end(ctx, &s->shares));
+    return count(ctx, s, totals);
+}
+
 apsm_status fit_take_settings(apsm_context *ctx, const char *door, const apsm_fit_settings *given,
                               size_t size, apsm_fit_settings *settings, apsm_fit_options *options)
 {
     APSM_TRY(apsm_take_settings(ctx, door, given, size, settings, sizeof *settings));
     if (!settings->model || !settings->folder || !settings->inputs)
         return apsm_fail(ctx, APSM_ERR_ARG, "%s: an argument is NULL", door);
+    if (settings->shards > 0 && settings->shard >= settings->shards)
+        return apsm_fail(ctx, APSM_ERR_ARG, "%s: share %zu of %zu, counted from 0", door,
+                         settings->shard, settings->shards);
     *options = apsm_fit_defaults();
     if (!settings->options) return APSM_OK;
     APSM_TRY(apsm_take_settings(ctx, door, settings->options, settings->options_size, options,
@@ -336,10 +405,8 @@ apsm_status apsm_fit_run_sized(apsm_context *ctx, const apsm_fit_settings *given
     if (!totals) return apsm_fail(ctx, APSM_ERR_ARG, "apsm_fit_run: no place for the totals");
     APSM_TRY(fit_take_settings(ctx, "apsm_fit_run", given, size, settings, &s.options));
     apsm_status status = open_session(ctx, &s);
-    if (status == APSM_OK) status = fit_write_mean(ctx, settings->folder, s.model);
-    if (status == APSM_OK) status = apsm_parallel_for(ctx, s.list.n, fit_case, &s, "fit");
-    if (status == APSM_OK) status = fit_write_tables(ctx, settings->folder, &s.origin, &s.rows);
-    if (status == APSM_OK) status = count(ctx, &s, &counted);
+    if (status == APSM_OK)
+        status = settings->shards > 0 ? fit_share(ctx, &s) : fit_all(ctx, &s, &counted);
     apsm_give_sized(&counted, sizeof counted, totals, totals_size);
     close_session(&s);
     return status;

@@ -1,21 +1,19 @@
 #define _POSIX_C_SOURCE 200809L
 #include "session/kept.h"
 
-#include <dirent.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "files/journal.h"
+#include "files/shards.h"
 #include "session/manifest.h"
 #include "session/settings.h"
 
 struct kept_work {
-    journal *journal; /* NULL: nothing is added */
-    journal **other;  /* n_others: what other processes have kept; read only */
-    size_t n_others;
-    size_t added; /* pieces since the last meeting */
-    size_t found; /* pieces of others */
+    journal *journal;   /* NULL: nothing is added */
+    journal_set others; /* what other processes have kept; read only */
+    size_t added;       /* pieces since the last meeting */
+    size_t found;       /* pieces of others */
     apsm_keeper keeper;
     journal_key scope; /* what the keeper's pieces belong to */
     char *job;         /* of the grooming that was taken up; NULL: none */
@@ -33,59 +31,16 @@ static void add_text(apsm_sha256 *sha, const char *text)
 static char *own_path(const apsm_run *run)
 {
     if (!run->helps) return run_path(run, RUN_JOURNAL);
-    return run_pathf(run, "state/shard-%zu-of-%zu.journal", run->shard + 1, run->shards);
-}
-
-static bool is_shard(const char *name)
-{
-    size_t shard, shards;
-    int end = -1;
-    return sscanf(name, "shard-%zu-of-%zu.journal%n", &shard, &shards, &end) == 2 && end > 0 &&
-           !name[end];
-}
-
-static void close_others(struct kept_work *kept)
-{
-    for (size_t k = 0; k < kept->n_others; k++) journal_close(kept->other[k]);
-    free(kept->other);
-    kept->other = NULL;
-    kept->n_others = 0;
-}
-
-static apsm_status open_other(apsm_run *run, char *path)
-{
-    struct kept_work *kept = run->kept;
-    journal *other = NULL;
-    apsm_status status = path ? journal_open_other(run->ctx, path, &other) : APSM_ERR_MEMORY;
-    free(path);
-    if (status != APSM_OK || !other) return status;
-    journal **grown = realloc(kept->other, (kept->n_others + 1) * sizeof(journal *));
-    if (!grown) return journal_close(other), APSM_ERR_MEMORY;
-    kept->other = grown;
-    kept->other[kept->n_others++] = other;
-    return APSM_OK;
-}
-
-/* For every journal of a helper: calls use, and goes on while that is APSM_OK. */
-static apsm_status for_shards(apsm_run *run, apsm_status (*use)(apsm_run *, char *))
-{
-    char *folder = run_path(run, "state");
-    DIR *dir = folder ? opendir(folder) : NULL;
-    apsm_status status = folder ? APSM_OK : APSM_ERR_MEMORY;
-    struct dirent *entry;
-    while (status == APSM_OK && dir && (entry = readdir(dir)))
-        if (is_shard(entry->d_name)) status = use(run, run_pathf(run, "state/%s", entry->d_name));
-    if (dir) closedir(dir);
-    free(folder);
-    return status;
+    return shard_path(run->folder, run->shard, run->shards);
 }
 
 /* All journals but the own one, as they are now. */
 static apsm_status open_others(apsm_run *run)
 {
-    close_others(run->kept);
-    if (run->helps) APSM_TRY(open_other(run, run_path(run, RUN_JOURNAL)));
-    return for_shards(run, open_other);
+    journal_set *others = &run->kept->others;
+    journal_set_close(others);
+    if (run->helps) APSM_TRY(journal_set_add(run->ctx, others, run_path(run, RUN_JOURNAL)));
+    return journal_set_add_shards(run->ctx, others, run->folder);
 }
 
 static apsm_status open_journal(apsm_run *run, bool fresh)
@@ -118,7 +73,7 @@ apsm_status kept_begin_shares(apsm_run *run)
     run->kept = calloc(1, sizeof *run->kept);
     if (!run->kept) return APSM_ERR_MEMORY;
     const apsm_status status = open_others(run);
-    if (status != APSM_OK || run->kept->n_others == 0) kept_close(run);
+    if (status != APSM_OK || run->kept->others.n == 0) kept_close(run);
     return status;
 }
 
@@ -126,7 +81,7 @@ void kept_close(apsm_run *run)
 {
     apsm_context_set_keeper(run->ctx, NULL);
     if (run->kept) {
-        close_others(run->kept);
+        journal_set_close(&run->kept->others);
         journal_close(run->kept->journal);
         free(run->kept->job);
     }
@@ -146,7 +101,7 @@ apsm_status kept_end(apsm_run *run)
 {
     kept_close(run);
     if (run_is_in_memory(run)) return APSM_OK;
-    APSM_TRY(for_shards(run, run_remove));
+    APSM_TRY(shards_remove(run->ctx, run->folder));
     return run_remove(run, run_path(run, RUN_JOURNAL));
 }
 
@@ -162,7 +117,7 @@ apsm_status kept_end_shares(apsm_run *run)
                  "what shares have kept in %s/state is of other particles or options: not used",
                  run->folder);
     kept_close(run);
-    return for_shards(run, run_remove);
+    return shards_remove(run->ctx, run->folder);
 }
 
 /* ---- shares ---- */
@@ -230,9 +185,8 @@ static apsm_status find(apsm_context *ctx, const struct kept_work *kept, const j
     apsm_status status = APSM_OK;
     *data = NULL;
     if (kept->journal) status = journal_find(ctx, kept->journal, key, data, size);
-    for (size_t k = 0; k < kept->n_others && status == APSM_OK && !*data; k++)
-        status = journal_find(ctx, kept->other[k], key, data, size);
-    return status;
+    if (status != APSM_OK || *data) return status;
+    return journal_set_find(ctx, &kept->others, key, data, size);
 }
 
 static apsm_status add(apsm_context *ctx, struct kept_work *kept, const journal_key *key,

@@ -23,6 +23,10 @@ same() {
     diff -r -q -x manifest.json -x report.html one "$1" || fail "$1 is not as done by one process"
     [ -z "$(ls "$1/state" | grep shard)" ] || fail "$1: shares are left behind"
 }
+are_fits_of() { # WHAT: fits as made by one process
+    diff -r -q fits_one fits || fail "$1: the fits are not as made by one process: $(tail -n 1 log)"
+    rm -rf fits
+}
 
 for n in 1 7; do
     for _ in meshes poses registration; do
@@ -74,15 +78,16 @@ rounds_of cut 7 1 && cmp -s third cut/state/shard-3-of-7.journal || fail "a kill
 for k in 1 2 4 5 6 7; do rm cut/state/shard-$k-of-7.journal; done
 [ "$(kept cut)" = "$some" ] || fail "a share that was killed and goes on is found as $(grep kept log)"
 same cut
-# Stale: other options, another seed, other particles, another program's file.
-cp -r one stale && rounds_of stale 1 1 --definition paper && cp -r stale stale_seed
+# Stale: of other options, and of other particles.
+cp -r one stale && rounds_of stale 1 1 --definition paper
 [ -z "$(kept stale)" ] && grep -q "not used" log || fail "shares of other options are used: $(grep kept log)"
 same stale
-"$apsm" run in -o other "${job[@]}" --seed 5 2>/dev/null || fail "another seed"
-cmp -s other/model.json one/model.json && fail "another seed makes the same model"
-rm stale_seed/state/*.journal && rounds_of other 1 1 && mv other/state/shard-1-of-1.journal stale_seed/state/
-[ -z "$(kept stale_seed)" ] || fail "shares of another model are used"
-same stale_seed
+cp -r one moved && rounds_of moved 1 1
+awk 'NR == 3 { $1 += 0.5 } { print }' one/particles/s1_world.particles >moved/particles/s1_world.particles
+cp -r moved moved_one && rm moved_one/state/shard-* && kept moved_one >log2
+[ -z "$(kept moved)" ] || fail "shares of other particles are used"
+diff -r -q -x manifest.json -x report.html moved_one moved || fail "shares of other particles change what is found"
+cmp -s moved/model.json one/model.json && fail "other particles make the same model"
 "$apsm" evaluate one/project.swproj --shard 1/2 2>err && fail "files are evaluated in shares"
 grep -q "for a model folder" err || fail "evaluating files in shares: $(cat err)"
 
@@ -92,9 +97,61 @@ grep -q "for a model folder" err || fail "evaluating files in shares: $(cat err)
 "$apsm" run in -o part "${job[@]}" 2>/dev/null || fail "gathering a part"
 same part
 
+# ---- fit: whole shapes, a cloud, one that is refused and one that cannot be read ----
+new=(in/s0.ply in/s2.ply in/s4.ply odd/cloud.csv odd/stranger.ply odd/broken.ply)
+mkdir odd && echo "no mesh" >odd/broken.ply && "$make" ellipsoid odd/stranger.ply || exit 1
+"$apsm" convert one/particles/s1_local.particles -o odd/cloud.csv --quiet || fail "a cloud"
+fit() { "$apsm" fit one "${new[@]}" -o fits --threads 1 "$@" >log 2>&1; }
+share() { fit --shard "$@" || fail "fit --shard $*: $(tail -n 1 log)"; }
+gather() {
+    fit # and two of six are not fitted
+    are_fits_of "$1"
+}
+fit
+mv fits fits_one || fail "fit: $(tail -n 1 log)"
+[ "$(cut -d, -f2 fits_one/fit.csv | grep -c 'good\|review')" = 4 ] && grep -q ,refused, fits_one/fit.csv &&
+    grep -q ,failed, fits_one/fit.csv || fail "other fits than are wanted here: $(cut -d, -f1,2 fits_one/fit.csv)"
+for n in 1 3; do
+    for ((k = 1; k <= n; k++)); do share $k/$n; done
+    [ "$(find fits -type f | wc -l)" = $n ] || fail "a share of fit wrote more than its journal"
+    [ $n = 3 ] && cp -r fits fits_kept
+    gather "$n shares"
+    grep -q "^5 fits that shares have kept" log || fail "gathering $n shares of fits: $(tail -n 3 log)"
+done
+# Killed and done again; one that is missing; one of other inputs; an input that has changed since.
+cp -r fits_kept fits && cut=fits/state/shard-1-of-3.journal
+head -c $(($(stat -c %s $cut) * 2 / 3)) $cut >cut_off && cp cut_off $cut && rm fits/state/shard-2-of-3.journal
+share 1/3
+cmp -s $cut fits_kept/state/shard-1-of-3.journal || fail "a killed share of fits does not go on"
+gather "a share is missing"
+asked=("${new[@]}") new=(in/s1.ply in/s3.ply)
+share 1/1
+new=("${asked[@]}")
+gather "shares of other inputs"
+grep -q "of other inputs: not used" log || fail "shares of other inputs are not told: $(tail -n 3 log)"
+cp -r fits_kept fits && cp in/s0.ply keep.ply && cp in/s1.ply in/s0.ply
+fit
+grep -q "^4 fits" log && ! cmp -s fits/shapes/s0.json fits_one/shapes/s0.json || fail "an input that changed: $(grep kept log)"
+rm -rf fits && mv keep.ply in/s0.ply
+# Of another job: told before anything is fitted; a share that is done again takes its place.
+cp -r fits_kept fits && share 2/3 --force
+fit && fail "shares of other options are taken"
+grep -q "fits/state: holds what shares of another job" log && [ ! -e fits/fit.csv ] || fail "shares of other options: $(tail -n 1 log)"
+share 2/3
+gather "a share with the right options"
+# Nothing of anybody's is replaced.
+mkdir -p fits/state && echo mine >fits/state/shard-1-of-3.journal
+fit --shard 1/3 && fail "a share replaces a file of ours"
+grep -q "was not written by apsm" log && [ "$(cat fits/state/shard-1-of-3.journal)" = mine ] || fail "a file of ours: $(cat log)"
+cp -r fits_one/. fits/ && fit --shard 2/3 && fail "a share in a folder of fits"
+grep -q "holds fits already" log || fail "a share in a folder of fits: $(cat log)"
+rm -rf fits
+
 for word in 0/3 4/3 1/0 3 1/ /3 a/b 1/3x; do
     "$apsm" groom in -o no --shard $word 2>err && fail "--shard $word is taken"
     grep -q "from 1/7 to 7/7" err || fail "--shard $word: $(cat err)"
+    "$apsm" fit one in -o no --shard $word 2>err && fail "fit --shard $word is taken"
+    grep -q "from 1/7 to 7/7" err || fail "fit --shard $word: $(cat err)"
 done
 [ -e no ] && fail "a folder for nothing"
 "$apsm" optimize one --shard 1/2 2>err && fail "optimize takes --shard"
@@ -104,6 +161,9 @@ if command -v snakemake >/dev/null; then
     snakemake -s "$root/contrib/snakemake/Snakefile" -j 2 -d "$dir" --nolock --quiet \
         --config inputs=in model=snake shards=2 apsm="$apsm" options="${job[*]}" >log 2>&1 || fail "snakemake: $(tail -n 5 log)"
     same snake
+    snakemake -s "$root/contrib/snakemake/fit.smk" -j 2 -d "$dir" --nolock --quiet \
+        --config inputs="${new[*]}" model=one fits=fits shards=2 apsm="$apsm" options="--threads 1" >log 2>&1 || fail "snakemake fit: $(tail -n 5 log)"
+    are_fits_of "snakemake"
 else
     echo "SKIPPED: contrib/snakemake is not tested, there is no snakemake"
 fi
@@ -117,8 +177,10 @@ if command -v sbatch >/dev/null && ! timeout 5 sinfo >/dev/null 2>&1; then # no 
 fi
 if command -v sbatch >/dev/null && timeout 5 sinfo >/dev/null 2>&1; then
     APSM=$apsm "$root/contrib/slurm/apsm-array" 2 in -o slurm "${job[@]}" >log || fail "sbatch"
+    APSM=$apsm "$root/contrib/slurm/apsm-fit-array" 2 one "${new[@]}" -o fits >>log || fail "sbatch of fits"
     for ((t = 0; t < 120; t++)); do squeue -h | grep -q . || break; sleep 1; done
     same slurm
+    are_fits_of Slurm
     echo "contrib/slurm: jobs $(tr '\n' ' ' <log)of a Slurm"
 else
     # What would be submitted, by an sbatch of our own that runs it at once.
@@ -138,6 +200,8 @@ EOF
     chmod +x bin/sbatch
     PATH=$dir/bin:$PATH APSM=$apsm "$root/contrib/slurm/apsm-array" 2 in -o slurm "${job[@]}" >log 2>&1 || fail "apsm-array: $(tail -n 3 log)"
     same slurm
+    PATH=$dir/bin:$PATH APSM=$apsm "$root/contrib/slurm/apsm-fit-array" 2 one "${new[@]}" -o fits >log 2>&1
+    are_fits_of apsm-fit-array
     echo "SKIPPED: contrib/slurm is tested with an sbatch of our own, there is no Slurm"
 fi
 

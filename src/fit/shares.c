@@ -1,0 +1,295 @@
+#include "fit/shares.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "files/files.h"
+#include "fit/calibration_file.h"
+#include "fit/parts.h"
+
+static void add_text(apsm_sha256 *sha, const char *text)
+{
+    apsm_sha256_add(sha, text ? text : "", strlen(text ? text : "") + 1);
+}
+
+/* ---- what job it is ---- */
+
+static void add_options(apsm_sha256 *sha, const apsm_options *options)
+{
+    size_t n;
+    const apsm_option_info *table = apsm_options_table(&n);
+    for (size_t k = 0; k < n; k++) {
+        char text[64] = "";
+        if (apsm_options_get(options, table[k].name, text) != APSM_OK) continue;
+        add_text(sha, table[k].name);
+        add_text(sha, text);
+    }
+}
+
+static void add_model(apsm_sha256 *sha, const apsm_fit_model *m)
+{
+    char numbers[65];
+    fit_calibration_of(m, numbers);
+    add_text(sha, numbers);
+    apsm_sha256_add(sha, &m->calibration, sizeof m->calibration);
+    apsm_sha256_add(sha, &m->cropped, sizeof m->cropped);
+    apsm_sha256_add(sha, &m->oriented, sizeof m->oriented);
+    if (m->oriented > 0) apsm_sha256_add(sha, m->common, sizeof m->common);
+    add_text(sha, m->labels);
+    add_options(sha, &m->options);
+}
+
+static journal_key scope_of(const apsm_fit_model *m, const fit_share_job *job)
+{
+    const apsm_fit_options *o = job->options;
+    const landmark_list *l = job->landmarks;
+    const int words[] = { o->hand, o->extent, o->aligned, o->force };
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "fit");
+    add_text(&sha, APSM_VERSION);
+    add_model(&sha, m);
+    apsm_sha256_add(&sha, words, sizeof words);
+    add_text(&sha, job->settings->labels);
+    for (size_t k = 0; k < l->n; k++) add_text(&sha, l->name[k]);
+    if (l->n > 0) apsm_sha256_add(&sha, l->x, 3 * l->n * sizeof *l->x);
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+/* The first piece of a journal says whose the others are. */
+static journal_key job_key(void)
+{
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    add_text(&sha, "job of fits");
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+/* Of the job: *said.  Of another one: *other. */
+static apsm_status ask_job(apsm_context *ctx, const fit_shares *s, const journal *j, bool *said,
+                           bool *other)
+{
+    void *data;
+    size_t size;
+    const journal_key key = job_key();
+    APSM_TRY(journal_find(ctx, j, &key, &data, &size));
+    *said = data && size == sizeof s->scope && memcmp(data, &s->scope, size) == 0;
+    *other = !*said && journal_count(j) > 0;
+    free(data);
+    return APSM_OK;
+}
+
+/* ---- opening, closing ---- */
+
+static apsm_status open_own(apsm_context *ctx, const char *path, fit_shares *s)
+{
+    bool said, other;
+    const journal_key key = job_key();
+    APSM_TRY(journal_open(ctx, path, false, &s->own));
+    APSM_TRY(ask_job(ctx, s, s->own, &said, &other));
+    if (other) {
+        journal_close(s->own);
+        APSM_TRY(journal_open(ctx, path, true, &s->own));
+    }
+    return said ? APSM_OK : journal_add(ctx, s->own, &key, &s->scope, sizeof s->scope);
+}
+
+static apsm_status open_share(apsm_context *ctx, const apsm_fit_settings *o, fit_shares *s)
+{
+    char *state = apsm_path_join(s->folder, "state"),
+         *path = shard_path(s->folder, o->shard, o->shards);
+    apsm_status status = state && path ? apsm_make_folder(ctx, state) : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = open_own(ctx, path, s);
+    free(state);
+    free(path);
+    return status;
+}
+
+static apsm_status open_all(apsm_context *ctx, fit_shares *s)
+{
+    APSM_TRY(journal_set_add_shards(ctx, &s->kept, s->folder));
+    for (size_t k = 0; k < s->kept.n; k++) {
+        bool said, other;
+        APSM_TRY(ask_job(ctx, s, s->kept.list[k], &said, &other));
+        if (other)
+            return apsm_fail(ctx, APSM_ERR_STATE,
+                             "%s/state: holds what shares of another job have kept (another model "
+                             "or other options); give theirs, or remove that folder",
+                             s->folder);
+    }
+    return APSM_OK;
+}
+
+apsm_status fit_shares_open(apsm_context *ctx, const apsm_fit_model *model,
+                            const fit_share_job *job, fit_shares *s)
+{
+    const apsm_fit_settings *o = job->settings;
+    *s = (fit_shares){ .model = model, .folder = o->folder, .scope = scope_of(model, job) };
+    return o->shards > 0 ? open_share(ctx, o, s) : open_all(ctx, s);
+}
+
+void fit_shares_close(fit_shares *s)
+{
+    journal_set_close(&s->kept);
+    journal_close(s->own);
+    *s = (fit_shares){ 0 };
+}
+
+apsm_status fit_shares_end(apsm_context *ctx, fit_shares *s)
+{
+    if (s->kept.n == 0) return APSM_OK;
+    if (s->found > 0)
+        apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state",
+                 s->found, s->folder);
+    else
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "what shares have kept in %s/state is of other inputs: not used", s->folder);
+    APSM_TRY(shards_remove(ctx, s->folder));
+    char *state = apsm_path_join(s->folder, "state");
+    if (!state) return APSM_ERR_MEMORY;
+    rmdir(state); /* what else is there stays */
+    free(state);
+    return APSM_OK;
+}
+
+/* ---- one fit: a fit_row without its pointers, and, if there are particles, their arrays ---- */
+
+enum { FIELDS = 10 };
+typedef struct field {
+    void *at;
+    size_t bytes;
+} field;
+
+/* All but what the model knows. */
+static void fields_of(const apsm_fit *f, field list[FIELDS])
+{
+    const size_t J = f->J * sizeof(double), nv = f->mesh.nv * sizeof(double);
+    const field all[FIELDS] = { { f->local, 3 * J },
+                                { f->world, 3 * J },
+                                { f->original, 3 * J },
+                                { f->score, f->modes * sizeof *f->score },
+                                { f->sd, J },
+                                { f->sd_normal, J },
+                                { f->mesh.V, 3 * nv },
+                                { f->mesh_sd, nv },
+                                { f->observed, f->J * sizeof *f->observed },
+                                { f->mesh_observed, f->mesh.nv * sizeof *f->mesh_observed } };
+    memcpy(list, all, sizeof all);
+}
+
+static size_t bytes_of(const field list[FIELDS])
+{
+    size_t bytes = 0;
+    for (size_t k = 0; k < FIELDS; k++) bytes += list[k].bytes;
+    return bytes;
+}
+
+static journal_key key_of(const fit_shares *s, const apsm_input_case *c, const fit_row *row)
+{
+    const int how[] = { (int)c->kind, c->reflect };
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add(&sha, &s->scope, sizeof s->scope);
+    add_text(&sha, c->name);
+    add_text(&sha, c->path);
+    add_text(&sha, row->sha256);
+    apsm_sha256_add(&sha, how, sizeof how);
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
+apsm_status fit_shares_keep(apsm_context *ctx, const fit_shares *s, const apsm_input_case *c,
+                            const fit_row *row)
+{
+    field list[FIELDS] = { { 0 } };
+    if (row->figures.J > 0) fields_of(&row->figures, list);
+    const size_t size = sizeof *row + bytes_of(list);
+    unsigned char *data = calloc(1, size), *to = data;
+    if (!data) return APSM_ERR_MEMORY;
+    fit_row bare = *row;
+    bare.name = bare.path = NULL;
+    fit_forget_arrays(&bare.figures);
+    bare.figures.score = NULL;
+    memcpy(to, &bare, sizeof bare);
+    to += sizeof bare;
+    for (size_t k = 0; k < FIELDS; to += list[k++].bytes)
+        if (list[k].bytes > 0) memcpy(to, list[k].at, list[k].bytes);
+    const journal_key key = key_of(s, c, row);
+    const apsm_status status = journal_add(ctx, s->own, &key, data, size);
+    free(data);
+    return status;
+}
+
+/* fit (out): the figures, with room for the model's arrays. */
+static apsm_status take_figures(const apsm_fit_model *m, const apsm_fit *figures, apsm_fit *fit)
+{
+    apsm_fit own = { 0 };
+    const apsm_status status = fit_alloc(m, &own);
+    *fit = *figures;
+    fit->local = own.local;
+    fit->world = own.world;
+    fit->original = own.original;
+    fit->score = own.score;
+    fit->variance = own.variance;
+    fit->sd = own.sd;
+    fit->sd_normal = own.sd_normal;
+    fit->observed = own.observed;
+    fit->mesh = own.mesh;
+    fit->mesh_sd = own.mesh_sd;
+    fit->mesh_observed = own.mesh_observed;
+    return status;
+}
+
+static apsm_status unpack(const fit_shares *s, const unsigned char *data, size_t size, fit_row *row,
+                          apsm_fit *fit)
+{
+    const fit_row own = *row;
+    field list[FIELDS] = { { 0 } };
+    if (size < sizeof *row) return APSM_ERR_FORMAT;
+    memcpy(row, data, sizeof *row);
+    row->name = own.name;
+    row->path = own.path;
+    if (row->figures.J > 0) {
+        APSM_TRY(take_figures(s->model, &row->figures, fit));
+        fields_of(fit, list);
+    } else {
+        *fit = row->figures;
+    }
+    if (size != sizeof *row + bytes_of(list)) return APSM_ERR_FORMAT;
+    data += sizeof *row;
+    for (size_t k = 0; k < FIELDS; data += list[k++].bytes)
+        if (list[k].bytes > 0) memcpy(list[k].at, data, list[k].bytes);
+    row->figures = *fit;
+    return APSM_OK;
+}
+
+static apsm_status look_up(apsm_context *ctx, const fit_shares *s, const journal_key *key,
+                           void **data, size_t *size)
+{
+    return s->own ? journal_find(ctx, s->own, key, data, size)
+                  : journal_set_find(ctx, &s->kept, key, data, size);
+}
+
+apsm_status fit_shares_find(apsm_context *ctx, fit_shares *s, const apsm_input_case *c,
+                            fit_row *row, apsm_fit *fit, bool *found)
+{
+    void *data;
+    size_t size;
+    *found = false;
+    if (!s->own && s->kept.n == 0) return APSM_OK;
+    const journal_key key = key_of(s, c, row);
+    APSM_TRY(look_up(ctx, s, &key, &data, &size));
+    if (!data) return APSM_OK;
+    const apsm_status status = unpack(s, data, size, row, fit);
+    free(data);
+    *found = status == APSM_OK;
+#pragma omp atomic
+    s->found += *found;
+    return status;
+}
