@@ -17,7 +17,7 @@
 #include "optimize/optimizer.h"
 #include "optimize/rim_seats.h"
 
-enum { SPREAD_EPOCHS = 60 };
+enum { SPREAD_EPOCHS = 60, ADAPTIVE_EPOCHS = 6 };
 static const double anchor_reach = 3; /* of the pull of a landmark, in h */
 
 /* The vertex farthest from the surface's centroid: the same whatever the order of the vertices,
@@ -166,7 +166,8 @@ static apsm_status carry_to_shape(apsm_context *ctx, size_t i, int worker, void 
     return apsm_keep(ctx, "first", piece, bytes, P);
 }
 
-/* Particles T (J x 3) spread over the template; S (J) is scratch. */
+/* Particles T (J x 3) spread over the template, where the surface error wants them unless stage 2
+ * is to see to that; S (J) is scratch. */
 static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
                                  const apsm_optimize_options *options, size_t J,
                                  apsm_surface_point *S, double *T)
@@ -176,11 +177,16 @@ static apsm_status seed_template(apsm_context *ctx, const apsm_cohort *cohort,
     APSM_TRY(sample_shape(ctx, shape, J, S));
     positions(shape, J, S, T);
     apsm_anchors_hold(cohort, t, T);
-    APSM_TRY(apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, T));
-    if (shape->rim.n == 0) return APSM_OK;
-    APSM_TRY(apsm_seat_rim(shape, J, T));
-    apsm_anchors_hold(cohort, t, T);
-    return apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, T);
+    APSM_TRY(apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, 0, T));
+    if (shape->rim.n > 0) {
+        APSM_TRY(apsm_seat_rim(shape, J, T));
+        apsm_anchors_hold(cohort, t, T);
+        APSM_TRY(apsm_spread(ctx, cohort, t, options, J, SPREAD_EPOCHS, 0, T));
+    }
+    const double c = options->schedule.adaptivity;
+    const apsm_optimizer_state first = { .stage = APSM_STAGE_1 };
+    if (!(c > 0) || apsm_draws_points(options, &first)) return APSM_OK;
+    return apsm_spread(ctx, cohort, t, options, J, ADAPTIVE_EPOCHS, c, T);
 }
 
 /* The template's particles c->T, which are c->P's where it is fixed, with normals TN and spacing.

@@ -437,11 +437,10 @@ static apsm_status optimize(optimizer *op, apsm_epoch_fn on_epoch, void *user)
     return status;
 }
 
-apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
-                           const apsm_optimize_options *options, size_t n, const term *const *terms,
-                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
+/* Whether it is one of this cohort. */
+static apsm_status check_state(apsm_context *ctx, const apsm_cohort *cohort,
+                               const apsm_optimizer_state *state)
 {
-    optimizer op;
     if (cohort->part && cohort->first[cohort->parts] != state->J)
         return apsm_fail(ctx, APSM_ERR_ARG, "%zu particles in the state, %zu in the cohort's parts",
                          state->J, cohort->first[cohort->parts]);
@@ -449,8 +448,45 @@ apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "%zu shapes in the state, %zu in the cohort; at least 7 particles needed",
                          state->I, cohort->I);
+    return APSM_OK;
+}
+
+apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
+                           const apsm_optimize_options *options, size_t n, const term *const *terms,
+                           apsm_optimizer_state *state, apsm_epoch_fn on_epoch, void *user)
+{
+    optimizer op;
+    APSM_TRY(check_state(ctx, cohort, state));
     APSM_TRY(optimizer_alloc(ctx, cohort, options, n, terms, state, &op));
     return optimize(&op, on_epoch, user);
+}
+
+bool apsm_draws_points(const apsm_optimize_options *o, const apsm_optimizer_state *s)
+{
+    const long epochs[] = { [APSM_STAGE_1] = o->schedule.stage1_epochs,
+                            [APSM_STAGE_2] = o->schedule.stage2_epochs };
+    bool draws = s->epoch < 0;
+    for (int stage = s->stage; stage <= APSM_STAGE_2; stage++)
+        draws = draws || epochs[stage] > (stage == s->stage ? s->epoch : 0);
+    return draws;
+}
+
+apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
+                            const apsm_optimize_options *options, apsm_optimizer_state *state)
+{
+    optimizer op;
+    apsm_epoch_record r = { 0 };
+    const schedule s = schedule_of_stage(options, APSM_STAGE_1);
+    if (state->stage != APSM_STAGE_1 || state->epochs_run > 0 || state->epoch != 0 ||
+        s.epochs > 0 || s.settle == 0)
+        return APSM_OK;
+    APSM_TRY(check_state(ctx, cohort, state));
+    APSM_TRY(optimizer_alloc(ctx, cohort, options, APSM_TERMS, standard_terms, state, &op));
+    op.schedule = s;
+    apsm_status status = freeze_template(&op);
+    if (status == APSM_OK) status = run_pass(&op, &r);
+    optimizer_free(&op);
+    return status;
 }
 
 apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
@@ -464,24 +500,33 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
 
 enum { SPREAD_ALPHA = 10 }; /* steps up to h/4: a farthest-point sample is far from even */
 
+/* Options of epochs with the sampling loss alone: `epochs` of stage 1, or, if c > 0, of stage 2. */
+static apsm_optimize_options spreading(const apsm_optimize_options *options, long epochs, double c)
+{
+    apsm_optimize_options o = *options;
+    o.schedule.stage1_epochs = c > 0 ? 0 : epochs;
+    o.schedule.stage2_epochs = c > 0 ? epochs : 0;
+    o.schedule.adaptivity = c;
+    o.fidelity.fidelity = 0;
+    if (!(c > 0) && o.step.step == APSM_STEP_SCALED) o.schedule.alpha = SPREAD_ALPHA;
+    o.schedule.beta = o.schedule.gamma = 0;
+    o.batch = 0;
+    return o;
+}
+
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
-                        const apsm_optimize_options *options, size_t J, long epochs, double *P)
+                        const apsm_optimize_options *options, size_t J, long epochs, double c,
+                        double *P)
 {
     apsm_cohort one = { .I = 1, .shape = &cohort->shape[i], .anchors = cohort->anchors };
     if (one.anchors.L > 0) {
         one.anchors.has += one.anchors.L * i;
         one.anchors.x += 3 * one.anchors.L * i;
     }
-    apsm_optimize_options o = *options;
+    const apsm_optimize_options o = spreading(options, epochs, c);
     apsm_optimizer_state state = {
         .I = 1, .J = J, .stage = APSM_STAGE_1, .best_mismatched = 2, .P = P
     };
-    o.schedule.stage1_epochs = epochs;
-    o.schedule.stage2_epochs = 0;
-    o.fidelity.fidelity = 0;
-    if (o.step.step == APSM_STEP_SCALED) o.schedule.alpha = SPREAD_ALPHA;
-    o.schedule.beta = o.schedule.gamma = 0;
-    o.batch = 0;
     state.mean = optimizer_doubles(3 * J);
     if (!state.mean) return APSM_ERR_MEMORY;
     optimizer op;
@@ -491,5 +536,6 @@ apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
         status = optimize(&op, NULL, NULL);
     }
     free(state.mean);
+    free(state.own);
     return status;
 }

@@ -17,6 +17,16 @@
 extern "C" {
 #endif
 
+/* Whether epochs are to come that draw points near the surfaces: they need the cohort's distance
+ * fields. */
+bool apsm_draws_points(const apsm_optimize_options *options, const apsm_optimizer_state *state);
+
+/* Where stage 1 has no epochs: the pass of Algorithm 1 that its first one begins with, once, over
+ * the first particles.  If many are mismatched, epochs to settle are to come: apsm_draws_points. */
+apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
+                            const apsm_optimize_options *options,
+                            apsm_optimizer_state *state) APSM_NODISCARD;
+
 /* Runs state to the end from wherever it is.  On APSM_ERR_INTERRUPTED state is that of the last
  * full epoch.  Results depend on cohort, options, state and the context's seed alone.
  * O(epochs * I * (R J + J^2 if c > 0) + I J^3 + I^2 J) time, O(I J^2 + threads * J^2) memory, or
@@ -31,10 +41,10 @@ apsm_status apsm_optimize(apsm_context *ctx, const apsm_cohort *cohort,
  * decides, for it decides the result. */
 double apsm_kept_factor_bytes(const apsm_optimize_options *options, size_t I, size_t J);
 
-/* Spreads the particles P (J x 3, in/out, on the surface) of shape i evenly, by the sampling
- * loss alone with falling steps. */
+/* Spreads the particles P (J x 3, in/out, on the surface) of shape i by the sampling loss alone
+ * with falling steps: evenly if c = 0, else by the surface error, with c of (5). */
 apsm_status apsm_spread(apsm_context *ctx, const apsm_cohort *cohort, size_t i,
-                        const apsm_optimize_options *options, size_t J, long epochs,
+                        const apsm_optimize_options *options, size_t J, long epochs, double c,
                         double *P) APSM_NODISCARD;
 
 /* First particles P (I x J x 3, out, world frame): a farthest-point sample of the template, spread,

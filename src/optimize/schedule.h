@@ -14,8 +14,8 @@
          "weight of the eigenshape loss; 0.05 without the fidelity stage, whose prior takes its "  \
          "place")                                                                                  \
     REAL(S, gamma, 0.5, 0, 1e6, "weight of the correspondence loss")                               \
-    INT(S, stage1_epochs, 3, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")            \
-    INT(S, stage2_epochs, 6, 0, 1000000, "epochs of stage 2 (adaptive)")                           \
+    INT(S, stage1_epochs, 0, 0, 1000000, "most epochs of stage 1 (even spread, c = 0)")            \
+    INT(S, stage2_epochs, 0, 0, 1000000, "epochs of stage 2 (adaptive)")                           \
     INT(S, settle_epochs, 50, 0, 1000000,                                                          \
         "most epochs before stage 1, with weights that move particles far, if the first "          \
         "particles "                                                                               \

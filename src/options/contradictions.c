@@ -28,7 +28,7 @@ apsm_status apsm_options_check(apsm_context *ctx, const apsm_options *options)
         o->method != APSM_METHOD_PSM)
         return apsm_fail(ctx, APSM_ERR_ARG,
                          "stage1_epochs and stage2_epochs are both 0, and there is no fidelity "
-                         "stage: nothing to optimize");
+                         "stage: nothing to optimize; give them 50 each, say");
     if (o->step.step == APSM_STEP_LITERAL && o->sampling.error_gradient == APSM_ERROR_THROUGH_W &&
         o->sampling.sampling_scale == APSM_SAMPLING_VORONOI && o->step.step_clip == 0)
         return apsm_fail(ctx, APSM_ERR_ARG,

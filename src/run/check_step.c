@@ -235,11 +235,14 @@ static double optimize_seconds(const apsm_options *o, double I)
     return seconds;
 }
 
-/* Of a finished shape: mesh, trees, tables, and its distance field unless the method has none. */
-static double shape_bytes(const apsm_options *o)
+/* Of a finished shape: mesh, trees, tables, and its distance field if there are epochs that draw
+ * points. */
+static double shape_bytes(const apsm_run *run)
 {
-    const double field =
-        o->optimize.method == APSM_METHOD_PSM ? 0 : 4.7e3 * (double)o->optimize.particles;
+    const apsm_options *o = &run->options;
+    const double field = run_fields_wanted(run, RUN_NO_FIELDS) == RUN_NO_FIELDS
+                             ? 0
+                             : 4.7e3 * (double)o->optimize.particles;
     return 270 * (double)o->groom.remesh_options.faces + field;
 }
 
@@ -259,7 +262,7 @@ static void forecast(const apsm_run *run, size_t shapes)
     const double seconds = I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o, I) +
                                 evaluate_seconds(J)) +
                            template_seconds(I) + model_seconds(I, J);
-    const double stored = I * shape_bytes(o), limit = (double)run->memory;
+    const double stored = I * shape_bytes(run), limit = (double)run->memory;
     const bool stores = run->memory > 0; /* then no factor is kept */
     const double others = other_bytes(o, I, threads) + (stores ? 0 : I * kept_bytes(o, I));
     apsm_log(run->ctx, APSM_LOG_INFO, "about %.0f s on %.0f threads, %.0f MB of memory",

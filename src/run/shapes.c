@@ -9,6 +9,7 @@
 #include "files/stored.h"
 #include "geometry/affine.h"
 #include "geometry/stored.h"
+#include "optimize/optimizer.h"
 #include "run/features.h"
 #include "run/fixed.h"
 #include "run/landmarks.h"
@@ -123,11 +124,26 @@ static apsm_status refuse_giants(const apsm_run *run, size_t t)
     return APSM_OK;
 }
 
+run_fields run_fields_wanted(const apsm_run *run, run_fields otherwise)
+{
+    const apsm_optimize_options *o = &run->options.optimize;
+    const apsm_optimizer_state first = { .stage = APSM_STAGE_1 };
+    if (o->method == APSM_METHOD_PSM) return RUN_NO_FIELDS;
+    return apsm_draws_points(o, &first) ? RUN_OWN_FIELDS : otherwise;
+}
+
+/* Which the cohort has. */
+static run_fields fields_of(const apsm_cohort *c)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < c->I; i++) n += c->shape[i].field != NULL;
+    if (n == 0) return RUN_NO_FIELDS;
+    return n == 1 && c->shape[c->template_index].field ? RUN_TEMPLATE_FIELD : RUN_OWN_FIELDS;
+}
+
 apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
 {
-    if (run->cohort.I > 0 &&
-        (run->cohort.shape[run->cohort.template_index].field || wanted == RUN_NO_FIELDS))
-        return APSM_OK;
+    if (run->cohort.I > 0 && fields_of(&run->cohort) >= wanted) return APSM_OK;
     apsm_cohort_free(&run->cohort);
     APSM_TRY(run_load_meshes(run));
     const size_t t = run_template_index(run);

@@ -18,6 +18,8 @@ typedef enum run_fields {
                       */
 } run_fields;
 apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
+/* RUN_OWN_FIELDS if the two stages have epochs, else `otherwise`; none for method psm. */
+run_fields run_fields_wanted(const apsm_run *run, run_fields otherwise);
 /* Forgets what was loaded: the groomed shapes have changed. */
 void run_unload(apsm_run *run);
 

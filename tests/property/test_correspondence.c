@@ -154,6 +154,7 @@ static double shaken_truth_error(const apsm_optimize_options *o)
         memcpy(x, closest.x, sizeof closest.x);
     }
     const double before = cohort_truth_error(&r, h);
+    ok(&r, apsm_first_pass(r.ctx, &r.cohort, o, &r.state));
     ok(&r, apsm_optimize(r.ctx, &r.cohort, o, &r.state, NULL, NULL));
     const double after = cohort_truth_error(&r, h);
     cohort_end(&r);
