@@ -396,7 +396,17 @@ static void next_stage(apsm_optimizer_state *s)
     s->h = 0;
 }
 
-/* An interrupted epoch is undone: its entry positions are kept in `entry`. */
+/* An interrupted epoch, before which the state was `before` and particles were at `entry`. */
+static void undo(optimizer *op, const apsm_optimizer_state *before, const double *entry)
+{
+    apsm_optimizer_state *s = op->state;
+    const apsm_optimizer_state now = *s;
+    *s = *before;
+    s->own = now.own;
+    s->own_size = now.own_size;
+    memcpy(s->P, entry, op->I * op->J * 3 * sizeof *entry);
+}
+
 static apsm_status run_stages(optimizer *op, double *entry, apsm_epoch_fn on_epoch, void *user)
 {
     apsm_optimizer_state *s = op->state;
@@ -410,11 +420,7 @@ static apsm_status run_stages(optimizer *op, double *entry, apsm_epoch_fn on_epo
             const bool last = s->stage == APSM_STAGE_FIDELITY;
             const apsm_status status = last ? run_round(op, &r) : run_epoch(op, &r);
             if (status != APSM_OK) {
-                const apsm_optimizer_state now = *s;
-                *s = before;
-                s->own = now.own;
-                s->own_size = now.own_size;
-                memcpy(s->P, entry, bytes);
+                undo(op, &before, entry);
                 return status;
             }
             if (!op->quiet) tell_progress(op, &r);
@@ -483,8 +489,14 @@ apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
     APSM_TRY(check_state(ctx, cohort, state));
     APSM_TRY(optimizer_alloc(ctx, cohort, options, APSM_TERMS, standard_terms, state, &op));
     op.schedule = s;
-    apsm_status status = freeze_template(&op);
+    const apsm_optimizer_state before = *state;
+    double *entry = optimizer_doubles(op.I * op.J * 3);
+    apsm_status status = entry ? APSM_OK : APSM_ERR_MEMORY;
+    if (entry) memcpy(entry, state->P, op.I * op.J * 3 * sizeof *entry);
+    if (status == APSM_OK) status = freeze_template(&op);
     if (status == APSM_OK) status = run_pass(&op, &r);
+    if (status != APSM_OK && entry) undo(&op, &before, entry);
+    free(entry);
     optimizer_free(&op);
     return status;
 }

@@ -196,6 +196,55 @@ static void columns_are_the_table(void **state)
     assert_null(apsm_loss_name(APSM_TERMS));
 }
 
+/* ---- the pass before all where stage 1 has no epochs ---- */
+
+static void a_first_pass_is_whole_or_undone(void **state)
+{
+    (void)state;
+    volatile int flag = 1;
+    apsm_context *ctx = apsm_context_new();
+    apsm_cohort cohort;
+    apsm_optimizer_state s;
+    double P[I * J * 3];
+    apsm_optimize_options o = apsm_optimize_defaults();
+    make_cohort(ctx, &cohort, P);
+    for (size_t j = 0; j < J; j++) /* of one shape they are all mixed up */
+        memcpy(P + (J + j) * 3, cohort.shape[1].mesh.V + 3 * (7 * j % J), 3 * sizeof *P);
+    assert_int_equal(apsm_optimizer_state_alloc(I, J, &s), APSM_OK);
+    memcpy(s.P, P, sizeof P);
+    assert_false(apsm_draws_points(&o, &s));
+    apsm_context_set_interrupt(ctx, &flag);
+    assert_int_equal(apsm_first_pass(ctx, &cohort, &o, &s), APSM_ERR_INTERRUPTED);
+    assert_memory_equal(s.P, P, sizeof P);
+    assert_true(s.h == 0 && s.epoch == 0 && s.best_mismatched == 2);
+    flag = 0;
+    o.schedule.stage1_epochs = 1; /* which begins with a pass of its own */
+    assert_int_equal(apsm_first_pass(ctx, &cohort, &o, &s), APSM_OK);
+    assert_memory_equal(s.P, P, sizeof P);
+    assert_true(apsm_draws_points(&o, &s));
+    o.schedule.stage1_epochs = 0;
+    assert_int_equal(apsm_first_pass(ctx, &cohort, &o, &s), APSM_OK);
+    assert_int_equal(s.epoch, -o.schedule.settle_epochs);
+    assert_memory_not_equal(s.P, P, sizeof P);
+    assert_true(apsm_draws_points(&o, &s));
+    apsm_optimizer_state_free(&s);
+    apsm_cohort_free(&cohort);
+    apsm_context_free(ctx);
+}
+
+static void points_are_drawn_in_epochs_to_come(void **state)
+{
+    (void)state;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    o.schedule.stage2_epochs = 2;
+    for (int stage = APSM_STAGE_1; stage <= APSM_STAGE_DONE; stage++)
+        for (long epoch = 0; epoch < 3; epoch++) {
+            const apsm_optimizer_state s = { .stage = stage, .epoch = epoch };
+            const bool draws = stage == APSM_STAGE_1 || (stage == APSM_STAGE_2 && epoch < 2);
+            assert_true(apsm_draws_points(&o, &s) == draws);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -204,6 +253,8 @@ int main(void)
         cmocka_unit_test(an_epochs_figure_is_the_mean_over_its_batches),
         cmocka_unit_test(a_new_term_needs_no_more_than_its_entry),
         cmocka_unit_test(columns_are_the_table),
+        cmocka_unit_test(a_first_pass_is_whole_or_undone),
+        cmocka_unit_test(points_are_drawn_in_epochs_to_come),
     };
     return cmocka_run_group_tests_name("schedule", tests, NULL, NULL);
 }
