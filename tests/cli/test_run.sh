@@ -60,12 +60,14 @@ expect 0 "MB of disk in model/state" run cohort -o model "${quick[@]}" --memory 
 expect 0 "1000 iterations a split" run cohort -o model --method psm --dry-run
 # seconds OPTION...: the forecast
 seconds() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/^about \([0-9]*\) s on.*/\1/p'; }
-plain=$(seconds --threads 1 --fidelity 0 -J 1024 --fidelity-rounds 100)
-[ "$(seconds --threads 1 -J 1024 --fidelity-rounds 100)" -gt $((plain + 20)) ] ||
+plain=$(seconds --threads 1 --fidelity 0 -J 1024 --fidelity-rounds 100 --stage1-epochs 1)
+[ "$(seconds --threads 1 -J 1024 --fidelity-rounds 100 --stage1-epochs 1)" -gt $((plain + 20)) ] ||
     fail "--dry-run: the fidelity stage costs nothing"
 megabytes() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/.*, \([0-9]*\) MB of memory.*/\1/p'; }
-[ "$(megabytes -J 512)" -gt "$(megabytes -J 512 --adaptivity 0)" ] ||
+[ "$(megabytes -J 512 --stage2-epochs 1)" -gt "$(megabytes -J 512 --stage2-epochs 1 --adaptivity 0)" ] ||
     fail "--dry-run: the factors that stage 2 keeps take no memory"
+[ "$(megabytes -J 512 --stage1-epochs 1)" -gt "$(megabytes -J 512)" ] ||
+    fail "--dry-run: the distance fields of stage 1 take no memory"
 expect 0 "0 + 0 epochs, 12 fidelity rounds" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --dry-run
 expect 2 "there is no fidelity stage" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --fidelity 0 --dry-run
 [ -e model ] && fail "--dry-run wrote something"
