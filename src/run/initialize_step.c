@@ -61,8 +61,8 @@ apsm_status apsm_run_initialize(apsm_run *run)
     const stage_clock clock = stage_begin();
     APSM_TRY(guard_files(run, "initialize", NULL));
     const run_fields fields = run_fields_wanted(run, RUN_TEMPLATE_FIELD);
-    APSM_TRY(run_load_cohort(run, run->helps && fields == RUN_OWN_FIELDS ? RUN_TEMPLATE_FIELD
-                                                                         : fields));
+    APSM_TRY(
+        run_load_cohort(run, run->helps && fields == RUN_OWN_FIELDS ? RUN_TEMPLATE_FIELD : fields));
     APSM_TRY(manifest_set_options(run));
     if (!run->helps) APSM_TRY(stage_start(run, "initialize"));
     apsm_optimizer_state state = { 0 };
