@@ -48,7 +48,7 @@ if $have_cxx; then
 fi
 grep -q "^6 shapes, 64 particles, variances" one || fail "memory says $(head -1 one)"
 [ "$(grep -c "surface distance" one)" -eq 6 ] || fail "memory: $(cat one)"
-grep -q "stage 1" progress || fail "no progress"
+grep -q "fidelity" progress || fail "no progress"
 
 mkdir shapes
 for i in 0 1 2 3 4; do
