@@ -134,6 +134,11 @@ static apsm_status load(apsm_context *ctx, apsm_fit_model *m)
 {
     APSM_TRY(apsm_is_folder(m->path) ? load_folder(ctx, m) : fit_model_read_file(ctx, m));
     const apsm_status status = fit_model_prepare(ctx, m);
+    if (status == APSM_OK && m->calibration.modes < 1)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: its %zu shapes are too few for a mode that others follow: how unusual a new "
+                 "shape is cannot be told",
+                 m->path, m->model.I);
     /* Its kernels know no file, and not all of them have a line. */
     if (status == APSM_OK || status == APSM_ERR_MEMORY || status == APSM_ERR_INTERRUPTED)
         return status;

@@ -69,7 +69,7 @@ static apsm_status read_all(norm_job *w)
     if (!s->folder || s->n_files == 0)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "norm: no model folder or no shapes");
     APSM_TRY(model_folder_read(w->ctx, s->folder, FOLDER_ALL, &w->m));
-    APSM_TRY(particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->files));
+    APSM_TRY(particle_files_read(w->ctx, s->n_files, s->files, &w->m, &w->files));
     w->n = w->files.n;
     APSM_TRY(claim_files(w));
     APSM_TRY(list_names(w));

@@ -9,6 +9,7 @@
 #include "apsm/formats.h"
 #include "files/files.h"
 #include "files/particles_file.h"
+#include "folder/model_json.h"
 #include "geometry/affine.h"
 #include "geometry/vec3.h"
 #include "optimize/fidelity_shape.h"
@@ -16,17 +17,8 @@
 void fit_origin_of(const apsm_fit_model *m, const char *path, const apsm_fit_options *options,
                    fit_origin *origin)
 {
-    const apsm_shape_model *s = &m->model;
-    unsigned char digest[32];
-    apsm_sha256 sha;
     *origin = (fit_origin){ .model = m, .path = path, .options = options };
-    apsm_sha256_begin(&sha);
-    apsm_sha256_add(&sha, s->mean, 3 * s->J * sizeof *s->mean);
-    apsm_sha256_add(&sha, s->mode, s->modes * 3 * s->J * sizeof *s->mode);
-    apsm_sha256_add(&sha, s->variance, s->modes * sizeof *s->variance);
-    apsm_sha256_add(&sha, m->T, 3 * s->J * sizeof *m->T);
-    apsm_sha256_end(&sha, digest);
-    apsm_sha256_hex(digest, origin->sha256);
+    model_sha256(&m->model, m->T, origin->sha256);
 }
 
 static char *place(const char *folder, const char *part, const char *name, const char *rest)
@@ -183,16 +175,17 @@ static json_t *json_summary(const fit_row *row)
     if (!o || row->failed) return o;
     const int bad = json_object_update_new(
         o, json_pack(
-               "{s:b, s:b, s:f, s:f, s:o, s:o, s:o, s:f, s:I, s:f, s:f, s:f, s:f, s:f, s:o, s:o}",
+               "{s:b, s:b, s:f, s:f, s:o, s:o, s:o, s:o, s:I, s:o, s:f, s:f, s:f, s:f, s:o, s:o}",
                "partial", f->partial, "mirrored", f->mirrored, "cropped_share", f->cropped_share,
                "pose_residual", f->pose_residual, "runner_up_ratio",
                apsm_json_number_or_null(f->runner_up), "mirror_ratio",
                apsm_json_number_or_null(f->mirror_ratio), "to_world", apsm_json_vector(16, f->M),
-               "mahalanobis", f->mahalanobis, "mahalanobis_modes", (json_int_t)f->mahalanobis_modes,
-               "tail_probability", f->tail, "residual", f->residual, "residual_usual",
-               f->residual_usual, "observed_share", f->observed_share, "counted_share",
-               f->counted_share, "surface_distance", json_distance(f), "certificate",
-               json_certificate(f)));
+               "mahalanobis", apsm_json_number_or_null(f->mahalanobis_modes ? f->mahalanobis : NAN),
+               "mahalanobis_modes", (json_int_t)f->mahalanobis_modes, "tail_probability",
+               apsm_json_number_or_null(f->mahalanobis_modes ? f->tail : NAN), "residual",
+               f->residual, "residual_usual", f->residual_usual, "observed_share",
+               f->observed_share, "counted_share", f->counted_share, "surface_distance",
+               json_distance(f), "certificate", json_certificate(f)));
     if (!bad) return o;
     json_decref(o);
     return NULL;
@@ -304,8 +297,9 @@ static void put_row(apsm_writer *w, const fit_row *row, size_t modes)
     const apsm_fit *f = &row->figures;
     const bool fitted = !row->failed && f->J > 0;
     const apsm_distance_summary *d = &f->distance.two_way;
-    const double cells[] = { f->mahalanobis,
-                             f->tail,
+    const bool placed = f->mahalanobis_modes > 0; /* among the model's shapes */
+    const double cells[] = { placed ? f->mahalanobis : NAN,
+                             placed ? f->tail : NAN,
                              f->residual,
                              f->has_distance ? d->mean : NAN,
                              f->has_distance ? d->max : NAN,

@@ -74,7 +74,9 @@ void fit_judge_pose(fit_job *job)
         fit_object(out, APSM_FIT_REFUSED,
                    "another shape: the surfaces are %.2f radii apart in the best pose",
                    p->residual);
-    if (p->runner_up < APSM_AMBIGUOUS_RATIO)
+    if (p->runner_up < 1.005)
+        fit_object(out, APSM_FIT_REVIEW, "ambiguous pose: another one fits as well");
+    else if (p->runner_up < APSM_AMBIGUOUS_RATIO)
         fit_object(out, APSM_FIT_REVIEW, "ambiguous pose: another one fits within %.0f %%",
                    100 * (p->runner_up - 1));
     if (!is_side_shown(job))

@@ -1,6 +1,7 @@
 #include "folder/model_folder.h"
 
 #include <jansson.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,6 +13,9 @@
 #include "folder/model_json.h"
 #include "folder/names.h"
 #include "geometry/affine.h"
+
+static const double changed_mean = 1e-6;  /* of the extent */
+static const double file_rounding = 1e-8; /* of a coordinate: nine digits are written */
 
 static apsm_status stale(apsm_context *ctx, const model_folder *m, const char *what)
 {
@@ -178,11 +182,31 @@ static apsm_status read_world(apsm_context *ctx, size_t i, int worker, void *use
     return read_sets(ctx, m, i, true, m->P + i * m->J * 3);
 }
 
+/* Particles that were written since do not have the mean that the model has. */
+static apsm_status check_mean(apsm_context *ctx, const model_folder *m)
+{
+    const size_t n = 3 * m->J;
+    double extent = 0.0, off = 0.0, far = 0.0;
+    for (size_t k = 0; k < n; k++) {
+        double mean = 0.0;
+        for (size_t i = 0; i < m->I; i++) mean += m->P[i * n + k];
+        off = fmax(off, fabs(mean / (double)m->I - m->model.mean[k]));
+        extent = fmax(extent, fabs(m->model.mean[k] - m->model.mean[k % 3]));
+        far = fmax(far, fabs(m->model.mean[k]));
+    }
+    return off <= changed_mean * extent + file_rounding * far
+               ? APSM_OK
+               : stale(ctx, m,
+                       "particles have changed since the model was made of them (`apsm verify` "
+                       "tells which)");
+}
+
 static apsm_status read_particles(apsm_context *ctx, model_folder *m)
 {
     m->P = calloc(m->I * 3, m->J * sizeof *m->P);
     if (!m->P) return out_of_memory(ctx, m);
-    return apsm_parallel_for(ctx, m->I, read_world, m, NULL);
+    APSM_TRY(apsm_parallel_for(ctx, m->I, read_world, m, NULL));
+    return check_mean(ctx, m);
 }
 
 static apsm_status read_parts(apsm_context *ctx, unsigned parts, model_folder *m)

@@ -42,9 +42,9 @@ typedef struct model_folder {
 } model_folder;
 
 /* Reads the project, the model, and the parts that are asked for.  m is overwritten, and {0} on
- * failure.  APSM_ERR_STATE: the folder holds no project, has not been evaluated, or files in it are
- * of other shapes than the project's; APSM_ERR_FORMAT, _IO: a file is damaged.  Particles are read
- * in parallel. */
+ * failure.  APSM_ERR_STATE: the folder holds no project, has not been evaluated, files in it are
+ * of other shapes than the project's, or the particles are not those of the model; APSM_ERR_FORMAT,
+ * _IO: a file is damaged.  Particles are read in parallel. */
 apsm_status model_folder_read(apsm_context *ctx, const char *path, unsigned parts,
                               model_folder *m) APSM_NODISCARD;
 void model_folder_free(model_folder *m);

@@ -182,3 +182,16 @@ apsm_status scores_csv_read(apsm_context *ctx, const char *path, const char *con
                      "%s:%zu: not the scores of this model's shapes; run `apsm evaluate` again",
                      path, line);
 }
+
+void model_sha256(const apsm_shape_model *s, const double *T, char hex[65])
+{
+    unsigned char digest[32];
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add(&sha, s->mean, 3 * s->J * sizeof *s->mean);
+    apsm_sha256_add(&sha, s->mode, s->modes * 3 * s->J * sizeof *s->mode);
+    apsm_sha256_add(&sha, s->variance, s->modes * sizeof *s->variance);
+    apsm_sha256_add(&sha, T, 3 * s->J * sizeof *T);
+    apsm_sha256_end(&sha, digest);
+    apsm_sha256_hex(digest, hex);
+}

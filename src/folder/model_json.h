@@ -21,4 +21,8 @@ apsm_status model_json_read(apsm_context *ctx, const char *path,
 apsm_status scores_csv_read(apsm_context *ctx, const char *path, const char *const *names,
                             apsm_shape_model *model) APSM_NODISCARD;
 
+/* hex <- SHA-256 of mean, modes, variances and the template's particles T (J x 3): fits name the
+ * model that they are of by it. */
+void model_sha256(const apsm_shape_model *model, const double *T, char hex[65]);
+
 #endif

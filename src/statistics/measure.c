@@ -430,7 +430,7 @@ static apsm_status read_all(measuring *w)
     APSM_TRY(
         apsm_table_gather(w->ctx, s->folder, s->subjects, &w->m.project, w->m.names, &w->table));
     APSM_TRY(measurement_list_read(w->ctx, s->definition, &w->m, &w->list));
-    return particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->more);
+    return particle_files_read(w->ctx, s->n_files, s->files, &w->m, &w->more);
 }
 
 static void measuring_free(measuring *w)

@@ -1,11 +1,13 @@
 #include "statistics/particle_files.h"
 
+#include <jansson.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "apsm/particles.h"
 #include "files/files.h"
+#include "folder/model_json.h"
 
 void particle_files_free(particle_files *files)
 {
@@ -92,14 +94,109 @@ static apsm_status add_folder(apsm_context *ctx, const char *folder, size_t J,
     return status;
 }
 
-apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths, size_t J,
-                                particle_files *files)
+/* ---- what the fits say of themselves ---- */
+
+/* Path of the fit.json beside what is given, a folder of fits or a file in its particles/; NULL:
+ * memory. */
+static char *fit_json_of(const char *path)
+{
+    static const char particles[] = "particles";
+    char *folder = strdup(path);
+    if (!folder) return NULL;
+    if (!apsm_is_folder(path)) {
+        const size_t n = (size_t)(base_of(path) - path);
+        folder[n > 0 ? n - 1 : 0] = '\0';
+        const size_t inner = (size_t)(base_of(folder) - folder);
+        folder[strcmp(folder + inner, particles) == 0 && inner > 0 ? inner - 1 : 0] = '\0';
+    }
+    char *file = apsm_path_join(*folder ? folder : ".", "fit.json");
+    free(folder);
+    return file;
+}
+
+static apsm_status check_model(apsm_context *ctx, const char *path, const json_t *root,
+                               const model_folder *m)
+{
+    const json_t *of = json_object_get(root, "model");
+    const char *was = json_string_value(json_object_get(of, "sha256"));
+    const char *named = json_string_value(json_object_get(of, "path"));
+    char is[65];
+    model_sha256(&m->model, m->P + m->template_index * 3 * m->J, is);
+    if (!was || strcmp(was, is) == 0) return APSM_OK;
+    return apsm_fail(ctx, APSM_ERR_ARG,
+                     "%s: these are fits to another model (%s), or to %s before it changed; fit "
+                     "the shapes again",
+                     path, named ? named : "unknown", m->path);
+}
+
+/* The model's shape whose input the hash is of, or NULL. */
+static const char *own_shape(const model_folder *m, const char *sha256)
+{
+    size_t k;
+    const json_t *input;
+    json_array_foreach(json_object_get(m->manifest, "inputs"), k, input)
+    {
+        const char *own = json_string_value(json_object_get(input, "sha256"));
+        if (own && sha256 && strcmp(own, sha256) == 0)
+            return json_string_value(json_object_get(input, "name"));
+    }
+    return NULL;
+}
+
+static void tell_shape(apsm_context *ctx, const json_t *shape, const model_folder *m)
+{
+    const char *name = json_string_value(json_object_get(shape, "name"));
+    const char *verdict = json_string_value(json_object_get(shape, "verdict"));
+    const char *reason = json_string_value(json_object_get(shape, "reason"));
+    const char *own = own_shape(m, json_string_value(json_object_get(shape, "sha256")));
+    if (!name || !verdict) return;
+    if (strcmp(verdict, "needs review") == 0)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: its fit needs review: %s", name, reason ? reason : "");
+    if (own)
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "%s: is the model's own %s: the model knows it, so this is no test of it", name,
+                 own);
+}
+
+/* Of the shapes of the fit.json that are among those read from file `first` on. */
+static void tell_shapes(apsm_context *ctx, const json_t *root, const model_folder *m, size_t first,
+                        const particle_files *files)
+{
+    size_t k;
+    const json_t *shape;
+    json_array_foreach(json_object_get(root, "shapes"), k, shape)
+    {
+        const char *name = json_string_value(json_object_get(shape, "name"));
+        for (size_t i = first; name && i < files->n; i++)
+            if (strcmp(files->name[i], name) == 0) tell_shape(ctx, shape, m);
+    }
+}
+
+static apsm_status check_fits(apsm_context *ctx, const char *given, const model_folder *m,
+                              size_t first, const particle_files *files)
+{
+    json_t *root = NULL;
+    char *path = fit_json_of(given);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = apsm_file_exists(path) ? apsm_json_read(ctx, path, &root) : APSM_OK;
+    if (status == APSM_OK && root) status = check_model(ctx, path, root, m);
+    if (status == APSM_OK) tell_shapes(ctx, root, m, first, files);
+    json_decref(root);
+    free(path);
+    return status;
+}
+
+apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
+                                const model_folder *m, particle_files *files)
 {
     apsm_status status = APSM_OK;
     *files = (particle_files){ 0 };
-    for (size_t k = 0; k < n && status == APSM_OK; k++)
-        status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], J, files)
-                                          : add_file(ctx, paths[k], J, files);
+    for (size_t k = 0; k < n && status == APSM_OK; k++) {
+        const size_t first = files->n;
+        status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
+                                          : add_file(ctx, paths[k], m->J, files);
+        if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files);
+    }
     if (status != APSM_OK) particle_files_free(files);
     return status;
 }

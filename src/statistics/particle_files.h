@@ -2,7 +2,7 @@
 #ifndef APSM_STATISTICS_PARTICLE_FILES_H
 #define APSM_STATISTICS_PARTICLE_FILES_H
 
-#include "apsm/context.h"
+#include "folder/model_folder.h"
 
 /* Owns everything; zero-initialise with {0}, particle_files_free leaves it so. */
 typedef struct particle_files {
@@ -13,9 +13,10 @@ typedef struct particle_files {
 
 /* Files of particles in the model's world frame, or folders that fit has made, which stand for all
  * ..._world.particles in their particles/, in the order of their names.  APSM_ERR_ARG: a name
- * twice, a folder without such files, another number of particles than J. */
-apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths, size_t J,
-                                particle_files *files) APSM_NODISCARD;
+ * twice, a folder without such files, another number of particles than the model's, fits to another
+ * model.  Fits that need review, and shapes that are the model's own, are logged. */
+apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
+                                const model_folder *m, particle_files *files) APSM_NODISCARD;
 void particle_files_free(particle_files *files);
 
 #endif

@@ -109,13 +109,11 @@ static apsm_status read_all(predicting *w)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "predict: no column; say which by --of");
     APSM_TRY(take_values(w));
     APSM_TRY(claim_files(w));
-    APSM_TRY(model_folder_read(
-        w->ctx, s->folder, FOLDER_PARTICLES | FOLDER_SCORES | FOLDER_EVALUATED | FOLDER_CERTIFIED,
-        &w->m));
+    APSM_TRY(model_folder_read(w->ctx, s->folder, FOLDER_ALL, &w->m));
     APSM_TRY(
         apsm_table_gather(w->ctx, s->folder, s->subjects, &w->m.project, w->m.names, &w->table));
     APSM_TRY(find_column(w));
-    return particle_files_read(w->ctx, s->n_files, s->files, w->m.J, &w->files);
+    return particle_files_read(w->ctx, s->n_files, s->files, &w->m, &w->files);
 }
 
 static apsm_status take_rows(predicting *w)

@@ -241,6 +241,17 @@ sed 's/new,small/new,tiny/' all.csv >tiny.csv
 refuse_verb norm 2 "has group = tiny" model new_world.particles --subjects tiny.csv --formula '~ group'
 refuse_verb norm 2 "is a shape of the model itself" model model/particles/s4_world.particles
 refuse_verb norm 2 "needs a model folder and shapes" model
+# Fits say what they are of, and are believed no more than that.
+cp shapes/s4.ply guest.ply
+"$apsm" fit model guest.ply -o fits -q >said 2>&1 || fail "fit: $(cat said)"
+"$apsm" norm model fits -o n3 -q >said 2>&1 || fail "norm of a fit: $(cat said)"
+grep -qF "guest: is the model's own s4" said || fail "a shape of the model is new: $(cat said)"
+sed -i '0,/"verdict": "good"/s//"verdict": "needs review"/' fits/fit.json
+"$apsm" predict model --of reach --subjects reach.csv -o p3 -q fits/particles/guest_world.particles >said 2>&1
+grep -qF "guest: its fit needs review" said || fail "a doubtful fit is not told: $(cat said)"
+sed -i '0,/"sha256": "...../s//"sha256": "00000/' fits/fit.json
+refuse_verb norm 2 "fits to another model" model fits -o n4
+refuse_verb predict 2 "fits to another model" model --of reach --subjects reach.csv -o p4 fits/particles/guest_world.particles
 refuse_verb measure 2 "needs a model folder and a definition" model
 sed 's/"volume"}/"volum"}/' define.json >bad.json
 refuse_verb measure 1 "did you mean 'volume'" model bad.json

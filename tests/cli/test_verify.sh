@@ -145,4 +145,13 @@ echo "{" >x/manifest.json
 verify 1 "manifest.json:2:0"
 "$apsm" verify >said 2>&1
 [ $? -eq 2 ] || fail "verify without a folder: $(cat said)"
+# Particles that were written by hand are not those of the model: nothing is answered from them.
+fresh
+sed -i '3{h;d};4{G}' x/particles/s1_world.particles
+for call in "report x" "export x -o y.npz --to npz" "fit x cohort/s0.ply -o y"; do
+    # shellcheck disable=SC2086
+    expect 1 "particles have changed since the model was made of them" $call
+done
+expect 0 "" evaluate x
+expect 0 "" report x
 exit $failed

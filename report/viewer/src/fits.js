@@ -9,7 +9,7 @@ import { legend, weightsAt } from "./surface.js";
 
 const SCALED = 40;
 const SIGN = { good: "good", "needs review": "bad", refused: "bad", failed: "bad" };
-export const pText = (p) => (p === undefined ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
+export const pText = (p) => (p === undefined || p === null ? "\u2013" : p < 1e-3 ? p.toExponential(1).replace("-", "\u2212") : show(p, 2));
 
 export class Fits extends Packed {
   constructor(root, bytes) {
@@ -64,6 +64,7 @@ function facts(f) {
     f.partial ? ["seen", `${percent(f.observed_share)} of the particles; the rest is what the model expects`] : null,
     d ? ["distance of surface and fit", `${length(d.mean)} on average, ${length(d.max)} at most`] : null,
     f.mahalanobis === undefined ? null
+      : f.mahalanobis === null ? ["distance from the mean", "not told: the model\u2019s shapes are too few for a mode that others follow"]
       : ["distance from the mean", `Mahalanobis ${show(f.mahalanobis)} in ${plural(f.mahalanobis_modes, "mode")}; a shape of the model\u2019s kind lies farther out with probability ${pText(f.tail_probability)}`],
     f.residual === undefined ? null : ["not told by the modes", `${length(f.residual)} in each coordinate (of the model\u2019s own shapes, left out: ${length(f.residual_usual)})`],
     f.certificate ? ["certificate", f.certificate.verdict] : null,
