@@ -155,6 +155,7 @@ apsm_status apsm_fidelity_new(apsm_context *ctx, const apsm_cohort *cohort, size
 void apsm_fidelity_free(apsm_fidelity *f)
 {
     if (!f) return;
+    fidelity_coarse_free(f->coarse);
     apsm_warp_free(&f->warp);
     free(f->W32);
     free(f->place);
@@ -529,6 +530,8 @@ apsm_status apsm_fidelity_round(apsm_context *ctx, apsm_fidelity *f, long round,
     const size_t I = f->cohort->I;
     *record = (apsm_fidelity_record){ 0 };
     if (I < 2) return APSM_OK;
+    if (round < fidelity_coarse_rounds(f))
+        return fidelity_coarse_round(ctx, f, round, P0, P, record);
     if (round == first_with_prior(f)) APSM_TRY(measure_doubt(ctx, P0, P, f));
     APSM_TRY(fit_prior(ctx, f, P, &prior));
     round_task t = { .f = f, .prior = &prior, .round = round, .P0 = P0, .P = P };

@@ -6,6 +6,8 @@
 #include "model/warp.h"
 #include "optimize/fidelity.h"
 
+typedef struct fidelity_coarse fidelity_coarse;
+
 struct apsm_fidelity {
     const apsm_cohort *cohort;
     apsm_fidelity_options o;
@@ -24,7 +26,8 @@ struct apsm_fidelity {
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
     int *side;               /* triangles: that orientation */
     apsm_neighbourhoods reference;
-    double *Q;    /* J x J: what displacements cost that are not smooth */
+    fidelity_coarse *coarse; /* the first rounds'; NULL before and without them */
+    double *Q;               /* J x J: what displacements cost that are not smooth */
     double doubt; /* how far surfaces leave open where particles are: 0 before the prior weighs */
 };
 
@@ -101,6 +104,12 @@ void fidelity_work_free(fidelity_work *w);
 apsm_status fidelity_round_of(const apsm_fidelity *f, const apsm_fidelity_prior *prior, size_t i,
                               long round, const double *P0, double *P,
                               fidelity_work *w) APSM_NODISCARD;
+
+/* How many of the first rounds a part of the particles takes, 0 if they are few; such a round. */
+long fidelity_coarse_rounds(const apsm_fidelity *f);
+apsm_status fidelity_coarse_round(apsm_context *ctx, apsm_fidelity *f, long round, const double *P0,
+                                  double *P, apsm_fidelity_record *record) APSM_NODISCARD;
+void fidelity_coarse_free(fidelity_coarse *c);
 
 /* Fills s->match and s->distance for particles s->P of shape i. */
 void fidelity_measure(const apsm_fidelity *f, size_t i, long round, fidelity_state *s,
