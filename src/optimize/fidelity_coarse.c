@@ -17,11 +17,14 @@ struct fidelity_coarse {
     apsm_warp carry;  /* from them to all */
 };
 
+/* Not on sheets thinner than these are apart, whose sides they would not keep apart. */
 long fidelity_coarse_rounds(const apsm_fidelity *f)
 {
     const apsm_fidelity_options *o = &f->o;
-    const bool many = o->coarse > 0 && (size_t)o->coarse <= f->J / 2;
-    return many && !f->cohort->anchors.hold ? 2 * o->fidelity_rounds / 3 : 0;
+    const apsm_shape *shape = &f->cohort->shape[f->cohort->template_index];
+    if (!(o->coarse > 0) || (size_t)o->coarse > f->J / 2 || f->cohort->anchors.hold) return 0;
+    const double apart = f->h * sqrt((double)f->J / (double)o->coarse);
+    return shape->half_thickness < 0.5 * apart ? 0 : o->fidelity_rounds / 2;
 }
 
 void fidelity_coarse_free(fidelity_coarse *c)

@@ -666,6 +666,40 @@ static void test_truth_error(void **state)
     }
 }
 
+/* The first rounds move a quarter of the particles, then all have followed it; the end is as near
+ * to the truth and to the surfaces as with all from the first. */
+static void test_coarse(void **state)
+{
+    (void)state;
+    enum { FEW = 12 };
+    scene s;
+    double P[2][I * J * 3], distance[2] = { 0 };
+    make_scene(&s, SYNTHETIC_PLATE, 2, 1);
+    for (int k = 0; k < 2; k++) {
+        apsm_fidelity_options o = apsm_fidelity_defaults();
+        o.coarse = k ? FEW : 0;
+        apsm_fidelity *f = new_stage(&s, &o);
+        assert_int_equal(fidelity_coarse_rounds(f), k ? 6 : 0);
+        memcpy(P[k], s.P, sizeof s.P);
+        for (long round = 0; round < o.fidelity_rounds; round++) {
+            apsm_fidelity_record r;
+            assert_int_equal(apsm_fidelity_round(s.ctx, f, round, s.P, P[k], &r), APSM_OK);
+            distance[k] = r.after;
+            size_t moved = 0;
+            for (size_t j = 0; j < J; j++) moved += P[k][3 * (J + j)] != s.P[3 * (J + j)];
+            if (k && round < 5) assert_in_range(moved, 1, FEW);
+            if (k && round == 5) assert_in_range(moved, FEW + 1, J);
+        }
+        apsm_fidelity_free(f);
+    }
+    const double all = truth_error(&s, P[0]), few = truth_error(&s, P[1]);
+    print_message("truth error %.4g and %.4g, distance %.4g and %.4g\n", all, few, distance[0],
+                  distance[1]);
+    assert_true(few < 1.1 * all);
+    assert_true(distance[1] < 1.1 * distance[0]);
+    free_scene(&s);
+}
+
 /* What is left out of H for many unknowns changes neither the gradient nor, by much, the matrix,
  * and the stage ends where it does with all of it. */
 static void test_sparse(void **state)
@@ -836,14 +870,14 @@ static apsm_status stop_after(void *user, const apsm_optimizer_state *state,
     return APSM_ERR_INTERRUPTED;
 }
 
-static void test_resumes(void **state)
+static void resume_with(long coarse)
 {
-    (void)state;
     scene s;
     apsm_optimize_options o = apsm_optimize_defaults();
     apsm_optimizer_state whole, part;
     make_scene(&s, SYNTHETIC_ELLIPSOID, 2, 1);
     o.fidelity.fidelity_points = 400;
+    o.fidelity.coarse = coarse;
     stopper stop = { .wanted = -1 };
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &whole), APSM_OK);
     whole.stage = APSM_STAGE_FIDELITY;
@@ -865,6 +899,13 @@ static void test_resumes(void **state)
     apsm_optimizer_state_free(&whole);
     apsm_optimizer_state_free(&part);
     free_scene(&s);
+}
+
+static void test_resumes(void **state)
+{
+    (void)state;
+    resume_with(0);
+    resume_with(J / 3);
 }
 
 /* Fidelity 0: the stage does nothing. */
@@ -900,6 +941,7 @@ int main(void)
         cmocka_unit_test(test_distance_never_grows),
         cmocka_unit_test(test_strong_prior_yields),
         cmocka_unit_test(test_truth_error),
+        cmocka_unit_test(test_coarse),
         cmocka_unit_test(test_sparse),
         cmocka_unit_test(test_neighbours_stay),
         cmocka_unit_test(test_faults_return),
