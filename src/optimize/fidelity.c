@@ -132,7 +132,9 @@ static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
         APSM_TRY(apsm_warp_build(ctx, APSM_PHI_R, f->cohort->anchors.L,
                                  anchor_at(f->cohort, f->cohort->template_index, 0), J, T,
                                  &f->anchors));
-    APSM_TRY(apsm_warp_share(ctx, APSM_PHI_R, shape->mesh.nv, shape->mesh.V, J, T, &f->warp));
+    const bool shares = f->o.coarse > 0; /* that of some of the particles is nobody else's */
+    APSM_TRY((shares ? apsm_warp_share : apsm_warp_build)(ctx, APSM_PHI_R, shape->mesh.nv,
+                                                          shape->mesh.V, J, T, &f->warp));
     return 2 * J > (size_t)f->o.dense ? prepare_many(f) : APSM_OK;
 }
 

@@ -1,6 +1,7 @@
-/* The first rounds of many particles: a spread-out quarter of them takes the rounds, and the others
- * follow the interpolant (1) of its moves since the stage began, back to the surface.  What is
- * between surfaces then is smaller than the quarter can see, and the last rounds are for it. */
+/* The first rounds of many particles ("Many particles follow few at first" in docs/method.md):
+ * some, spread out, take the rounds, then the others follow the interpolant (1) of their moves
+ * since the stage began, back to the surface.  What is left between the surfaces is finer than the
+ * few can see, and for the rounds of all. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -142,7 +143,11 @@ static apsm_status take_round(apsm_context *ctx, apsm_fidelity *f, long round, c
     for (size_t i = 0; i < I; i++)
         for (size_t k = 0; k < c->J; k++)
             memcpy(P + 3 * (i * f->J + c->which[k]), p + 3 * (i * c->J + k), 3 * sizeof *P);
-    return round + 1 == fidelity_coarse_rounds(f) ? carry(ctx, f, P0, P, p0, p) : APSM_OK;
+    if (round + 1 < fidelity_coarse_rounds(f)) return APSM_OK;
+    APSM_TRY(carry(ctx, f, P0, P, p0, p));
+    fidelity_coarse_free(c);
+    f->coarse = NULL;
+    return APSM_OK;
 }
 
 apsm_status fidelity_coarse_round(apsm_context *ctx, apsm_fidelity *f, long round, const double *P0,
