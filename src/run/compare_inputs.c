@@ -32,26 +32,28 @@ static int by_content(const void *a, const void *b)
     return order ? order : (x->i > y->i) - (x->i < y->i);
 }
 
-static apsm_status compare_contents(const comparing *c)
+apsm_status compare_files(const groom_inputs *in, same_file tell, void *user)
 {
-    char line[1024];
     size_t n = 0;
-    content *all = malloc((c->in->list.n + 1) * sizeof *all);
+    content *all = malloc((in->list.n + 1) * sizeof *all);
     if (!all) return APSM_ERR_MEMORY;
-    for (size_t i = 0; i < c->in->list.n; i++)
-        if (c->in->sha256[i][0]) all[n++] = (content){ c->in->sha256[i], i };
+    for (size_t i = 0; i < in->list.n; i++)
+        if (in->sha256[i][0]) all[n++] = (content){ in->sha256[i], i };
     if (n > 0) qsort(all, n, sizeof *all, by_content);
-    for (size_t k = 1; k < n; k++) {
-        if (strcmp(all[k - 1].sha256, all[k].sha256) != 0) continue;
-        const apsm_input_case *a = &c->in->list.cases[all[k - 1].i],
-                              *b = &c->in->list.cases[all[k].i];
-        snprintf(line, sizeof line,
-                 "%s: the same file as %s, byte for byte (%.400s); a shape twice?", b->name,
-                 a->name, b->path);
-        c->tell(c->user, line);
-    }
+    for (size_t k = 1; k < n; k++)
+        if (strcmp(all[k - 1].sha256, all[k].sha256) == 0)
+            tell(user, &in->list.cases[all[k - 1].i], &in->list.cases[all[k].i]);
     free(all);
     return APSM_OK;
+}
+
+static void tell_same(void *user, const apsm_input_case *first, const apsm_input_case *again)
+{
+    const comparing *c = user;
+    char line[1024];
+    snprintf(line, sizeof line, "%s: the same file as %s, byte for byte (%.400s); a shape twice?",
+             again->name, first->name, again->path);
+    c->tell(c->user, line);
 }
 
 /* ---- sizes ---- */
@@ -118,7 +120,7 @@ apsm_status compare_inputs(const groom_inputs *in, void (*tell)(void *user, cons
     c.value = calloc(2 * in->list.n + 1, sizeof *c.value);
     if (!c.value) return APSM_ERR_MEMORY;
     c.sorted = c.value + in->list.n;
-    const apsm_status status = compare_contents(&c);
+    const apsm_status status = compare_files(in, tell_same, &c);
     if (status == APSM_OK) compare_sizes(&c);
     free(c.value);
     return status;

@@ -10,4 +10,8 @@
 apsm_status compare_inputs(const groom_inputs *in, void (*tell)(void *user, const char *line),
                            void *user);
 
+/* Calls tell for every shape whose file is, byte for byte, that of an earlier one, too. */
+typedef void (*same_file)(void *user, const apsm_input_case *first, const apsm_input_case *again);
+apsm_status compare_files(const groom_inputs *in, same_file tell, void *user);
+
 #endif

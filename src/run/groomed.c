@@ -1,10 +1,12 @@
 #include "run/groomed.h"
 
 #include <jansson.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "core/number.h"
+#include "run/compare_inputs.h"
 #include "run/turned.h"
 #include "session/session.h"
 
@@ -179,9 +181,29 @@ static int add_mask_notes(json_t *notes, const char *name, const apsm_groom_repo
     return failed;
 }
 
+typedef struct noting {
+    json_t *notes;
+    int failed;
+} noting;
+
+static void note_same(void *user, const apsm_input_case *first, const apsm_input_case *again)
+{
+    noting *n = user;
+    n->failed |= groomed_note_same(n->notes, again->name, first->name);
+}
+
+int groomed_note_same(json_t *notes, const char *shape, const char *as)
+{
+    char text[400];
+    snprintf(text, sizeof text, "the same file as %.300s, byte for byte; a shape twice?", as);
+    return add_note(notes, shape, text);
+}
+
 int groomed_add_notes(const groom_inputs *in, json_t *notes)
 {
-    int failed = 0;
+    noting same = { notes, 0 };
+    if (compare_files(in, note_same, &same) != APSM_OK) return -1;
+    int failed = same.failed;
     for (size_t i = 0; i < in->list.n && !failed; i++) {
         char text[160];
         const char *name = in->list.cases[i].name;

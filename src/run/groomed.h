@@ -27,5 +27,7 @@ apsm_status groomed_align(apsm_run *run, const groom_inputs *in, groomed_cohort 
 struct json_t *groomed_json(const groom_inputs *in);
 /* Adds to notes (session/notes.h); not 0 if out of memory. */
 int groomed_add_notes(const groom_inputs *in, struct json_t *notes);
+/* Adds that the shape's file is that of another; not 0 if out of memory. */
+int groomed_note_same(struct json_t *notes, const char *shape, const char *as);
 
 #endif

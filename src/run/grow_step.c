@@ -255,6 +255,44 @@ static apsm_status describe_subject(adding *a, size_t i)
     return describe_reflection(a, i, s);
 }
 
+/* New shape i is one of the model's, or its fit is doubtful. */
+static int note_doubts(const adding *a, size_t i, const json_t *inputs, json_t *notes)
+{
+    size_t k;
+    const json_t *input;
+    const char *name = a->in.list.cases[i].name;
+    int failed = 0;
+    json_array_foreach(inputs, k, input)
+    {
+        const char *sha256 = json_string_value(json_object_get(input, "sha256"));
+        const char *own = json_string_value(json_object_get(input, "name"));
+        if (!sha256 || !own || strcmp(sha256, a->in.sha256[i]) != 0) continue;
+        apsm_log(a->run->ctx, APSM_LOG_WARNING,
+                 "%s: the same file as %s, byte for byte; a shape twice?", name, own);
+        failed |= groomed_note_same(notes, name, own);
+    }
+    if (a->fit[i].verdict != APSM_FIT_REVIEW) return failed;
+    apsm_log(a->run->ctx, APSM_LOG_WARNING, "%s: its fit needs review: %s", name, a->fit[i].reason);
+    return failed | json_array_append_new(
+                        notes, json_pack("{s:s, s:s, s:s+}", "shape", name, "aspect", "input",
+                                         "text", "its fit needs review: ", a->fit[i].reason));
+}
+
+/* What is said of the new shapes, behind what is said of the others. */
+static apsm_status describe_doubts(adding *a)
+{
+    json_t *notes = json_object_get(a->run->manifest, "notes");
+    const json_t *inputs = json_object_get(a->run->manifest, "inputs");
+    if (!notes) {
+        APSM_TRY(manifest_set_notes(a->run, json_array()));
+        notes = json_object_get(a->run->manifest, "notes");
+    }
+    if (!json_is_array(notes) || groomed_add_notes(&a->in, notes)) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < a->in.list.n; i++)
+        if (note_doubts(a, i, inputs, notes)) return APSM_ERR_MEMORY;
+    return APSM_OK;
+}
+
 /* Inputs and grooming of the new shapes, behind those of the others. */
 static apsm_status describe_inputs(adding *a)
 {
@@ -310,6 +348,7 @@ static apsm_status enrol(adding *a)
         APSM_TRY(describe_subject(a, i));
     }
     APSM_TRY(write_new_particles(a, first));
+    APSM_TRY(describe_doubts(a));
     APSM_TRY(describe_inputs(a));
     APSM_TRY(drop_states(run));
     APSM_TRY(run_write_project(run));

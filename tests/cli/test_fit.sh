@@ -202,4 +202,14 @@ grep '"reflect_match"' model/project.swproj | cmp -s - <(grep '"reflect_match"' 
     fail "the model's options changed"
 sum_of | grep -v "/${leaver}_" | grep -v "/$leaver\." | cmp -s - kept_before ||
     fail "the others' files changed"
+
+# A shape that is there twice is told where the model is made and where it grows, and in its files.
+cp cohort/$leaver.ply again.ply
+"$apsm" add model again.ply >said 2>&1 || fail "add of a shape again: $(cat said)"
+grep -q "again: the same file as $leaver, byte for byte" said || fail "nothing said of a shape twice: $(cat said)"
+grep -q "the same file as $leaver, byte for byte" model/certificate.json || fail "no note of a shape twice"
+"$apsm" verify model >said 2>&1 || fail "verify after add again: $(cat said)"
+mkdir twice && cp cohort/s1.ply cohort/s2.ply twice && cp cohort/s1.ply twice/s3.ply
+"$apsm" groom twice -o groomed_twice --faces 400 -q >said 2>&1
+grep -q "the same file as s1, byte for byte" groomed_twice/manifest.json || fail "no note in the manifest: $(cat said)"
 exit $failed
