@@ -176,8 +176,8 @@ static const cli_option own[] = {
       "keep to about this much memory (2G, 500M); shapes wait in a file in state/, removed "
       "afterwards. Changes the time, never the result (default: no limit)",
       NULL },
-    { "shard", 0, CLI_SHARD, CLI_GROUP_RUN, CLI_GROOM | CLI_INITIALIZE | CLI_EVALUATE | CLI_FIT,
-      "K/N", NULL, NULL,
+    { "shard", 0, CLI_SHARD, CLI_GROUP_RUN,
+      CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_EVALUATE | CLI_FIT, "K/N", NULL, NULL,
       "do only every N-th shape, from the K-th on, keep the results in state/, and stop: for job "
       "arrays on machines that share the folder. Afterwards the same command without --shard "
       "gathers them; the result is the same",

@@ -53,17 +53,20 @@ static apsm_status do_step(apsm_context *ctx, const cli_args *args, step_fn step
     return status;
 }
 
-/* As one of several processes. */
-static apsm_status run_together(apsm_context *ctx, apsm_run_settings *s, const cli_ranks *ranks)
+/* One of several processes joins the others. */
+static void join_company(apsm_context *ctx, apsm_run_settings *s, const cli_ranks *ranks)
 {
-    apsm_run *run;
+    if (ranks->size < 2 || s->dry) return;
     s->shard = ranks->rank;
     s->shards = ranks->size;
     s->company = cli_ranks_company();
-    if (ranks->rank > 0) {
-        apsm_context_set_log(ctx, NULL, NULL); /* the first tells all there is */
-        return apsm_run_help(ctx, s);
-    }
+    if (ranks->rank > 0) apsm_context_set_log(ctx, NULL, NULL); /* the first tells all there is */
+}
+
+static apsm_status run_together(apsm_context *ctx, const apsm_run_settings *s)
+{
+    apsm_run *run;
+    if (s->shard > 0) return apsm_run_help(ctx, s);
     APSM_TRY(apsm_run_open(ctx, s, &run));
     const apsm_status status = apsm_run_all(run);
     apsm_run_close(run);
@@ -86,8 +89,15 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
     if (contours) return apsm_contours_run(ctx, &settings);
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &parts, &joint));
     const cli_ranks ranks = cli_ranks_get();
-    if (ranks.size > 1 && !joint && !args->dry_run) return run_together(ctx, &settings, &ranks);
-    if (ranks.rank > 0) return APSM_OK;
+    if (args->shards > 0 && (ranks.size > 1 || !joint))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         ranks.size > 1
+                             ? "--shard: ranks share the job by themselves; leave it out"
+                             : "--shard: run shares the grooming of joints alone; of one part "
+                               "share groom, initialize and evaluate");
+    if (ranks.rank > 0 && args->dry_run) return APSM_OK;
+    join_company(ctx, &settings, &ranks);
+    if (settings.company && !joint) return run_together(ctx, &settings);
     return joint ? apsm_joint_run(ctx, &settings, &parts) : do_step(ctx, args, apsm_run_all);
 }
 
@@ -111,7 +121,8 @@ apsm_status apsm_cli_run(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     const apsm_status status = run_job(ctx, args, pairs);
     free(pairs);
     APSM_TRY(status);
-    if (!args->dry_run && cli_ranks_get().rank == 0) return say_where(ctx, args->out_dir);
+    if (!args->dry_run && args->shards == 0 && cli_ranks_get().rank == 0)
+        return say_where(ctx, args->out_dir);
     return APSM_OK;
 }
 

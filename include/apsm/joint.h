@@ -50,7 +50,8 @@ static inline APSM_NODISCARD apsm_status apsm_joint_wanted(apsm_context *ctx,
 
 /* The whole job.  Subjects that miss a part are left out of the joint model, with a warning that
  * names them; their other parts still take part in those parts' models.  A folder that holds files,
- * but no joint model of ours, is refused. */
+ * but no joint model of ours, is refused.  Several processes (shard, company) all call this; shards
+ * without a company groom the parts, as apsm_run_groom does. */
 APSM_API apsm_status apsm_joint_run_sized(apsm_context *ctx, const apsm_run_settings *run,
                                           size_t run_size, const apsm_joint_settings *settings,
                                           size_t size) APSM_NODISCARD;

@@ -8,6 +8,7 @@
 #include "assemble/job.h"
 #include "core/sized.h"
 #include "files/files.h"
+#include "files/shards.h"
 #include "folder/manifest_json.h"
 #include "folder/names.h"
 #include "run/source.h"
@@ -15,12 +16,16 @@
 
 /* ---- the folder ---- */
 
-static bool is_empty(const char *folder)
+/* Whether no file is in it, or none but what shares have kept of the parts. */
+static bool holds_nothing(const char *folder, bool but_shares)
 {
     apsm_file_list list = { 0 };
-    const bool empty = apsm_list_files(NULL, folder, true, &list) == APSM_OK && list.n == 0;
+    bool nothing = apsm_list_files(NULL, folder, true, &list) == APSM_OK;
+    for (size_t k = 0; k < list.n && nothing; k++)
+        nothing =
+            but_shares && strncmp(list.path[k], "parts/", 6) == 0 && shard_is_one(list.path[k]);
     apsm_file_list_free(&list);
-    return empty;
+    return nothing;
 }
 
 /* Whether the folder's manifest says that it holds a joint. */
@@ -47,7 +52,7 @@ static apsm_status check_folder(const joint_job *job)
     const apsm_run_settings *s = &job->settings->run;
     bool ours;
     APSM_TRY(apsm_refuse_root(job->ctx, s->folder));
-    if (!apsm_is_folder(s->folder) || is_empty(s->folder)) return APSM_OK;
+    if (!apsm_is_folder(s->folder) || holds_nothing(s->folder, true)) return APSM_OK;
     APSM_TRY(is_joint(job, &ours));
     if (ours && (s->resume || s->overwrite)) return APSM_OK;
     if (ours)
@@ -121,9 +126,56 @@ typedef struct describing {
     joint_around *around;
 } describing;
 
-static apsm_status groom(const joint_job *job, apsm_run *run)
+/* ---- several processes: all go through the parts, and the first alone writes ---- */
+
+static bool helps(const joint_job *job)
 {
-    return job->settings->run.resume && stage_is_done(run, "groom") ? APSM_OK : apsm_run_groom(run);
+    return job->settings->run.company && job->settings->run.shard > 0;
+}
+
+/* It keeps what it grooms of the parts, and knows nobody. */
+static bool is_share(const apsm_run_settings *run)
+{
+    return run->shards > 0 && !run->company;
+}
+
+/* Waits for all of them; what the first one says. */
+static size_t meet(const joint_job *job, size_t word)
+{
+    const apsm_company *company = job->settings->run.company;
+    return company ? company->meet(company->user, word) : word;
+}
+
+/* What the first says of a part. */
+enum { GROOMS = 1, RESUMES = 2 };
+
+/* Grooms unless that is done, or helps the first to do so. */
+static apsm_status groom_part(const joint_job *job, apsm_run_settings *s, bool again)
+{
+    apsm_run *run = NULL;
+    size_t word = 0;
+    if (!helps(job)) {
+        APSM_TRY(apsm_run_open(job->ctx, s, &run));
+        const bool done = !again && job->settings->run.resume && stage_is_done(run, "groom");
+        word = (done ? 0 : GROOMS) | (s->resume ? RESUMES : 0);
+    }
+    word = meet(job, word);
+    s->resume = word & RESUMES;
+    apsm_status status = run || !(word & GROOMS) ? APSM_OK : apsm_run_open(job->ctx, s, &run);
+    if (status == APSM_OK && (word & GROOMS)) status = apsm_run_groom(run);
+    apsm_run_close(run);
+    if (status == APSM_OK) meet(job, 0);
+    return status;
+}
+
+static apsm_status run_all(const joint_job *job, const apsm_run_settings *s)
+{
+    apsm_run *run = NULL;
+    if (helps(job)) return apsm_run_help(job->ctx, s);
+    apsm_status status = apsm_run_open(job->ctx, s, &run);
+    if (status == APSM_OK) status = s->dry ? apsm_run_dry(run) : apsm_run_all(run);
+    apsm_run_close(run);
+    return status;
 }
 
 static apsm_run_settings settings_of_part(const joint_job *job, size_t d, const describing *w)
@@ -140,7 +192,6 @@ static apsm_run_settings settings_of_part(const joint_job *job, size_t d, const 
 /* Grooming of part d once more, with what the others tell of poses. */
 static apsm_status groom_again(const joint_job *job, size_t d, const describing *w)
 {
-    apsm_run *run = NULL;
     apsm_run_settings settings = settings_of_part(job, d, w);
     const apsm_surroundings surroundings = { w->around, joint_around_of, joint_around_turn };
     settings.resume = false;
@@ -150,10 +201,7 @@ static apsm_status groom_again(const joint_job *job, size_t d, const describing 
     w->around->of = d;
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s is aligned as the whole subjects are",
              job->part[d].name);
-    apsm_status status = apsm_run_open(job->ctx, &settings, &run);
-    if (status == APSM_OK) status = apsm_run_groom(run);
-    apsm_run_close(run);
-    return status;
+    return groom_part(job, &settings, true);
 }
 
 static apsm_status orient_parts(const joint_job *job, describing *w)
@@ -174,10 +222,8 @@ static apsm_status orient_parts(const joint_job *job, describing *w)
 /* All steps of part d; the first alone, as long as nothing is known of the others. */
 static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
 {
-    apsm_run *run = NULL;
     apsm_run_settings settings = settings_of_part(job, d, w);
     const apsm_surroundings surroundings = { w->around, w->around ? joint_around_of : NULL, NULL };
-    const bool dry = settings.dry;
     settings.resume = w->around || (settings.resume && apsm_is_folder(settings.folder));
     if (w->around) {
         w->around->of = d;
@@ -186,11 +232,7 @@ static apsm_status run_part(const joint_job *job, size_t d, const describing *w)
     settings.surroundings = &surroundings;
     settings.surroundings_size = sizeof surroundings;
     apsm_log(job->ctx, APSM_LOG_INFO, "part %s (%zu of %zu)", job->part[d].name, d + 1, job->n);
-    apsm_status status = apsm_run_open(job->ctx, &settings, &run);
-    if (status == APSM_OK)
-        status = dry ? apsm_run_dry(run) : w->around ? apsm_run_all(run) : groom(job, run);
-    apsm_run_close(run);
-    return status;
+    return settings.dry || w->around ? run_all(job, &settings) : groom_part(job, &settings, false);
 }
 
 static apsm_status run_parts(const joint_job *job)
@@ -200,8 +242,9 @@ static apsm_status run_parts(const joint_job *job)
                      malloc((job->subjects + 1) * sizeof *w.inputs), NULL };
     apsm_status status = w.set && w.inputs ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, &w);
-    if (status == APSM_OK && !job->settings->run.dry) status = orient_parts(job, &w);
-    if (status == APSM_OK && !job->settings->run.dry) {
+    const bool ends = job->settings->run.dry || is_share(&job->settings->run);
+    if (status == APSM_OK && !ends) status = orient_parts(job, &w);
+    if (status == APSM_OK && !ends) {
         w.around = &around;
         status = joint_around_read(job, &around);
         for (size_t d = 0; d < job->n && status == APSM_OK; d++) status = run_part(job, d, &w);
@@ -231,7 +274,7 @@ static void remove_made(const joint_job *job, size_t folders)
 {
     const char *folder = job->settings->run.folder;
     char *parts = apsm_path_join(folder, "parts"), *mark = apsm_path_join(folder, FOLDER_MANIFEST);
-    if (parts && mark && (!apsm_is_folder(parts) || is_empty(parts))) {
+    if (parts && mark && (!apsm_is_folder(parts) || holds_nothing(parts, false))) {
         rmdir(parts);
         unlink(mark);
         apsm_remove_empty_folders(folder, folders);
@@ -249,11 +292,19 @@ static apsm_status run_locked(joint_job *job)
     APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
     apsm_status status = mark_folder(job);
     if (status == APSM_OK) status = joint_share(job);
+    if (status == APSM_OK) meet(job, 0);
     if (status == APSM_OK) status = run_parts(job);
     if (status == APSM_OK) status = put_together(job);
     apsm_unlock_folder(&lock);
     if (made > 0 && status != APSM_OK && status != APSM_ERR_INTERRUPTED) remove_made(job, made);
     return status;
+}
+
+/* Without lock, folder and what becomes of the parts, which are the first's. */
+static apsm_status help(const joint_job *job)
+{
+    meet(job, 0);
+    return run_parts(job);
 }
 
 static apsm_status take_settings(apsm_context *ctx, const apsm_run_settings *run, size_t run_size,
@@ -290,16 +341,37 @@ apsm_status apsm_joint_wanted_sized(apsm_context *ctx, const apsm_run_settings *
     return APSM_OK;
 }
 
+/* What the process does of the job. */
+static apsm_status do_job(joint_job *job)
+{
+    const apsm_run_settings *run = &job->settings->run;
+    if (helps(job)) return help(job);
+    return run->dry || is_share(run) ? run_parts(job) : run_locked(job);
+}
+
+static void forget_company(apsm_run_settings *run)
+{
+    run->company = NULL;
+    run->shard = run->shards = 0;
+}
+
 apsm_status apsm_joint_run_sized(apsm_context *ctx, const apsm_run_settings *run, size_t run_size,
                                  const apsm_joint_settings *given, size_t size)
 {
     joint_settings settings;
     APSM_TRY(take_settings(ctx, run, run_size, given, size, &settings));
     joint_job job = { .ctx = ctx, .settings = &settings };
+    /* What two parts share is cut by the first, which then does all. */
+    if (settings.shared && helps(&job)) return APSM_OK;
+    if (settings.shared && is_share(&settings.run))
+        return apsm_fail(
+            ctx, APSM_ERR_UNSUPPORTED,
+            "--shared-boundary: what two parts share is cut by one process; leave --shard out");
+    if (settings.shared) forget_company(&settings.run);
     apsm_status status = joint_parse(&job);
-    if (status == APSM_OK) status = check_folder(&job);
+    if (status == APSM_OK && !helps(&job)) status = check_folder(&job);
     if (status == APSM_OK) status = joint_group(&job);
-    if (status == APSM_OK) status = settings.run.dry ? run_parts(&job) : run_locked(&job);
+    if (status == APSM_OK) status = do_job(&job);
     joint_job_free(&job);
     return status;
 }

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "files/files.h"
 #include "files/io.h"
@@ -15,12 +16,22 @@ char *shard_path(const char *folder, size_t shard, size_t shards)
     return apsm_path_join(folder, name);
 }
 
+/* The name of one, without its folder. */
 static bool is_shard(const char *name)
 {
     size_t shard, shards;
     int end = -1;
     return sscanf(name, "shard-%zu-of-%zu.journal%n", &shard, &shards, &end) == 2 && end > 0 &&
            !name[end];
+}
+
+bool shard_is_one(const char *path)
+{
+    static const char state[] = "/state/";
+    const char *slash = strrchr(path, '/');
+    const size_t n = sizeof state - 1;
+    return slash && (size_t)(slash + 1 - path) >= n && strncmp(slash + 1 - n, state, n) == 0 &&
+           is_shard(slash + 1);
 }
 
 /* For every journal of a share: calls use with its path, which use frees, and goes on while that is

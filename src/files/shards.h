@@ -8,6 +8,9 @@
 /* Path of the journal of a share, counted from 0: malloc'ed, NULL if out of memory. */
 char *shard_path(const char *folder, size_t shard, size_t shards);
 
+/* Whether it is the path of such a journal in some folder. */
+bool shard_is_one(const char *path);
+
 /* Journals of other processes, to find pieces in. */
 typedef struct journal_set {
     journal **list; /* n */

@@ -147,6 +147,31 @@ cp -r fits_one/. fits/ && fit --shard 2/3 && fail "a share in a folder of fits"
 grep -q "holds fits already" log || fail "a share in a folder of fits: $(cat log)"
 rm -rf fits
 
+# ---- joints: the grooming of all parts, a round a call ----
+mkdir parts
+for i in 0 1 2 3; do
+    "$make" ellipsoid parts/s${i}_cup.ply level 2 index $i count 4 wobble 0.03 seed 3 || exit 1
+    "$make" ellipsoid parts/s${i}_ball.ply level 2 index 2 count 4 wobble 0.03 seed 8 turn $((6 * i - 15)) shift 60 || exit 1
+done
+joint=(--parts cup=_cup,ball=_ball "${small[@]}" --faces 400)
+"$apsm" run parts -o joint_one "${joint[@]}" --quiet 2>err || fail "joint: $(cat err)"
+is_joint_of_one() { diff -r -q -x manifest.json -x report.html joint_one "$1" || fail "$1 is not as done by one process"; }
+for _ in meshes poses; do
+    for k in 1 2; do "$apsm" run parts -o joint "${joint[@]}" --shard $k/2 --quiet 2>err || fail "share of a joint: $(cat err)"; done
+done
+find joint -type f | grep -v 'parts/[a-z]*/state/shard-[12]-of-2.journal' && fail "a share of a joint wrote more than its share"
+"$apsm" run parts -o joint "${joint[@]}" >log 2>&1 || fail "gathering a joint: $(tail -n 1 log)"
+[ "$(grep -c "4 of 4 shapes were groomed before" log)" = 2 ] || fail "gathering a joint made meshes anew"
+is_joint_of_one joint
+echo "mine" >no_joint.txt && mkdir -p taken/parts && cp no_joint.txt taken/parts/
+"$apsm" run parts -o taken "${joint[@]}" --shard 1/2 2>err && fail "a share in a folder of others"
+"$apsm" run in -o no --shard 1/2 2>err && fail "run --shard of one part"
+grep -q "of one part share groom" err || fail "run --shard of one part: $(cat err)"
+"$apsm" fit joint_one parts -o no --shard 1/2 2>err && fail "fits of joints in shares"
+grep -q "fits of joints" err || fail "fits of joints in shares: $(cat err)"
+"$apsm" run parts -o no "${joint[@]}" --shared-boundary cup,ball --shard 1/2 2>err && fail "--shared in shares"
+grep -q "cut by one process" err || fail "--shared in shares: $(cat err)"
+
 for word in 0/3 4/3 1/0 3 1/ /3 a/b 1/3x; do
     "$apsm" groom in -o no --shard $word 2>err && fail "--shard $word is taken"
     grep -q "from 1/7 to 7/7" err || fail "--shard $word: $(cat err)"
@@ -234,6 +259,16 @@ else
 fi
 ranks 2 "$apsm" run nowhere -o no 2>err && fail "2 ranks on nothing"
 grep -q "nowhere: no such" err || fail "ranks do not tell what is wrong: $(cat err)"
+
+# Joints: every rank goes through all parts.
+for n in 2 3; do
+    ranks $n "$apsm" run parts -o joint_$n "${joint[@]}" --quiet 2>err || fail "a joint by $n ranks: $(cat err)"
+    is_joint_of_one joint_$n
+done
+ranks 2 "$apsm" run parts -o joint_2 "${joint[@]}" --quiet --overwrite 2>err || fail "a joint made anew by 2 ranks: $(cat err)"
+is_joint_of_one joint_2
+rm joint_2/parts/ball/report.html && ranks 2 "$apsm" run parts -o joint_2 "${joint[@]}" --quiet --resume 2>err || fail "a joint gone on with by 2 ranks: $(cat err)"
+is_joint_of_one joint_2
 
 # Fixed shapes: every rank has their files, none moves them.
 row() { printf '{"name": "%s", "shape_1": "in/%s.ply"%s}' "$1" "$1" "${2:-}"; }
