@@ -24,6 +24,7 @@
 #include <string.h>
 
 #include "core/kernel.h"
+#include "geometry/bvh_guess.h"
 #include "geometry/vec3.h"
 #include "geometry/walk.h"
 #include "initialize/anchors.h"
@@ -149,7 +150,7 @@ static void closest(const apsm_bvh *bvh, const double x[3], const double n[3],
                     double half_thickness, apsm_closest *c)
 {
     apsm_bvh_closest(bvh, x, INFINITY, c);
-    if (!isfinite(half_thickness)) return;
+    if (!isfinite(half_thickness) || vec3_dot(bvh_face_normal(bvh, c->on.face), n) >= 0) return;
     apsm_closest facing;
     const double most = sqrt(c->distance2) + 4 * half_thickness;
     apsm_bvh_closest_facing(bvh, x, n, 0, most * most, &facing);
