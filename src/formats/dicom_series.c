@@ -12,6 +12,7 @@
 #include "formats/input_file.h"
 
 static const double largest_deviation = 0.1; /* of the gap between slices */
+static const double plane_rounding = 0.1;    /* of squared lengths */
 
 /* ---- slices ---- */
 
@@ -52,6 +53,26 @@ static bool same_grid(const dicom *a, const dicom *b)
     return same;
 }
 
+static void normal_of(const double o[6], double n[3])
+{
+    for (int c = 0; c < 3; c++) {
+        const int u = (c + 1) % 3, v = (c + 2) % 3;
+        n[c] = o[u] * o[3 + v] - o[v] * o[3 + u];
+    }
+}
+
+/* Directions of rows and columns, but for their rounding. */
+static bool is_plane(const double o[6])
+{
+    double normal[3], length2[2] = { 0 };
+    normal_of(o, normal);
+    const double across2 = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
+    for (int c = 0; c < 6; c++) length2[c / 3] += o[c] * o[c];
+    for (int k = 0; k < 2; k++)
+        if (!(fabs(length2[k] - 1.0) <= plane_rounding)) return false;
+    return fabs(across2 - 1.0) <= plane_rounding;
+}
+
 static apsm_status check_image(apsm_context *ctx, const char *path, const dicom *d)
 {
     if (d->rows < 1 || d->columns < 1 || d->rows > 65535 || d->columns > 65535)
@@ -73,6 +94,11 @@ static apsm_status check_image(apsm_context *ctx, const char *path, const dicom 
                          path,
                          d->has_orientation ? "PixelSpacing (0028,0030)"
                                             : "ImageOrientationPatient (0020,0037)");
+    if (!is_plane(d->orientation))
+        return apsm_fail(ctx, APSM_ERR_FORMAT,
+                         "%s: its ImageOrientationPatient (0020,0037) is not two directions at "
+                         "right angles, of length 1; convert the series to NRRD or NIfTI",
+                         path);
     return APSM_OK;
 }
 
@@ -157,14 +183,6 @@ static apsm_status find_slices(apsm_context *ctx, dicom_stack *k)
 }
 
 /* ---- order ---- */
-
-static void normal_of(const double o[6], double n[3])
-{
-    for (int c = 0; c < 3; c++) {
-        const int u = (c + 1) % 3, v = (c + 2) % 3;
-        n[c] = o[u] * o[3 + v] - o[v] * o[3 + u];
-    }
-}
 
 static int by_height(const void *a, const void *b)
 {

@@ -48,6 +48,12 @@ static apsm_status input_to_world(const placing *p, size_t i, double M[16])
     return APSM_OK;
 }
 
+/* The mean that points can be placed on: of several parts each has one. */
+static const char *mean_file(const placing *p)
+{
+    return p->m.parts > 1 ? "meshes/mean_PART.ply" : "meshes/mean.ply";
+}
+
 static apsm_status read_marks(placing *p)
 {
     double M[16];
@@ -58,8 +64,8 @@ static apsm_status read_marks(placing *p)
     if (p->m.parts > 1 && !p->s->aligned)
         return apsm_fail(p->ctx, APSM_ERR_ARG,
                          "%s: a model of several parts has a template for each; give points in the "
-                         "world frame, on meshes/mean.ply, and --aligned",
-                         p->s->folder);
+                         "world frame, on %s, and --aligned",
+                         p->s->folder, mean_file(p));
     APSM_TRY(landmark_list_read(p->ctx, p->s->file, &p->marks));
     if (p->s->aligned) return APSM_OK;
     APSM_TRY(input_to_world(p, p->m.template_index, M));
@@ -102,9 +108,11 @@ static apsm_status find_parts(placing *p)
         }
         if (!(sqrt(least) <= size))
             return apsm_fail(p->ctx, APSM_ERR_GEOMETRY,
-                             "%s: '%s' lies %.3g from the nearest particle of a shape that is %.3g "
-                             "long; give it in the frame of that shape",
-                             p->s->file, p->marks.name[l], sqrt(least), size);
+                             "%s: '%s' lies %.3g from the nearest particle of %s, which is %.3g "
+                             "long; give it in the frame of %s",
+                             p->s->file, p->marks.name[l], sqrt(least),
+                             p->s->aligned ? "the mean" : p->m.names[p->m.template_index], size,
+                             p->s->aligned ? mean_file(p) : "its input");
     }
     return APSM_OK;
 }

@@ -60,6 +60,7 @@ expect 2 "needs" landmarks judge one.csv
 expect 1 "nothere" landmarks judge nothere.csv -o carried2
 printf 'name,x,y,z\na,1e9,0,0\n' >far.csv
 expect 1 "'a' lies 1e+09 from the nearest particle" landmarks judge far.csv -o carried2
+expect 1 "give it in the frame of its input" landmarks judge far.csv -o carried2
 printf 'name,x,y,z\na,1e300,0,0\n' >far.csv
 expect 1 "'a' is not at a place" landmarks judge far.csv -o carried2
 printf 'name,x,y,z\na,1,5,2,5,3,5\n' >far.csv # commas of decimals

@@ -43,6 +43,7 @@ grep -q '"landmarks":{"use":"judge"' told && grep -q '"names":\["av0","av1","av2
 grep -q '"judged":64,' told || fail "other landmarks than 8 on 8 subjects: $(grep -o '"judged":[0-9]*' told)"
 mark=$(sed -n 's/.*"landmarks":{"use":"judge","mean":\([0-9.e-]*\),.*/\1/p' told)
 holds "$mark > 0 && $mark < 1" "true landmarks are $mark off"
+expect 2 "meshes/mean_PART.ply, and --aligned" landmarks m both/landmarks.csv -o carried
 # The two have nothing to do with each other.
 holds "$(explained m/shape_scores.csv both 2) < 0.1" "shape follows the turn: $(explained m/shape_scores.csv both 2)"
 

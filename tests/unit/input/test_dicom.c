@@ -127,6 +127,7 @@ typedef struct variant {
     double noise, tilt; /* mm along the normal, alternating; mm along y for each slice */
     int moved;          /* a slice that lies half a gap too far, or 0 */
     const char *syntax;
+    const char *orientation; /* or NULL */
 } variant;
 static const variant plain = { .syntax = "1.2.840.10008.1.2.1" };
 
@@ -160,7 +161,7 @@ static void write_variant(const char *folder, const char *name, int k, const cha
              first[1] - height * sin_a + o->tilt * k, first[2] + height * cos_a);
     put_text(&file, 0x20, 0x32, "DS", text);
     snprintf(text, sizeof text, "1\\0\\0\\0\\%.6f\\%.6f", cos_a, sin_a);
-    put_text(&file, 0x20, 0x37, "DS", text);
+    put_text(&file, 0x20, 0x37, "DS", o->orientation ? o->orientation : text);
     put_text(&file, 0x20, 0x52, "UI", "1.2.3.4.7");
     put_us(&file, 0x28, 2, 1);
     put_text(&file, 0x28, 4, "CS", "MONOCHROME2");
@@ -239,6 +240,22 @@ static void bad_series_are_refused(void **state)
     expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
                    "2 DICOM series", f->folder);
     assert_null(v.label);
+}
+
+/* Rows along the columns have no plane, and a direction of length 2 would double the shape. */
+static void orientations_are_directions(void **state)
+{
+    static const char *const wrong[] = { "1\\0\\0\\1\\0\\0", "2\\0\\0\\0\\2\\0",
+                                         "0\\0\\0\\0\\1\\0" };
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    variant o = plain;
+    for (size_t k = 0; k < sizeof wrong / sizeof *wrong; k++) {
+        o.orientation = wrong[k];
+        write_variants(f->folder, &o);
+        expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
+                       "ImageOrientationPatient", "right angles");
+    }
 }
 
 /* What the size of a deviation is, not its presence, decides: a hundredth of the gap is the
@@ -434,6 +451,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(an_oblique_series_is_read, setup, teardown),
         cmocka_unit_test_setup_teardown(bad_series_are_refused, setup, teardown),
+        cmocka_unit_test_setup_teardown(orientations_are_directions, setup, teardown),
         cmocka_unit_test_setup_teardown(positions_need_not_be_exact, setup, teardown),
         cmocka_unit_test_setup_teardown(a_tilted_gantry_is_a_shear, setup, teardown),
         cmocka_unit_test_setup_teardown(other_encodings_are_read, setup, teardown),
