@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "apsm/fit.h"
 #include "apsm/formats.h"
 #include "apsm/run.h"
 #include "apsm/statistics.h"
@@ -108,6 +109,35 @@ static apsm_status optimize(void)
 static apsm_status evaluate(void)
 {
     return step(apsm_run_evaluate, false);
+}
+/* Of what a share keeps; it goes each time, so that all is kept again. */
+static apsm_status forget_share(const char *of, apsm_status status)
+{
+    char path[TEST_PATH + 64];
+    snprintf(path, sizeof path, "%s/state/shard-1-of-2.journal", of);
+    remove(path);
+    return status;
+}
+static apsm_status evaluate_share(void)
+{
+    const apsm_run_settings settings = { .folder = model, .shards = 2 };
+    apsm_run *run = NULL;
+    apsm_status status = apsm_run_open(ctx, &settings, &run);
+    if (status == APSM_OK) status = apsm_run_evaluate(run);
+    apsm_run_close(run);
+    return forget_share(model, status);
+}
+static apsm_status fit_share(void)
+{
+    char fits[TEST_PATH + 8];
+    const char *inputs[SHAPES];
+    apsm_fit_totals totals;
+    snprintf(fits, sizeof fits, "%s/fits", folder);
+    for (int i = 0; i < SHAPES; i++) inputs[i] = input[i];
+    const apsm_fit_settings settings = {
+        .model = model, .n_inputs = SHAPES, .inputs = inputs, .folder = fits, .shards = 2
+    };
+    return forget_share(fits, apsm_fit_run(ctx, &settings, &totals));
 }
 static apsm_status report(void)
 {
@@ -254,6 +284,7 @@ STEP(groom)
 STEP(initialize)
 STEP(optimize)
 STEP(evaluate)
+STEP(evaluate_share)
 STEP(report)
 STEP(verify)
 STEP(check)
@@ -278,6 +309,14 @@ static void fixed_reports_want_of_memory(void **state)
     assert_int_equal(fclose(f), 0);
     assert_int_equal(fixed(), APSM_OK);
     fail_each("fixed", fixed);
+}
+
+/* The first time makes folders, and so takes more. */
+static void fit_share_reports_want_of_memory(void **state)
+{
+    (void)state;
+    assert_int_equal(fit_share(), APSM_OK);
+    fail_each("fit_share", fit_share);
 }
 
 /* The first time makes a folder, and so takes more. */
@@ -328,6 +367,8 @@ int main(int argc, char **argv)
         cmocka_unit_test(initialize_reports_want_of_memory),
         cmocka_unit_test(optimize_reports_want_of_memory),
         cmocka_unit_test(evaluate_reports_want_of_memory),
+        cmocka_unit_test(evaluate_share_reports_want_of_memory),
+        cmocka_unit_test(fit_share_reports_want_of_memory),
         cmocka_unit_test(report_reports_want_of_memory),
         cmocka_unit_test(verify_reports_want_of_memory),
         cmocka_unit_test(measure_reports_want_of_memory),
