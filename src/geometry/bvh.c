@@ -537,22 +537,16 @@ void bvh_near_closest_of(const apsm_bvh *bvh, const bvh_near *near, const double
 static void pseudo_normal(const apsm_bvh *bvh, const apsm_surface_point *p, double n[3])
 {
     const size_t f = p->face;
-    int positive = 0, last = 0, zero = 0;
-    for (int k = 0; k < 3; k++) {
-        positive += p->weight[k] > 0.0;
-        if (p->weight[k] > 0.0)
-            last = k;
-        else
-            zero = k;
-    }
-    if (positive == 1) {
+    int last, other;
+    const int corners = count_corners(p->weight, &last, &other);
+    if (corners == 1) {
         const size_t v = bvh->mesh->F[3 * f + (size_t)last];
         memcpy(n, bvh->vertex_normal + 3 * v, 3 * sizeof *n);
         return;
     }
     memcpy(n, bvh->face_normal + 3 * f, 3 * sizeof *n);
-    if (positive == 3) return;
-    const uint32_t twin = bvh->twin[3 * f + (size_t)((zero + 1) % 3)]; /* the edge facing `zero` */
+    if (corners == 3) return;
+    const uint32_t twin = bvh->twin[3 * f + (size_t)((other + 1) % 3)]; /* the edge facing it */
     if (twin != APSM_NONE) vec3_add_scaled(n, 1.0, bvh->face_normal + 3 * (size_t)(twin / 3));
 }
 

@@ -93,4 +93,17 @@ static inline double closest_on_triangle(const triangle *t, const double x[3], d
     return best;
 }
 
+/* On how many corners a point of a triangle depends: 3 inside, 2 on an edge, 1 at a corner; the
+ * last of these, and of the others. */
+static inline int count_corners(const double w[3], int *last, int *other)
+{
+    int count = 0;
+    *last = *other = 0;
+    for (int k = 0; k < 3; k++) {
+        count += w[k] > 0.0;
+        *(w[k] > 0.0 ? last : other) = k;
+    }
+    return count;
+}
+
 #endif

@@ -25,21 +25,15 @@ static bool step(const apsm_mesh *mesh, const apsm_topology *topology, const dou
                  apsm_closest *at)
 {
     const size_t first = 3 * (size_t)at->on.face;
-    size_t positive = 0, last = 0, zero = 0;
-    for (size_t k = 0; k < 3; k++) {
-        positive += at->on.weight[k] > 0.0;
-        if (at->on.weight[k] > 0.0)
-            last = k;
-        else
-            zero = k;
-    }
-    if (positive == 3) return false;
-    if (positive == 2) { /* the edge facing `zero` */
-        const uint32_t twin = topology->twin[first + (zero + 1) % 3];
+    int last, other;
+    const int corners = count_corners(at->on.weight, &last, &other);
+    if (corners == 3) return false;
+    if (corners == 2) {
+        const uint32_t twin = topology->twin[first + (size_t)((other + 1) % 3)];
         return twin != APSM_NONE && is_nearer(mesh, x, twin / 3, at);
     }
     bool nearer = false;
-    const uint32_t v = mesh->F[first + last], *start = topology->corner_start;
+    const uint32_t v = mesh->F[first + (size_t)last], *start = topology->corner_start;
     for (uint32_t i = start[v]; i < start[v + 1]; i++)
         nearer |= is_nearer(mesh, x, topology->corner[i] / 3, at);
     return nearer;
