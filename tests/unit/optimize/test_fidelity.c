@@ -165,6 +165,37 @@ static void free_prior_scene(prior_scene *p)
     free_scene(&p->s);
 }
 
+/* What is followed through a move is what a search finds there, of the same vertices. */
+static void test_follows(void **state)
+{
+    (void)state;
+    prior_scene p;
+    make_prior_scene(&p);
+    const size_t i = 2;
+    size_t same = 0;
+    double followed[2];
+    fidelity_state *a = &p.w.a, *b = &p.w.b;
+    memcpy(a->P, p.s.P + i * J * 3, 3 * J * sizeof *a->P);
+    for (size_t x = 0; x < 3 * J; x++) b->P[x] = a->P[x] + 0.1 * p.f->h * noise(x + 3);
+    fidelity_measure(p.f, i, 2, a, &p.w);
+    fidelity_follow(p.f, i, a, b, &p.w);
+    const size_t n = b->n, pulls = b->pulls;
+    followed[0] = a->distance;
+    followed[1] = b->distance;
+    for (size_t k = 0; k < n; k++) a->match[k] = b->match[k];
+    fidelity_measure(p.f, i, 2, b, &p.w);
+    assert_true(fabs(followed[1] - followed[0]) > 0.05 * followed[0]); /* it was a move */
+    assert_near(followed[1], b->distance, 0.01 * b->distance);
+    assert_true(n == b->n && pulls == b->pulls);
+    for (size_t k = 0; k < n; k++) {
+        assert_int_equal(a->match[k].vertex, b->match[k].vertex);
+        assert_true(a->match[k].distance >= b->match[k].distance - 1e-12);
+        same += a->match[k].distance <= b->match[k].distance + 1e-12;
+    }
+    assert_true(same > n * 9 / 10);
+    free_prior_scene(&p);
+}
+
 /* The gradient that Gauss-Newton takes is that of the value, and the matrix that of the quadratic
  * terms. */
 static void test_gradient(void **state)
@@ -930,6 +961,7 @@ static void test_off(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_follows),
         cmocka_unit_test(test_gradient),
         cmocka_unit_test(test_contacts),
         cmocka_unit_test(test_far_obstacles),
