@@ -227,7 +227,7 @@ static apsm_status place_landmarks(apsm_context *ctx, const apsm_landmark_settin
                          "landmarks: a model folder, a file and a place for the "
                          "results are needed");
     placing p = { .ctx = ctx, .s = settings };
-    APSM_TRY(model_folder_read(ctx, settings->folder, FOLDER_PARTICLES, &p.m));
+    APSM_TRY(model_folder_read(ctx, settings->folder, FOLDER_PARTICLES | FOLDER_EVALUATED, &p.m));
     const apsm_status status = place(&p);
     if (status == APSM_OK)
         apsm_log(ctx, APSM_LOG_INFO, "%zu landmarks on %zu shapes: %s/landmarks.csv", p.marks.n,
