@@ -107,6 +107,43 @@ static apsm_status check_domains(apsm_context *ctx, const cli_args *args, tellin
     return status;
 }
 
+/* A finished joint keeps a model folder for each part. */
+static bool is_joint_folder(const cli_args *args)
+{
+    if (args->n_inputs != 1 || !is_model_folder(args->inputs[0])) return false;
+    char *parts = apsm_path_join(args->inputs[0], "parts");
+    const bool is = parts && apsm_is_folder(parts);
+    free(parts);
+    return is;
+}
+
+static apsm_status check_part(apsm_context *ctx, const cli_args *args, const char *name, telling *t)
+{
+    char within[300];
+    cli_args one = *args;
+    snprintf(within, sizeof within, "parts/%.280s", name);
+    char *part = apsm_path_join(args->inputs[0], within);
+    if (!part) return APSM_ERR_MEMORY;
+    const char *given = part;
+    one.inputs = &given;
+    cli_say(t->ui, "%s:", name);
+    const apsm_status status = check(ctx, &one, t);
+    free(part);
+    return status;
+}
+
+static apsm_status check_parts(apsm_context *ctx, const cli_args *args, telling *t)
+{
+    apsm_project project = { 0 };
+    char *path = apsm_path_join(args->inputs[0], "project.swproj");
+    apsm_status status = path ? apsm_project_read(ctx, path, &project) : APSM_ERR_MEMORY;
+    free(path);
+    for (size_t k = 0; status == APSM_OK && k < apsm_project_domains(&project); k++)
+        status = check_part(ctx, args, apsm_project_domain_name(&project, k), t);
+    apsm_project_free(&project);
+    return status;
+}
+
 static apsm_status is_joint(apsm_context *ctx, const cli_args *args, bool *joint)
 {
     const char *(*pairs)[2] = malloc((args->n_set + 1) * sizeof *pairs);
@@ -127,7 +164,10 @@ apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     bool joint = false;
     telling t = { .ui = ui, .lines = json_object() };
     apsm_status status = t.lines ? is_joint(ctx, args, &joint) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = (joint ? check_domains : check)(ctx, args, &t);
+    if (status == APSM_OK)
+        status = (joint                   ? check_domains
+                  : is_joint_folder(args) ? check_parts
+                                          : check)(ctx, args, &t);
     json_decref(t.lines);
     if (status != APSM_OK) return status;
     if (t.problems == 0) cli_say(ui, "no problems found");

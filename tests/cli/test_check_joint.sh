@@ -20,6 +20,11 @@ grep -q '^a:' said && fail "a part that was not asked for: $(cat said)"
 project shapes/nope.ply >gap.swproj
 expect 1 "s1: shape_b: shapes/nope.ply does not exist" check gap.swproj
 [ "$(grep -c 's1: shape_b' said)" = 1 ] || fail "told twice: $(cat said)"
+# A finished joint is looked at part by part.
+"$apsm" run shapes -o m --parts a=_a,b=_b -J 16 --faces 500 -q >said 2>&1 || fail "no joint: $(cat said)"
+expect 0 "no problems found" check m
+rm m/parts/b/groomed/s01_b.ply
+expect 1 "s01_b: its groomed mesh m/parts/b/groomed/s01_b.ply does not exist" check m
 # Wrong only in the part that comes second.
 printf 'ply\n' >shapes/torn.ply
 project shapes/torn.ply >torn.swproj
