@@ -132,9 +132,7 @@ static apsm_status take_round(apsm_context *ctx, apsm_fidelity *f, long round, c
         take(c, P0 + i * 3 * f->J, p0 + i * 3 * c->J);
         take(c, P + i * 3 * f->J, p + i * 3 * c->J);
     }
-    c->f->doubt = f->doubt;
-    APSM_TRY(apsm_fidelity_round(ctx, c->f, round, p0, p, record));
-    f->doubt = c->f->doubt;
+    APSM_TRY(apsm_fidelity_round(ctx, c->f, round, p0, p, record)); /* no doubt yet */
     const double scale = c->f->h / f->h;
     record->before *= scale;
     record->after *= scale;

@@ -731,6 +731,30 @@ static void test_coarse(void **state)
     free_scene(&s);
 }
 
+/* Not on sheets thinner than the few are apart, nor where landmarks hold particles, nor of few. */
+static void test_where_coarse(void **state)
+{
+    (void)state;
+    const synthetic_kind kinds[] = { SYNTHETIC_ELLIPSOID, SYNTHETIC_PLATE };
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    for (size_t k = 0; k < 2; k++) {
+        scene s;
+        make_scene(&s, kinds[k], 2, 1);
+        o.coarse = J / 2;
+        apsm_fidelity *f = new_stage(&s, &o);
+        assert_int_equal(fidelity_coarse_rounds(f), k == 0 ? o.fidelity_rounds / 2 : 0);
+        s.cohort.anchors.hold = true;
+        assert_int_equal(fidelity_coarse_rounds(f), 0);
+        s.cohort.anchors.hold = false;
+        apsm_fidelity_free(f);
+        o.coarse = J / 2 + 1;
+        f = new_stage(&s, &o);
+        assert_int_equal(fidelity_coarse_rounds(f), 0);
+        apsm_fidelity_free(f);
+        free_scene(&s);
+    }
+}
+
 /* What is left out of H for many unknowns changes neither the gradient nor, by much, the matrix,
  * and the stage ends where it does with all of it. */
 static void test_sparse(void **state)
@@ -974,6 +998,7 @@ int main(void)
         cmocka_unit_test(test_strong_prior_yields),
         cmocka_unit_test(test_truth_error),
         cmocka_unit_test(test_coarse),
+        cmocka_unit_test(test_where_coarse),
         cmocka_unit_test(test_sparse),
         cmocka_unit_test(test_neighbours_stay),
         cmocka_unit_test(test_faults_return),
