@@ -6,6 +6,7 @@ function m = read_apsm(folder)
 %   m.names      I names, m.scores I x K: particles(:,:,i) = mean + sum_k scores(i,k) modes(:,:,k)
 %   m.particles  J x 3 x I, world frame
 %   m.certified  I x 1
+%   m.part       J names of parts, of a joint; else empty
 model = jsondecode(fileread(fullfile(folder, 'model.json')));
 certificate = jsondecode(fileread(fullfile(folder, 'certificate.json')));
 m.mean = model.mean;
@@ -18,10 +19,20 @@ I = numel(lines) - 1;
 m.names = cell(I, 1);
 m.scores = zeros(I, K);
 m.particles = zeros(J, 3, I);
+endings = {''};
+m.part = {};
+if isfield(model, 'parts')
+  endings = strcat('_', {model.parts.name});
+  for d = 1:numel(model.parts)
+    m.part = [m.part; repmat({model.parts(d).name}, model.parts(d).particles, 1)];
+  end
+end
 for i = 1:I
   [m.names{i}, rest] = first_field(lines{i + 1});
   m.scores(i, :) = sscanf(rest, '%f,')';
-  m.particles(:, :, i) = load('-ascii', fullfile(folder, 'particles', [m.names{i} '_world.particles']));
+  sets = cellfun(@(e) load('-ascii', fullfile(folder, 'particles', [m.names{i} e '_world.particles'])), endings(:), ...
+                 'UniformOutput', false);
+  m.particles(:, :, i) = vertcat(sets{:});
 end
 m.certified = false(I, 1);
 for i = 1:I

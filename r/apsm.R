@@ -2,6 +2,7 @@
 #   source("r/apsm.R")
 #   m <- read_apsm("model")
 #   m$particles     # J x 3 x I, as geomorph and shapes have landmarks
+#   m$part          # of a joint: the part of each particle
 #   m$scores        # a row a shape; m$variances, m$modes (J x 3 x K), m$mean (J x 3)
 #   m$certified     # which shapes may be trusted
 # A model folder that `apsm run` or `apsm evaluate` has made; nothing in it is changed.
@@ -21,6 +22,13 @@ read_text <- function(path) paste(readLines(path, warn = FALSE, encoding = "UTF-
 
 read_particles <- function(path) as.matrix(unname(read.table(path)))
 
+# The parts of a joint, in the order of their particles; none of a model of one part.
+part_names <- function(model) {
+  list <- regmatches(model, regexpr('"parts": \\[[^]]*\\]', model))
+  if (length(list) == 0) return(character(0))
+  sub('.*"name": "(.*)"$', "\\1", regmatches(list, gregexpr('"name": "[^"]*"', list))[[1]])
+}
+
 read_apsm <- function(folder, frame = "world") {
   file <- function(name) {
     path <- file.path(folder, name)
@@ -29,16 +37,20 @@ read_apsm <- function(folder, frame = "world") {
   }
   scores <- read.csv(file("scores.csv"), check.names = FALSE, fileEncoding = "UTF-8")
   names <- as.character(scores[[1]])
-  paths <- file.path(folder, "particles", paste0(names, "_", frame, ".particles"))
-  if (!all(file.exists(paths))) stop("no particles of ", names[!file.exists(paths)][1], " in the frame '", frame, "'")
-  shapes <- lapply(paths, read_particles)
+  model <- read_text(file("model.json"))
+  part <- part_names(model)
+  shapes <- lapply(names, function(name) {
+    paths <- file.path(folder, "particles", paste0(name, if (length(part)) paste0("_", part), "_", frame, ".particles"))
+    if (!all(file.exists(paths))) stop("no particles of ", name, " in the frame '", frame, "'")
+    sets <- lapply(paths, read_particles)
+    structure(do.call(rbind, sets), part = rep(part, vapply(sets, nrow, 1L)[seq_along(part)]))
+  })
   J <- nrow(shapes[[1]])
   particles <- array(unlist(shapes), c(J, 3, length(names)), list(NULL, c("x", "y", "z"), names))
-  model <- read_text(file("model.json"))
   variances <- json_numbers(model, "variances")
   K <- length(variances)
   list(
-    particles = particles, names = names, variances = variances,
+    particles = particles, part = attr(shapes[[1]], "part"), names = names, variances = variances,
     mean = matrix(json_numbers(model, "mean"), J, 3, byrow = TRUE),
     modes = aperm(array(json_numbers(model, "modes"), c(3, J, K)), c(2, 1, 3)),
     scores = `rownames<-`(as.matrix(scores[-1]), names),
@@ -53,8 +65,10 @@ read_certified <- function(path, names) {
   text <- substring(text, regexpr('"per_shape"', text))
   found <- regmatches(text, gregexpr('"name": "(\\\\.|[^"\\\\])*",\\s*"verdict": "[a-z ]*"', text, perl = TRUE))[[1]]
   verdict <- sub('.*"verdict": "([a-z ]*)"$', "\\1", found)
-  if (length(verdict) != length(names)) stop(path, ": is of other shapes than scores.csv")
-  setNames(verdict == "certified", names)
+  of <- gsub('\\\\(.)', "\\1", sub('^"name": "(.*)",\\s*"verdict": "[a-z ]*"$', "\\1", found))
+  at <- match(names, of) # parts of a joint have verdicts of their own
+  if (anyNA(at)) stop(path, ": is of other shapes than scores.csv")
+  setNames(verdict[at] == "certified", names)
 }
 
 # The table that `apsm test --subjects` has left, or NULL.
