@@ -848,7 +848,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
-    APSM_TRY(apsm_dealt_for(ctx, a->n, register_task, a, NULL));
+    APSM_TRY(apsm_dealt_for(ctx, a->n, register_task, a, "poses"));
     tell_cuts(a);
     report(ctx, a);
     return APSM_OK;
@@ -864,7 +864,7 @@ static apsm_status align_again(apsm_context *ctx, aligner *a, const double *M)
     for (size_t i = 0; i < a->n; i++) a->cloud[i].cuts = 0;
     APSM_TRY(hold_trees(ctx, a, 1, &t));
     APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
-    return apsm_parallel_for(ctx, a->n, register_task, a, NULL);
+    return apsm_parallel_for(ctx, a->n, register_task, a, "poses");
 }
 
 apsm_status apsm_align_cropped(apsm_context *ctx, size_t n, const apsm_mesh *const *meshes,

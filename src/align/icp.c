@@ -204,12 +204,20 @@ static void pair_points(const icp_job *job, size_t k, size_t l, pairs *q, size_t
     q->d2[pair] = vec3_distance2(q->p + 3 * k, y);
 }
 
-/* The fixed cloud's first n points relative to its centre, a row a coordinate. */
-static void lay_out(const apsm_cloud *cloud, size_t n, float *Y)
+/* A power of two that makes the cloud's radius about 1. */
+static double unit_of(const apsm_cloud *cloud)
+{
+    int exponent;
+    frexp(cloud->radius, &exponent);
+    return ldexp(1.0, -exponent);
+}
+
+/* The cloud's first n points relative to its centre, times unit, a row a coordinate. */
+static void lay_out(const apsm_cloud *cloud, size_t n, double unit, float *Y)
 {
     for (size_t l = 0; l < n; l++)
         for (size_t a = 0; a < 3; a++)
-            Y[a * n + l] = (float)(cloud->x[3 * l + a] - cloud->centre[a]);
+            Y[a * n + l] = (float)(unit * (cloud->x[3 * l + a] - cloud->centre[a]));
 }
 
 /* Both directions at once, by the table of distances between the clouds; in single precision, which
@@ -219,13 +227,16 @@ static void match_clouds(const icp_job *job, const double M[16], pairs *q)
     const apsm_cloud *moving = job->moving->cloud, *fixed = job->fixed->cloud;
     const size_t n = job->n;
     float *Y = (float *)job->work, *row = Y + 3 * n, *who = row + n, *least = who + n;
-    const double inverse = 1.0 / vec3_norm(M);
-    lay_out(fixed, n, Y);
-    for (size_t l = 0; l < n; l++) least[l] = INFINITY;
+    const double inverse = 1.0 / vec3_norm(M), unit = unit_of(fixed);
+    lay_out(fixed, n, unit, Y);
+    for (size_t l = 0; l < n; l++) {
+        least[l] = INFINITY;
+        who[l] = 0.0f;
+    }
     for (size_t k = 0; k < n; k++) {
         float x[3];
         map(M, moving->x + 3 * k, q->p + 3 * k);
-        for (size_t a = 0; a < 3; a++) x[a] = (float)(q->p[3 * k + a] - fixed->centre[a]);
+        for (size_t a = 0; a < 3; a++) x[a] = (float)(unit * (q->p[3 * k + a] - fixed->centre[a]));
         const size_t l = closest_point(n, Y, x, (float)k, row, least, who);
         pair_points(job, k, l, q, k);
         memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);

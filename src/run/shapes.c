@@ -53,6 +53,7 @@ static apsm_status load_mesh(apsm_context *ctx, size_t i, int worker, void *user
 
 static apsm_status load_groomed(apsm_run *run)
 {
+    enum { MANY = 1000 }; /* reading fewer needs no progress */
     const size_t n = run->project.n;
     run->names = calloc(n, sizeof *run->names);
     run->transforms = calloc(n * 16, sizeof *run->transforms);
@@ -66,7 +67,7 @@ static apsm_status load_groomed(apsm_run *run)
         run->names[i] = run->project.subjects[i].name;
         memcpy(run->transforms + 16 * i, run->project.subjects[i].alignment, 16 * sizeof(double));
     }
-    return apsm_parallel_for(run->ctx, n, load_mesh, run, NULL);
+    return apsm_parallel_for(run->ctx, n, load_mesh, run, n < MANY ? NULL : "read");
 }
 
 apsm_status run_no_project(const apsm_run *run)
