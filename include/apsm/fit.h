@@ -96,7 +96,8 @@ typedef struct apsm_fit {
     bool has_distance;
     apsm_surface_distance distance; /* of the shape's surface and the warped template's */
     double h;                       /* mean distance of neighbouring particles on the template */
-    double mahalanobis, tail;       /* of the scores, and how probable a larger one is */
+    double mahalanobis, tail;       /* of the scores, and how probable a larger one is; NAN: of so
+                                       few shapes no mode holds for others */
     size_t mahalanobis_modes;
     double residual, residual_usual; /* miss of a coordinate by the modes, and that of left-out
                                         shapes; lengths */

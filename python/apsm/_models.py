@@ -26,7 +26,8 @@ def _word(name: str, given: str, words: "tuple[str, ...]") -> int:
 
 class Fit:
     """A shape by a model: verdict, reason, and unless it was refused particles in the model's frame
-    (world) and the shape's own (original), scores, sd (J), mesh (vertices, faces), mahalanobis, tail."""
+    (world) and the shape's own (original), scores, sd (J), mesh (vertices, faces), mahalanobis, tail
+    (NaN: of so few shapes no mode holds for others)."""
 
     def __init__(self, result: dict):
         J = result["J"]

@@ -148,9 +148,9 @@ static apsm_status score(const joint_model *m, joint_subject_fit *s)
     for (size_t k = 0; k < K; k++) d2 += s->score[k] * s->score[k] / w->variance[k];
     for (size_t k = 0; k < D; k++) miss += (s->world[k] - x[k]) * (s->world[k] - x[k]);
     free(x);
-    s->mahalanobis = sqrt(d2);
+    s->mahalanobis = K > 0 ? sqrt(d2) : NAN;
     s->residual = sqrt(miss / (double)(D - K));
-    s->tail = K > 0 ? fit_tail_mahalanobis(d2 / c->mahalanobis, (double)w->I, (double)K) : 1;
+    s->tail = K > 0 ? fit_tail_mahalanobis(d2 / c->mahalanobis, (double)w->I, (double)K) : NAN;
     return APSM_OK;
 }
 

@@ -136,8 +136,8 @@ static json_t *json_subject(const joint_model *m, const joint_subject_fit *s)
     }
     json_object_set_new(o, "mirrored", json_boolean(s->mirrored));
     json_object_set_new(o, "to_world", to_world);
-    json_object_set_new(o, "mahalanobis", json_real(s->mahalanobis));
-    json_object_set_new(o, "tail_probability", json_real(s->tail));
+    json_object_set_new(o, "mahalanobis", apsm_json_number_or_null(s->mahalanobis));
+    json_object_set_new(o, "tail_probability", apsm_json_number_or_null(s->tail));
     json_object_set_new(o, "residual", json_real(s->residual));
     json_object_set_new(o, "scores", apsm_json_vector(m->whole->model.modes, s->score));
     json_object_set_new(o, "contacts", json_contacts(m, s));

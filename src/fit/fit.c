@@ -133,9 +133,9 @@ apsm_status fit_scores(fit_job *job)
     for (size_t k = 0; k < m; k++) d2 += out->score[k] * out->score[k] / s->variance[k];
     for (size_t d = 0; d < D; d++) miss += (out->world[d] - x[d]) * (out->world[d] - x[d]);
     free(x);
-    out->mahalanobis = sqrt(d2);
+    out->mahalanobis = m > 0 ? sqrt(d2) : NAN;
     out->mahalanobis_modes = m;
-    out->tail = m > 0 ? fit_tail_mahalanobis(d2 / c->mahalanobis, (double)s->I, (double)m) : 1;
+    out->tail = m > 0 ? fit_tail_mahalanobis(d2 / c->mahalanobis, (double)s->I, (double)m) : NAN;
     out->residual = sqrt(miss / (double)(D - m));
     out->residual_usual = c->residual * job->m->h;
     return APSM_OK;

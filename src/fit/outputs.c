@@ -174,18 +174,18 @@ static json_t *json_summary(const fit_row *row)
                           row->problem);
     if (!o || row->failed) return o;
     const int bad = json_object_update_new(
-        o, json_pack(
-               "{s:b, s:b, s:f, s:f, s:o, s:o, s:o, s:o, s:I, s:o, s:f, s:f, s:f, s:f, s:o, s:o}",
-               "partial", f->partial, "mirrored", f->mirrored, "cropped_share", f->cropped_share,
-               "pose_residual", f->pose_residual, "runner_up_ratio",
-               apsm_json_number_or_null(f->runner_up), "mirror_ratio",
-               apsm_json_number_or_null(f->mirror_ratio), "to_world", apsm_json_vector(16, f->M),
-               "mahalanobis", apsm_json_number_or_null(f->mahalanobis_modes ? f->mahalanobis : NAN),
-               "mahalanobis_modes", (json_int_t)f->mahalanobis_modes, "tail_probability",
-               apsm_json_number_or_null(f->mahalanobis_modes ? f->tail : NAN), "residual",
-               f->residual, "residual_usual", f->residual_usual, "observed_share",
-               f->observed_share, "counted_share", f->counted_share, "surface_distance",
-               json_distance(f), "certificate", json_certificate(f)));
+        o,
+        json_pack(
+            "{s:b, s:b, s:f, s:f, s:o, s:o, s:o, s:o, s:I, s:o, s:f, s:f, s:f, s:f, s:o, s:o}",
+            "partial", f->partial, "mirrored", f->mirrored, "cropped_share", f->cropped_share,
+            "pose_residual", f->pose_residual, "runner_up_ratio",
+            apsm_json_number_or_null(f->runner_up), "mirror_ratio",
+            apsm_json_number_or_null(f->mirror_ratio), "to_world", apsm_json_vector(16, f->M),
+            "mahalanobis", apsm_json_number_or_null(f->mahalanobis), "mahalanobis_modes",
+            (json_int_t)f->mahalanobis_modes, "tail_probability", apsm_json_number_or_null(f->tail),
+            "residual", f->residual, "residual_usual", f->residual_usual, "observed_share",
+            f->observed_share, "counted_share", f->counted_share, "surface_distance",
+            json_distance(f), "certificate", json_certificate(f)));
     if (!bad) return o;
     json_decref(o);
     return NULL;
@@ -297,9 +297,8 @@ static void put_row(apsm_writer *w, const fit_row *row, size_t modes)
     const apsm_fit *f = &row->figures;
     const bool fitted = !row->failed && f->J > 0;
     const apsm_distance_summary *d = &f->distance.two_way;
-    const bool placed = f->mahalanobis_modes > 0; /* among the model's shapes */
-    const double cells[] = { placed ? f->mahalanobis : NAN,
-                             placed ? f->tail : NAN,
+    const double cells[] = { f->mahalanobis,
+                             f->tail,
                              f->residual,
                              f->has_distance ? d->mean : NAN,
                              f->has_distance ? d->max : NAN,
