@@ -154,4 +154,9 @@ for call in "report x" "export x -o y.npz --to npz" "fit x cohort/s0.ply -o y"; 
 done
 expect 0 "" evaluate x
 expect 0 "" report x
+# Of three shapes no mode holds for others: what cannot be told is not told as 0.
+"$apsm" fit x cohort/s1.ply -o y --force >said 2>&1
+grep -q "how unusual a new shape is cannot be told" said || fail "fit by three shapes: $(cat said)"
+grep -q '"mahalanobis": null' y/fit.json && grep -q '"tail_probability": null' y/fit.json ||
+    fail "fit by three shapes: $(grep -e mahalanobis -e tail y/fit.json)"
 exit $failed
