@@ -12,7 +12,8 @@
 #include "formats/input_file.h"
 
 static const double largest_deviation = 0.1; /* of the gap between slices */
-static const double plane_rounding = 0.1;    /* of squared lengths */
+/* Of products of directions that are written with three decimals: 2 sqrt(3) half units. */
+static const double plane_rounding = 2e-3;
 
 /* ---- slices ---- */
 
@@ -64,13 +65,14 @@ static void normal_of(const double o[6], double n[3])
 /* Directions of rows and columns, but for their rounding. */
 static bool is_plane(const double o[6])
 {
-    double normal[3], length2[2] = { 0 };
-    normal_of(o, normal);
-    const double across2 = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2];
-    for (int c = 0; c < 6; c++) length2[c / 3] += o[c] * o[c];
-    for (int k = 0; k < 2; k++)
-        if (!(fabs(length2[k] - 1.0) <= plane_rounding)) return false;
-    return fabs(across2 - 1.0) <= plane_rounding;
+    double product[3] = { 0 }; /* rows, columns, and rows with columns */
+    for (int c = 0; c < 3; c++) {
+        product[0] += o[c] * o[c];
+        product[1] += o[3 + c] * o[3 + c];
+        product[2] += o[c] * o[3 + c];
+    }
+    return fabs(product[0] - 1.0) <= plane_rounding && fabs(product[1] - 1.0) <= plane_rounding &&
+           fabs(product[2]) <= plane_rounding;
 }
 
 static apsm_status check_image(apsm_context *ctx, const char *path, const dicom *d)

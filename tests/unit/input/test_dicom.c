@@ -242,11 +242,12 @@ static void bad_series_are_refused(void **state)
     assert_null(v.label);
 }
 
-/* Rows along the columns have no plane, and a direction of length 2 would double the shape. */
+/* Rows along the columns have no plane, a direction of length 2 would double the shape, and one 5
+ * degrees off the right angle shear it; three decimals are rounding. */
 static void orientations_are_directions(void **state)
 {
-    static const char *const wrong[] = { "1\\0\\0\\1\\0\\0", "2\\0\\0\\0\\2\\0",
-                                         "0\\0\\0\\0\\1\\0" };
+    static const char *const wrong[] = { "1\\0\\0\\1\\0\\0", "2\\0\\0\\0\\2\\0", "0\\0\\0\\0\\1\\0",
+                                         "1\\0\\0\\0.087156\\0.996195\\0", "1.005\\0\\0\\0\\1\\0" };
     fixture *const f = *state;
     apsm_volume v = { 0 };
     variant o = plain;
@@ -256,6 +257,10 @@ static void orientations_are_directions(void **state)
         expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
                        "ImageOrientationPatient", "right angles");
     }
+    o.orientation = "0.866\\0.4\\0.3\\-0.5\\0.693\\0.52";
+    write_variants(f->folder, &o);
+    if (apsm_read_dicom(f->ctx, f->folder, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    apsm_volume_free(&v);
 }
 
 /* What the size of a deviation is, not its presence, decides: a hundredth of the gap is the
