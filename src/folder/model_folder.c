@@ -14,7 +14,7 @@
 #include "folder/names.h"
 #include "geometry/affine.h"
 
-static const double changed_mean = 1e-6;  /* of the extent */
+static const double changed_model = 1e-6; /* of the extent */
 static const double file_rounding = 1e-8; /* of a coordinate: nine digits are written */
 
 static apsm_status stale(apsm_context *ctx, const model_folder *m, const char *what)
@@ -182,23 +182,57 @@ static apsm_status read_world(apsm_context *ctx, size_t i, int worker, void *use
     return read_sets(ctx, m, i, true, m->P + i * m->J * 3);
 }
 
-/* Particles that were written since do not have the mean that the model has. */
-static apsm_status check_mean(apsm_context *ctx, const model_folder *m)
+/* ---- whether the particles are those that the model was made of ---- */
+
+/* How far coordinates may be off by rounding. */
+static double rounding_of(const model_folder *m)
 {
-    const size_t n = 3 * m->J;
-    double extent = 0.0, off = 0.0, far = 0.0;
-    for (size_t k = 0; k < n; k++) {
-        double mean = 0.0;
-        for (size_t i = 0; i < m->I; i++) mean += m->P[i * n + k];
-        off = fmax(off, fabs(mean / (double)m->I - m->model.mean[k]));
+    double extent = 0.0, far = 0.0;
+    for (size_t k = 0; k < 3 * m->J; k++) {
         extent = fmax(extent, fabs(m->model.mean[k] - m->model.mean[k % 3]));
         far = fmax(far, fabs(m->model.mean[k]));
     }
-    return off <= changed_mean * extent + file_rounding * far
-               ? APSM_OK
-               : stale(ctx, m,
-                       "particles have changed since the model was made of them (`apsm verify` "
-                       "tells which)");
+    return changed_model * extent + file_rounding * far;
+}
+
+static bool has_mean(const model_folder *m, double rounding)
+{
+    const size_t n = 3 * m->J;
+    for (size_t k = 0; k < n; k++) {
+        double sum = 0.0;
+        for (size_t i = 0; i < m->I; i++) sum += m->P[i * n + k];
+        if (!(fabs(sum / (double)m->I - m->model.mean[k]) <= rounding)) return false;
+    }
+    return true;
+}
+
+/* Along `sum` (3J, out), the sum of all modes, every shape lies by the sum of its scores: one
+ * product a shape that says whether the particles in a file are that shape's. */
+static bool has_scores(const model_folder *m, double rounding, double *sum)
+{
+    const apsm_shape_model *s = &m->model;
+    const size_t n = 3 * m->J;
+    for (size_t k = 0; k < s->modes * n; k++) sum[k % n] += s->mode[k];
+    for (size_t i = 0; i < m->I; i++) {
+        double off = 0.0;
+        for (size_t k = 0; k < n; k++) off += sum[k] * (m->P[i * n + k] - s->mean[k]);
+        for (size_t k = 0; k < s->modes; k++) off -= s->score[i * s->modes + k];
+        if (!(fabs(off) <= sqrt((double)(n * s->modes)) * rounding)) return false;
+    }
+    return true;
+}
+
+static apsm_status check_particles(apsm_context *ctx, const model_folder *m)
+{
+    const double rounding = rounding_of(m);
+    double *sum = calloc(3 * m->J, sizeof *sum);
+    if (!sum) return out_of_memory(ctx, m);
+    const bool same = has_mean(m, rounding) && has_scores(m, rounding, sum);
+    free(sum);
+    return same ? APSM_OK
+                : stale(ctx, m,
+                        "particles have changed since the model was made of them (`apsm verify` "
+                        "tells which)");
 }
 
 static apsm_status read_particles(apsm_context *ctx, model_folder *m)
@@ -206,7 +240,7 @@ static apsm_status read_particles(apsm_context *ctx, model_folder *m)
     m->P = calloc(m->I * 3, m->J * sizeof *m->P);
     if (!m->P) return out_of_memory(ctx, m);
     APSM_TRY(apsm_parallel_for(ctx, m->I, read_world, m, NULL));
-    return check_mean(ctx, m);
+    return check_particles(ctx, m);
 }
 
 static apsm_status read_parts(apsm_context *ctx, unsigned parts, model_folder *m)
@@ -224,7 +258,7 @@ static apsm_status read_parts(apsm_context *ctx, unsigned parts, model_folder *m
             read_json(ctx, m, FOLDER_MANIFEST, FORMAT_MANIFEST, MANIFEST_VERSION, &m->manifest));
     APSM_TRY(find_template(ctx, m));
     APSM_TRY(read_parts_of_model(ctx, m));
-    if (parts & FOLDER_SCORES) APSM_TRY(read_scores(ctx, m));
+    if (parts & (FOLDER_SCORES | FOLDER_PARTICLES)) APSM_TRY(read_scores(ctx, m));
     if (parts & FOLDER_PARTICLES) APSM_TRY(read_particles(ctx, m));
     return APSM_OK;
 }

@@ -11,7 +11,7 @@ struct json_t;
 
 /* What to read beside project and model; | joins them. */
 enum {
-    FOLDER_PARTICLES = 1,   /* P */
+    FOLDER_PARTICLES = 1,   /* P, and model.score, which says whether they are the model's */
     FOLDER_SCORES = 2,      /* model.score */
     FOLDER_EVALUATED = 4,   /* evaluation */
     FOLDER_CERTIFIED = 8,   /* certificate */

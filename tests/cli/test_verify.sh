@@ -159,4 +159,10 @@ expect 0 "" report x
 grep -q "how unusual a new shape is cannot be told" said || fail "fit by three shapes: $(cat said)"
 grep -q '"mahalanobis": null' y/fit.json && grep -q '"tail_probability": null' y/fit.json ||
     fail "fit by three shapes: $(grep -e mahalanobis -e tail y/fit.json)"
+fresh # exchanged, they have the same mean
+mv x/particles/s1_world.particles kept_s1
+mv x/particles/s2_world.particles x/particles/s1_world.particles
+mv kept_s1 x/particles/s2_world.particles
+expect 1 "particles have changed since the model was made of them" report x
+expect 1 "particles have changed since the model was made of them" export x -o y.npz --to npz
 exit $failed
