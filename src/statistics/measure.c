@@ -424,9 +424,10 @@ static apsm_status read_all(measuring *w)
     const apsm_measure_settings *s = w->s;
     if (!s->folder || !s->definition)
         return apsm_fail(w->ctx, APSM_ERR_ARG, "measure: no model folder or no definition");
+    const unsigned parts = FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED;
     APSM_TRY(claim_files(w));
-    APSM_TRY(model_folder_read(w->ctx, s->folder,
-                               FOLDER_PARTICLES | FOLDER_EVALUATED | FOLDER_CERTIFIED, &w->m));
+    APSM_TRY(model_folder_read(w->ctx, s->folder, parts | (s->n_files > 0 ? FOLDER_MANIFESTED : 0u),
+                               &w->m));
     APSM_TRY(
         apsm_table_gather(w->ctx, s->folder, s->subjects, &w->m.project, w->m.names, &w->table));
     APSM_TRY(measurement_list_read(w->ctx, s->definition, &w->m, &w->list));

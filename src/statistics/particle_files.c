@@ -9,6 +9,8 @@
 #include "files/files.h"
 #include "folder/model_json.h"
 
+static const char particles_folder[] = "particles";
+
 void particle_files_free(particle_files *files)
 {
     for (size_t k = 0; files->name && k < files->n; k++) free(files->name[k]);
@@ -70,14 +72,23 @@ static bool ends_with(const char *text, const char *end)
     return n >= m && strcmp(text + n - m, end) == 0;
 }
 
+/* Where the files lie: of a folder of fits, in its particles/. */
+static char *folder_of(const char *path)
+{
+    if (!apsm_is_folder(path)) return apsm_path_folder(path);
+    char *inner = apsm_path_join(path, particles_folder);
+    if (!inner || apsm_is_folder(inner)) return inner;
+    free(inner);
+    return strdup(path);
+}
+
 static apsm_status add_folder(apsm_context *ctx, const char *folder, size_t J,
                               particle_files *files)
 {
     apsm_file_list list;
     const size_t before = files->n;
-    char *inner = apsm_path_join(folder, "particles");
-    if (!inner) return APSM_ERR_MEMORY;
-    const char *from = apsm_is_folder(inner) ? inner : folder;
+    char *from = folder_of(folder);
+    if (!from) return APSM_ERR_MEMORY;
     apsm_status status = apsm_list_files(ctx, from, false, &list);
     for (size_t k = 0; status == APSM_OK && k < list.n; k++) {
         if (!ends_with(list.path[k], "_world.particles")) continue;
@@ -86,7 +97,7 @@ static apsm_status add_folder(apsm_context *ctx, const char *folder, size_t J,
         free(path);
     }
     apsm_file_list_free(&list);
-    free(inner);
+    free(from);
     if (status == APSM_OK && files->n == before)
         status = apsm_fail(ctx, APSM_ERR_ARG,
                            "%s: holds no ..._world.particles; give a folder that apsm fit has made",
@@ -96,21 +107,27 @@ static apsm_status add_folder(apsm_context *ctx, const char *folder, size_t J,
 
 /* ---- what the fits say of themselves ---- */
 
-/* Path of the fit.json beside what is given, a folder of fits or a file in its particles/; NULL:
- * memory. */
+/* What a particles/ lies in, called so or, as "." may be, by its place; other folders themselves.
+ * NULL: memory. */
+static char *without_particles(const char *folder)
+{
+    if (strcmp(base_of(folder), particles_folder) == 0) return apsm_path_folder(folder);
+    char *real = realpath(folder, NULL);
+    if (!real) return NULL;
+    const bool inside = strcmp(base_of(real), particles_folder) == 0;
+    free(real);
+    return inside ? apsm_path_join(folder, "..") : strdup(folder);
+}
+
+/* Path of the fit.json of the fits that are given: above their particles/, or else beside the
+ * files.  NULL: memory. */
 static char *fit_json_of(const char *path)
 {
-    static const char particles[] = "particles";
-    char *folder = strdup(path);
-    if (!folder) return NULL;
-    if (!apsm_is_folder(path)) {
-        const size_t n = (size_t)(base_of(path) - path);
-        folder[n > 0 ? n - 1 : 0] = '\0';
-        const size_t inner = (size_t)(base_of(folder) - folder);
-        folder[strcmp(folder + inner, particles) == 0 && inner > 0 ? inner - 1 : 0] = '\0';
-    }
-    char *file = apsm_path_join(*folder ? folder : ".", "fit.json");
+    char *inner = folder_of(path);
+    char *folder = inner ? without_particles(inner) : NULL;
+    char *file = folder ? apsm_path_join(folder, "fit.json") : NULL;
     free(folder);
+    free(inner);
     return file;
 }
 

@@ -246,12 +246,25 @@ cp shapes/s4.ply guest.ply
 "$apsm" fit model guest.ply -o fits -q >said 2>&1 || fail "fit: $(cat said)"
 "$apsm" norm model fits -o n3 -q >said 2>&1 || fail "norm of a fit: $(cat said)"
 grep -qF "guest: is the model's own s4" said || fail "a shape of the model is new: $(cat said)"
+"$apsm" measure model define.json fits -o m3 -q >said 2>&1 || fail "measure of a fit: $(tail -n 1 said)"
+grep -qF "guest: is the model's own s4" said || fail "measure: a shape of the model is new: $(cat said)"
 sed -i '0,/"verdict": "good"/s//"verdict": "needs review"/' fits/fit.json
 "$apsm" predict model --of reach --subjects reach.csv -o p3 -q fits/particles/guest_world.particles >said 2>&1
 grep -qF "guest: its fit needs review" said || fail "a doubtful fit is not told: $(cat said)"
 sed -i '0,/"sha256": "...../s//"sha256": "00000/' fits/fit.json
 refuse_verb norm 2 "fits to another model" model fits -o n4
 refuse_verb predict 2 "fits to another model" model --of reach --subjects reach.csv -o p4 fits/particles/guest_world.particles
+# However they are given: by their inner folder, or from inside it.
+refuse_verb norm 2 "fits to another model" model fits/particles -o n4
+refuse_verb norm 2 "fits to another model" model fits/particles/ -o n4
+for given in . guest_world.particles; do
+    (cd fits/particles && "$apsm" norm ../../model $given -o ../../n4 -q) >said 2>&1
+    grep -qF "fits to another model" said || fail "fits to another model by $given: $(cat said)"
+done
+# A fit.json says nothing of files that lie elsewhere.
+mkdir elsewhere && cp new_world.particles elsewhere
+(cd fits && "$apsm" norm ../model ../elsewhere/new_world.particles -o ../n5 -q) >said 2>&1 ||
+    fail "particles beside no fit.json: $(cat said)"
 refuse_verb measure 2 "needs a model folder and a definition" model
 sed 's/"volume"}/"volum"}/' define.json >bad.json
 refuse_verb measure 1 "did you mean 'volume'" model bad.json
