@@ -83,6 +83,9 @@ apsm_status apsm_folder_holds(const char *folder, const char *name, bool *holds)
 
 apsm_status apsm_file_size(apsm_context *ctx, const char *path, long long *bytes) APSM_NODISCARD;
 
+/* A file's name without its folder, which says nothing about the shape: within path. */
+const char *apsm_path_last(const char *path);
+
 /* All return malloc'ed text, NULL only if out of memory. */
 char *apsm_path_join(const char *folder, const char *name); /* name itself if it is absolute */
 char *apsm_path_folder(const char *path);                   /* "." if path has no slash */

@@ -124,6 +124,12 @@ static char *copy(const char *text, size_t length)
     return result;
 }
 
+const char *apsm_path_last(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash && slash[1] ? slash + 1 : path;
+}
+
 char *apsm_path_join(const char *folder, const char *name)
 {
     const size_t f = strlen(folder), n = strlen(name);

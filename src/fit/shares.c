@@ -45,12 +45,14 @@ static journal_key scope_of(const apsm_fit_model *m, const fit_share_job *job)
     const apsm_fit_options *o = job->options;
     const landmark_list *l = job->landmarks;
     const int words[] = { o->hand, o->extent, o->aligned, o->force };
+    const size_t layout[] = { sizeof(fit_row), sizeof(apsm_fit) }; /* of a piece */
     journal_key key;
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
     add_text(&sha, "fit");
     add_text(&sha, APSM_VERSION);
     add_model(&sha, m);
+    apsm_sha256_add(&sha, layout, sizeof layout);
     apsm_sha256_add(&sha, words, sizeof words);
     add_text(&sha, job->settings->labels);
     for (size_t k = 0; k < l->n; k++) add_text(&sha, l->name[k]);
@@ -70,7 +72,8 @@ static journal_key job_key(void)
     return key;
 }
 
-/* Of the job: *said.  Of another one: *other. */
+/* Of the job: *said.  Of another one: *other.  Neither: its first piece is damaged or not there
+ * yet; the keys of the others hold the job as well. */
 static apsm_status ask_job(apsm_context *ctx, const fit_shares *s, const journal *j, bool *said,
                            bool *other)
 {
@@ -79,7 +82,7 @@ static apsm_status ask_job(apsm_context *ctx, const fit_shares *s, const journal
     const journal_key key = job_key();
     APSM_TRY(journal_find(ctx, j, &key, &data, &size));
     *said = data && size == sizeof s->scope && memcmp(data, &s->scope, size) == 0;
-    *other = !*said && journal_count(j) > 0;
+    *other = !*said && data;
     free(data);
     return APSM_OK;
 }
@@ -143,12 +146,15 @@ void fit_shares_close(fit_shares *s)
 apsm_status fit_shares_end(apsm_context *ctx, fit_shares *s)
 {
     if (s->kept.n == 0) return APSM_OK;
-    if (s->found > 0)
-        apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state",
-                 s->found, s->folder);
-    else
+    if (s->found == 0) {
         apsm_log(ctx, APSM_LOG_WARNING,
-                 "what shares have kept in %s/state is of other inputs: not used", s->folder);
+                 "what shares have kept in %s/state is of other inputs: not used, and left there; "
+                 "remove that folder if nobody wants it",
+                 s->folder);
+        return APSM_OK;
+    }
+    apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state", s->found,
+             s->folder);
     APSM_TRY(shards_remove(ctx, s->folder));
     char *state = apsm_path_join(s->folder, "state");
     if (!state) return APSM_ERR_MEMORY;
@@ -197,7 +203,7 @@ static journal_key key_of(const fit_shares *s, const apsm_input_case *c, const f
     apsm_sha256_begin(&sha);
     apsm_sha256_add(&sha, &s->scope, sizeof s->scope);
     add_text(&sha, c->name);
-    add_text(&sha, c->path);
+    add_text(&sha, apsm_path_last(c->path));
     add_text(&sha, row->sha256);
     apsm_sha256_add(&sha, how, sizeof how);
     apsm_sha256_end(&sha, key.byte);
@@ -226,45 +232,50 @@ apsm_status fit_shares_keep(apsm_context *ctx, const fit_shares *s, const apsm_i
     return status;
 }
 
-/* fit (out): the figures, with room for the model's arrays. */
-static apsm_status take_figures(const apsm_fit_model *m, const apsm_fit *figures, apsm_fit *fit)
+/* Whether a row that a file holds can be one of this model's: whatever its check sum, sizes and
+ * ends are not believed. */
+static bool is_sound(const apsm_fit_model *m, const fit_row *row)
 {
-    apsm_fit own = { 0 };
-    const apsm_status status = fit_alloc(m, &own);
-    *fit = *figures;
-    fit->local = own.local;
-    fit->world = own.world;
-    fit->original = own.original;
-    fit->score = own.score;
-    fit->variance = own.variance;
-    fit->sd = own.sd;
-    fit->sd_normal = own.sd_normal;
-    fit->observed = own.observed;
-    fit->mesh = own.mesh;
-    fit->mesh_sd = own.mesh_sd;
-    fit->mesh_observed = own.mesh_observed;
-    return status;
+    const apsm_fit *f = &row->figures;
+    const bool sized = f->J == 0 ? f->verdict == APSM_FIT_REFUSED
+                                 : f->J == m->model.J && f->modes == m->model.modes;
+    return sized && (unsigned)f->verdict <= APSM_FIT_REFUSED &&
+           memchr(row->problem, 0, sizeof row->problem) && memchr(f->reason, 0, sizeof f->reason);
 }
 
+/* fit (out): a piece's figures, and arrays of the model's sizes.  *sound: there is no more and no
+ * less in the piece. */
 static apsm_status unpack(const fit_shares *s, const unsigned char *data, size_t size, fit_row *row,
-                          apsm_fit *fit)
+                          apsm_fit *fit, bool *sound)
 {
-    const fit_row own = *row;
     field list[FIELDS] = { { 0 } };
-    if (size < sizeof *row) return APSM_ERR_FORMAT;
-    memcpy(row, data, sizeof *row);
-    row->name = own.name;
-    row->path = own.path;
-    if (row->figures.J > 0) {
-        APSM_TRY(take_figures(s->model, &row->figures, fit));
+    *sound = size >= sizeof *row;
+    if (*sound) memcpy(row, data, sizeof *row);
+    *sound = *sound && is_sound(s->model, row);
+    if (!*sound) return APSM_OK;
+    fit_forget_arrays(&row->figures);
+    row->figures.score = NULL;
+    *fit = row->figures;
+    if (fit->J > 0) {
+        APSM_TRY(fit_alloc(s->model, fit));
         fields_of(fit, list);
-    } else {
-        *fit = row->figures;
     }
-    if (size != sizeof *row + bytes_of(list)) return APSM_ERR_FORMAT;
+    *sound = size == sizeof *row + bytes_of(list);
     data += sizeof *row;
-    for (size_t k = 0; k < FIELDS; data += list[k++].bytes)
+    for (size_t k = 0; k < FIELDS && *sound; data += list[k++].bytes)
         if (list[k].bytes > 0) memcpy(list[k].at, data, list[k].bytes);
+    return APSM_OK;
+}
+
+/* The same; a piece that is not sound is of no use, and the fit is made. */
+static apsm_status take(const fit_shares *s, const unsigned char *data, size_t size, fit_row *row,
+                        apsm_fit *fit, bool *found)
+{
+    fit_row kept;
+    APSM_TRY(unpack(s, data, size, &kept, fit, found));
+    if (!*found) return apsm_fit_free(fit), APSM_OK;
+    row->failed = false; /* those are not kept */
+    memcpy(row->problem, kept.problem, sizeof row->problem);
     row->figures = *fit;
     return APSM_OK;
 }
@@ -286,9 +297,8 @@ apsm_status fit_shares_find(apsm_context *ctx, fit_shares *s, const apsm_input_c
     const journal_key key = key_of(s, c, row);
     APSM_TRY(look_up(ctx, s, &key, &data, &size));
     if (!data) return APSM_OK;
-    const apsm_status status = unpack(s, data, size, row, fit);
+    const apsm_status status = take(s, data, size, row, fit, found);
     free(data);
-    *found = status == APSM_OK;
 #pragma omp atomic
     s->found += *found;
     return status;

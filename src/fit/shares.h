@@ -36,7 +36,7 @@ apsm_status fit_shares_find(apsm_context *ctx, fit_shares *s, const apsm_input_c
 /* One that was made, by a share.  Any thread. */
 apsm_status fit_shares_keep(apsm_context *ctx, const fit_shares *s, const apsm_input_case *c,
                             const fit_row *row) APSM_NODISCARD;
-/* The job has gathered them: removes the journals. */
+/* The job has gathered them: removes the journals, unless nothing in them was of use. */
 apsm_status fit_shares_end(apsm_context *ctx, fit_shares *s) APSM_NODISCARD;
 void fit_shares_close(fit_shares *s);
 

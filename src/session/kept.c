@@ -108,15 +108,17 @@ apsm_status kept_end(apsm_run *run)
 apsm_status kept_end_shares(apsm_run *run)
 {
     if (!run->kept) return APSM_OK;
-    if (run->kept->found > 0)
-        apsm_log(run->ctx, APSM_LOG_INFO,
-                 "%zu results that shares have kept were found in %s/state", run->kept->found,
-                 run->folder);
-    else
-        apsm_log(run->ctx, APSM_LOG_WARNING,
-                 "what shares have kept in %s/state is of other particles or options: not used",
-                 run->folder);
+    const size_t found = run->kept->found;
     kept_close(run);
+    if (found == 0) {
+        apsm_log(run->ctx, APSM_LOG_WARNING,
+                 "what shares have kept in %s/state is of other particles or options: not used, "
+                 "and left there; remove its shard-*.journal if nobody wants them",
+                 run->folder);
+        return APSM_OK;
+    }
+    apsm_log(run->ctx, APSM_LOG_INFO, "%zu results that shares have kept were found in %s/state",
+             found, run->folder);
     return shards_remove(run->ctx, run->folder);
 }
 
@@ -347,13 +349,6 @@ apsm_status kept_compare_shapes(apsm_run *run, const apsm_input_list *list)
 
 /* ---- groomed meshes ---- */
 
-/* A file's name without its folder: the folder says nothing about the shape. */
-static const char *last_part(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash && slash[1] ? slash + 1 : path;
-}
-
 static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const char sha256[65])
 {
     const int64_t kind = c->kind;
@@ -364,7 +359,7 @@ static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const
     settings_hash(run, &sha);
     add_text(&sha, apsm_run_text(run, "labels"));
     add_text(&sha, c->name);
-    add_text(&sha, last_part(c->path));
+    add_text(&sha, apsm_path_last(c->path));
     add_text(&sha, sha256);
     apsm_sha256_add(&sha, &kind, sizeof kind);
     apsm_sha256_end(&sha, key.byte);
@@ -502,7 +497,7 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
     for (size_t i = 0; i < list->n; i++) {
         const apsm_input_case *c = &list->cases[i];
         add_text(&sha, c->name);
-        add_text(&sha, last_part(c->path));
+        add_text(&sha, apsm_path_last(c->path));
         add_text(&sha, sha256[i]);
         add_text(&sha, c->reflect ? "mirrored" : "as it is");
         if (turn) apsm_sha256_add(&sha, turn + 9 * i, 9 * sizeof *turn);

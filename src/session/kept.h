@@ -27,6 +27,7 @@ void kept_close(apsm_run *run);
 
 /* The same of evaluate, which keeps as a share alone, and else finds what shares have kept. */
 apsm_status kept_begin_shares(apsm_run *run);
+/* Removes what was found; what is of no use here stays. */
 apsm_status kept_end_shares(apsm_run *run);
 /* Whether a step that keeps its work has not ended. */
 bool kept_is_there(const apsm_run *run);

@@ -80,12 +80,14 @@ for k in 1 2 4 5 6 7; do rm cut/state/shard-$k-of-7.journal; done
 same cut
 # Stale: of other options, and of other particles.
 cp -r one stale && rounds_of stale 1 1 --definition paper
-[ -z "$(kept stale)" ] && grep -q "not used" log || fail "shares of other options are used: $(grep kept log)"
+[ -z "$(kept stale)" ] && grep -q "not used, and left" log || fail "shares of other options are used: $(grep kept log)"
+rm stale/state/shard-1-of-1.journal || fail "what was of no use is not left"
 same stale
 cp -r one moved && rounds_of moved 1 1
 awk 'NR == 3 { $1 += 0.5 } { print }' one/particles/s1_world.particles >moved/particles/s1_world.particles
 cp -r moved moved_one && rm moved_one/state/shard-* && kept moved_one >log2
 [ -z "$(kept moved)" ] || fail "shares of other particles are used"
+rm moved/state/shard-1-of-1.journal || fail "what was of no use is not left"
 diff -r -q -x manifest.json -x report.html moved_one moved || fail "shares of other particles change what is found"
 cmp -s moved/model.json one/model.json && fail "other particles make the same model"
 "$apsm" evaluate one/project.swproj --shard 1/2 2>err && fail "files are evaluated in shares"
@@ -127,8 +129,21 @@ gather "a share is missing"
 asked=("${new[@]}") new=(in/s1.ply in/s3.ply)
 share 1/1
 new=("${asked[@]}")
-gather "shares of other inputs"
+fit
 grep -q "of other inputs: not used" log || fail "shares of other inputs are not told: $(tail -n 3 log)"
+cp -r fits others && rm -r fits/state && are_fits_of "shares of other inputs" # which are of use yet
+"$apsm" fit one in/s1.ply in/s3.ply -o others --threads 1 --overwrite >log 2>&1
+grep -q "^2 fits that shares have kept" log && [ ! -e others/state ] || fail "unused shares are not left: $(tail -n 3 log)"
+# The same files, by other paths.
+cp -r fits_kept fits && "$apsm" fit one "${new[@]/#/$dir/}" -o fits --threads 1 >log 2>&1
+grep -q "^5 fits" log || fail "other paths of the same files: $(grep kept log)"
+rm -rf fits
+# A first piece that a power cut has spoiled is not another job's.
+cp -r fits_kept fits && printf XXXX | dd of=fits/state/shard-1-of-3.journal bs=1 seek=100 conv=notrunc 2>/dev/null
+share 1/3
+printf XXXX | dd of=fits/state/shard-2-of-3.journal bs=1 seek=100 conv=notrunc 2>/dev/null
+gather "a spoiled first piece"
+grep -q "^5 fits" log || fail "a spoiled first piece: $(tail -n 1 log)"
 cp -r fits_kept fits && cp in/s0.ply keep.ply && cp in/s1.ply in/s0.ply
 fit
 grep -q "^4 fits" log && ! cmp -s fits/shapes/s0.json fits_one/shapes/s0.json || fail "an input that changed: $(grep kept log)"
