@@ -9,9 +9,11 @@
 extern "C" {
 #endif
 
-/* From `face` over edges and corners to ever nearer faces: out is a point of the mesh from which no
- * adjacent face is nearer to x, and no nearer one may be anywhere unless the surface comes near
- * twice.  Needs no tree.  distance2 is exact: never less than that of the closest point. */
+/* From `face` over edges and corners to ever nearer faces, until none of those adjacent to where
+ * out lies is nearer to x; no nearer one may then be anywhere unless the surface comes near twice.
+ * Across an edge that has no twin (three faces meet there, or two that are turned against each
+ * other) no adjacent face is seen, and the walk may end before a nearer one.  Needs no tree.
+ * distance2 is that of a point of the mesh: never less than that of the closest. */
 void apsm_walk_closest(const apsm_mesh *mesh, const apsm_topology *topology, const double x[3],
                        uint32_t face, apsm_closest *out);
 

@@ -161,14 +161,16 @@ static void judge_first_pass(optimizer *op, const apsm_epoch_record *r)
              100.0 * r->mismatched, op->schedule.settle);
 }
 
-/* Settled if few are mismatched, or if a pass finds no fewer. */
+/* Settled if few are mismatched, or if a pass finds no fewer: what begins is the first epoch of
+ * stage 1, or, where that has none, the last of these. */
 static void judge_settling(optimizer *op, const apsm_epoch_record *r)
 {
     apsm_optimizer_state *s = op->state;
     count_gain(s, r);
+    if (s->epoch == -op->schedule.settle) return; /* it has not moved anything yet */
     if (r->worst_mismatched > op->o->walk.stop_mismatched && s->passes_without_gain < 2) return;
     s->passes_without_gain = 0;
-    s->epoch = 0;
+    s->epoch = op->schedule.epochs > 0 ? 0 : -1;
 }
 
 /* Of one part, whose particles P (I x J x 3) are. */
@@ -199,11 +201,12 @@ static apsm_status run_pass(optimizer *op, apsm_epoch_record *r)
     }
     free(part);
     APSM_TRY(status);
+    const bool first = op->state->epochs_run == 0 && op->state->epoch == 0;
     if (op->state->epoch < 0)
         judge_settling(op, r);
     else
         judge_pass(op, r);
-    if (op->state->epochs_run == 0) judge_first_pass(op, r);
+    if (first) judge_first_pass(op, r);
     return APSM_OK;
 }
 
@@ -496,7 +499,12 @@ apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
     if (entry) memcpy(entry, state->P, op.I * op.J * 3 * sizeof *entry);
     if (status == APSM_OK) status = freeze_template(&op);
     if (status == APSM_OK) status = run_pass(&op, &r);
-    if (status != APSM_OK && entry) undo(&op, &before, entry);
+    const long epoch = status == APSM_OK ? state->epoch : 0;
+    if (status == APSM_OK && epoch == 0)
+        next_stage(state); /* interrupted from here on, it has had its pass */
+    else if (entry)
+        undo(&op, &before, entry);
+    state->epoch = epoch;
     free(entry);
     optimizer_free(&op);
     return status;

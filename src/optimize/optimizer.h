@@ -22,8 +22,9 @@ extern "C" {
 bool apsm_draws_points(const apsm_optimize_options *options, const apsm_optimizer_state *state);
 
 /* Where stage 1 has no epochs: the pass of Algorithm 1 that its first one begins with, once, over
- * the first particles.  If many are mismatched, epochs to settle are to come: apsm_draws_points.
- * On failure the state is as it was. */
+ * the first particles; then stage 1 is behind.  If many are mismatched, epochs to settle are to
+ * come (apsm_draws_points), and the pass is left to the first of them.  On failure the state is as
+ * it was. */
 apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
                             const apsm_optimize_options *options,
                             apsm_optimizer_state *state) APSM_NODISCARD;

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "evaluate/metrics.h"
+#include "initialize/projection.h"
 #include "optimize/optimizer.h"
 #include "optimize/schedule.h"
 #include "run/compare_inputs.h"
@@ -235,14 +236,21 @@ static double optimize_seconds(const apsm_options *o, double I)
     return seconds;
 }
 
+/* Whether first particles are likely to settle: those that registration brought seldom do. */
+static bool settles(const apsm_optimize_options *o)
+{
+    return o->method != APSM_METHOD_PSM && o->first.initialize != APSM_INIT_REGISTRATION &&
+           schedule_of_stage(o, APSM_STAGE_1).settle > 0;
+}
+
 /* Of a finished shape: mesh, trees, tables, and its distance field if there are epochs that draw
  * points. */
 static double shape_bytes(const apsm_run *run)
 {
     const apsm_options *o = &run->options;
-    const double field = run_fields_wanted(run, RUN_NO_FIELDS) == RUN_NO_FIELDS
-                             ? 0
-                             : 4.7e3 * (double)o->optimize.particles;
+    const bool draws =
+        run_fields_wanted(run, RUN_NO_FIELDS) != RUN_NO_FIELDS || settles(&o->optimize);
+    const double field = draws ? 4.7e3 * (double)o->optimize.particles : 0;
     return 270 * (double)o->groom.remesh_options.faces + field;
 }
 

@@ -6,6 +6,7 @@
 
 #include "folder/history_csv.h"
 #include "optimize/particle_search.h"
+#include "optimize/snap.h"
 #include "psm/psm.h"
 #include "run/particles.h"
 #include "run/shapes.h"
@@ -237,6 +238,14 @@ static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state,
     return saved == APSM_OK ? status : saved;
 }
 
+/* The first pass asks the template's surface for its normals: its field, where particles are kept
+ * on the surfaces by fields. */
+static run_fields fields_to_begin(const apsm_run *run)
+{
+    const bool by_field = run->options.optimize.step.snap == APSM_SNAP_FIELD;
+    return run_fields_wanted(run, by_field ? RUN_TEMPLATE_FIELD : RUN_NO_FIELDS);
+}
+
 apsm_status apsm_run_optimize(apsm_run *run)
 {
     if (!run) return APSM_ERR_ARG;
@@ -244,7 +253,7 @@ apsm_status apsm_run_optimize(apsm_run *run)
     recorder r = { .run = run, .clock = stage_begin() };
     apsm_optimizer_state state = { 0 };
     apsm_status status = run->helps ? APSM_OK : guard_files(run, "optimize", NULL);
-    if (status == APSM_OK) status = run_load_cohort(run, run_fields_wanted(run, RUN_NO_FIELDS));
+    if (status == APSM_OK) status = run_load_cohort(run, fields_to_begin(run));
     if (status == APSM_OK) status = load_surroundings(run);
     if (status == APSM_OK) status = load_start(run, &state, &r);
     if (status == APSM_OK && !run->helps) status = stage_start(run, "optimize");

@@ -16,9 +16,15 @@
 #include "session/kept.h"
 #include "session/session.h"
 
-void run_unload(apsm_run *run)
+static void unload_cohort(apsm_run *run)
 {
     apsm_cohort_free(&run->cohort);
+    run->loaded = RUN_NOT_LOADED;
+}
+
+void run_unload(apsm_run *run)
+{
+    unload_cohort(run);
     for (size_t i = 0; run->mesh && i < run->mesh_count; i++)
         run_free_mesh(&run->mesh[i], run->meshes_stored);
     landmark_table_free(&run->landmarks);
@@ -133,19 +139,8 @@ run_fields run_fields_wanted(const apsm_run *run, run_fields otherwise)
     return apsm_draws_points(o, &first) ? RUN_OWN_FIELDS : otherwise;
 }
 
-/* Which the cohort has. */
-static run_fields fields_of(const apsm_cohort *c)
+static apsm_status build_cohort(apsm_run *run, run_fields wanted)
 {
-    size_t n = 0;
-    for (size_t i = 0; i < c->I; i++) n += c->shape[i].field != NULL;
-    if (n == 0) return RUN_NO_FIELDS;
-    return n == 1 && c->shape[c->template_index].field ? RUN_TEMPLATE_FIELD : RUN_OWN_FIELDS;
-}
-
-apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
-{
-    if (run->cohort.I > 0 && fields_of(&run->cohort) >= wanted) return APSM_OK;
-    apsm_cohort_free(&run->cohort);
     APSM_TRY(run_load_meshes(run));
     const size_t t = run_template_index(run);
     if (t >= run->project.n)
@@ -153,7 +148,7 @@ apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
                          run->folder);
     const apsm_options *o = &run->options;
     const double h = apsm_expected_spacing(world_area(run, t), (size_t)o->optimize.particles);
-    const bool fieldless = wanted == RUN_NO_FIELDS || wanted == RUN_OWN_SURFACES;
+    const bool fieldless = wanted <= RUN_NO_FIELDS;
     if (!fieldless) APSM_TRY(refuse_giants(run, t));
     const apsm_field_plan fields = {
         .voxel = fieldless ? 0 : o->field.field_voxel * h,
@@ -172,4 +167,16 @@ apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
     APSM_TRY(fixed_flag(run));
     APSM_TRY(features_load(run));
     return landmarks_anchor(run);
+}
+
+apsm_status run_load_cohort(apsm_run *run, run_fields wanted)
+{
+    if (run->loaded >= wanted) return APSM_OK;
+    unload_cohort(run);
+    const apsm_status status = build_cohort(run, wanted);
+    if (status == APSM_OK)
+        run->loaded = wanted;
+    else
+        unload_cohort(run);
+    return status;
 }

@@ -9,14 +9,7 @@
 apsm_status run_load_meshes(apsm_run *run);
 /* Fails: the folder has no project. */
 apsm_status run_no_project(const apsm_run *run);
-/* Also builds the cohort, with distance fields for J particles if the optimisation is to come. */
-typedef enum run_fields {
-    RUN_NO_FIELDS,
-    RUN_TEMPLATE_FIELD,
-    RUN_OWN_FIELDS,  /* of all shapes, or of the process's own where a company shares them */
-    RUN_OWN_SURFACES /* none; but for the template and a share's own, shapes have their mesh alone
-                      */
-} run_fields;
+/* Also builds the cohort, unless as much of it is there; distance fields are for J particles. */
 apsm_status run_load_cohort(apsm_run *run, run_fields wanted);
 /* RUN_OWN_FIELDS if the two stages have epochs, else `otherwise`; none for method psm. */
 run_fields run_fields_wanted(const apsm_run *run, run_fields otherwise);

@@ -40,6 +40,16 @@ typedef struct run_features {
     double **value; /* I: S x nv */
 } run_features;
 
+/* What is loaded of the groomed shapes' cohort. */
+typedef enum run_fields {
+    RUN_NOT_LOADED,
+    RUN_OWN_SURFACES, /* no field; but for the template and a share's own, shapes have their mesh
+                         alone */
+    RUN_NO_FIELDS,
+    RUN_TEMPLATE_FIELD,
+    RUN_OWN_FIELDS /* of all shapes, or of the process's own where a company shares them */
+} run_fields;
+
 struct apsm_run {
     apsm_context *ctx;
     char *folder; /* NULL: a job in memory, without any file */
@@ -71,6 +81,7 @@ struct apsm_run {
     apsm_store *store;        /* with a limit, once something was moved to it */
     char identity[65];        /* run_identity's, "" until it was asked for */
     apsm_cohort cohort;       /* I = 0: not loaded */
+    run_fields loaded;        /* of the cohort */
     const char **names;       /* project.n, borrowed from the project */
     double *transforms;       /* project.n x 16: local to world */
     landmark_table landmarks; /* in the groomed frames; I = 0: not loaded */

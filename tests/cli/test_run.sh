@@ -68,6 +68,8 @@ megabytes() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/.*, \([0-9]
     fail "--dry-run: the factors that stage 2 keeps take no memory"
 [ "$(megabytes -J 512 --stage1-epochs 1)" -gt "$(megabytes -J 512)" ] ||
     fail "--dry-run: the distance fields of stage 1 take no memory"
+[ "$(megabytes -J 512 --set initialize=fps)" -gt "$(megabytes -J 512 --set initialize=fps --settle-epochs 0)" ] ||
+    fail "--dry-run: the distance fields of epochs to settle take no memory"
 expect 0 "0 + 0 epochs, 12 fidelity rounds" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --dry-run
 expect 2 "there is no fidelity stage" run cohort -o model --stage1-epochs 0 --stage2-epochs 0 --fidelity 0 --dry-run
 [ -e model ] && fail "--dry-run wrote something"
@@ -111,6 +113,20 @@ expect 0 "" groom cohort -o steps "${quick[@]}"
 for step in initialize optimize evaluate; do expect 0 "" $step -o steps; done
 expect 0 "" report steps
 same_folder model steps "run, and step by step"
+# Without epochs: where particles are kept on the surfaces by fields, the first pass needs one; a
+# bad start settles before it goes on to the fidelity rounds, without an epoch of stage 1.
+for set in snap=field initialize=fps; do
+    plain=(-J 32 --faces 1200 --set $set)
+    rm -rf one two
+    expect 0 "" run cohort -o one "${plain[@]}"
+    expect 0 "" groom cohort -o two "${plain[@]}"
+    expect 0 "" initialize -o two "${plain[@]}"
+    expect 0 "" optimize -o two
+    said=$(grep -c "first particles are mismatched" said)
+    same_particles one two "$set, run, and step by step"
+    grep -q "^1,[0-9]" one/history.csv && fail "$set: an epoch of stage 1"
+done
+[ "$said" -eq 1 ] && grep -q "^1,-50," one/history.csv || fail "initialize=fps: does not settle once"
 # One model has one surface distance, whoever reads it; another template gives another.
 expect 0 "" evaluate -o steps
 figures=$(sed -n 's/.*surface distance: mean \([0-9.]*\), .*template \(.*\))$/\1 \2/p' said)
