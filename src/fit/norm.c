@@ -16,20 +16,6 @@ static const double modes_share = 0.95;
 
 /* ---- what is given ---- */
 
-/* Columns of the model's shapes become columns of all, unknown for the new ones. */
-static apsm_status widen_table(norm_job *w)
-{
-    const size_t I = w->m.I, all = I + w->files.n;
-    for (size_t k = 0; k < w->table.n; k++) {
-        double *more = realloc(w->table.column[k].value, (all + 1) * sizeof *more);
-        if (!more) return APSM_ERR_MEMORY;
-        for (size_t i = I; i < all; i++) more[i] = NAN;
-        w->table.column[k].value = more;
-    }
-    w->table.I = all;
-    return APSM_OK;
-}
-
 static apsm_status list_names(norm_job *w)
 {
     const size_t I = w->m.I;
@@ -74,7 +60,7 @@ static apsm_status read_all(norm_job *w)
     APSM_TRY(claim_files(w));
     APSM_TRY(list_names(w));
     APSM_TRY(apsm_table_from_project(w->ctx, &w->m.project, &w->table));
-    APSM_TRY(widen_table(w));
+    APSM_TRY(apsm_table_widen(&w->table, w->m.I + w->files.n));
     if (s->subjects)
         APSM_TRY(apsm_table_read(w->ctx, s->subjects, w->table.I, w->names, &w->table));
     if (!s->formula) return APSM_OK;

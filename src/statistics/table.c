@@ -10,10 +10,13 @@
 #include "apsm/options.h"
 #include "files/files.h"
 
-static void column_free(apsm_column *c)
+static void column_free(apsm_column *c, size_t I)
 {
     for (size_t k = 0; k < c->levels; k++) free(c->level[k]);
+    for (size_t i = 0; c->text && i < I; i++) free(c->text[i]);
     free(c->level);
+    free(c->shapes);
+    free(c->text);
     free(c->value);
     free(c->name);
     *c = (apsm_column){ 0 };
@@ -21,7 +24,7 @@ static void column_free(apsm_column *c)
 
 void apsm_table_free(apsm_table *table)
 {
-    for (size_t k = 0; k < table->n; k++) column_free(&table->column[k]);
+    for (size_t k = 0; k < table->n; k++) column_free(&table->column[k], table->I);
     free(table->column);
     *table = (apsm_table){ 0 };
 }
@@ -38,7 +41,7 @@ static apsm_column *place_for(apsm_table *table, const char *name)
 {
     for (size_t k = 0; k < table->n; k++)
         if (strcmp(table->column[k].name, name) == 0) {
-            column_free(&table->column[k]);
+            column_free(&table->column[k], table->I);
             return &table->column[k];
         }
     apsm_column *more = realloc(table->column, (table->n + 1) * sizeof *more);
@@ -62,6 +65,27 @@ apsm_status apsm_table_add(apsm_table *table, const char *name, const double *va
     apsm_column *c;
     APSM_TRY(begin_column(table, name, &c));
     memcpy(c->value, value, table->I * sizeof *value);
+    return APSM_OK;
+}
+
+static apsm_status widen_column(size_t I, size_t more, apsm_column *c)
+{
+    double *value = realloc(c->value, (more + 1) * sizeof *value);
+    if (!value) return APSM_ERR_MEMORY;
+    c->value = value;
+    for (size_t i = I; i < more; i++) value[i] = NAN;
+    if (!c->text) return APSM_OK;
+    char **text = realloc(c->text, (more + 1) * sizeof *text);
+    if (!text) return APSM_ERR_MEMORY;
+    c->text = text;
+    for (size_t i = I; i < more; i++) text[i] = NULL;
+    return APSM_OK;
+}
+
+apsm_status apsm_table_widen(apsm_table *table, size_t I)
+{
+    for (size_t k = 0; k < table->n; k++) APSM_TRY(widen_column(table->I, I, &table->column[k]));
+    table->I = I;
     return APSM_OK;
 }
 
@@ -110,17 +134,37 @@ static apsm_status list_levels(size_t I, char *const *text, apsm_column *c)
     return status;
 }
 
-static apsm_status fill_column(size_t I, char *const *text, apsm_column *c)
+static apsm_status make_category(size_t I, char *const *text, apsm_column *c)
 {
-    c->category = !all_numbers(I, text, c->value);
-    if (!c->category) return APSM_OK;
+    c->category = true;
     APSM_TRY(list_levels(I, text, c));
+    c->shapes = calloc(c->levels + 1, sizeof *c->shapes);
+    if (!c->shapes) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < I; i++) {
         c->value[i] = NAN;
-        for (size_t k = 0; k < c->levels && !is_unknown(text[i]); k++)
-            if (strcmp(c->level[k], text[i]) == 0) c->value[i] = (double)k;
+        if (is_unknown(text[i])) continue;
+        char **at = bsearch(&text[i], c->level, c->levels, sizeof *c->level, by_text);
+        c->value[i] = (double)(at - c->level);
+        c->shapes[at - c->level]++;
     }
     return APSM_OK;
+}
+
+static apsm_status keep_texts(size_t I, char *const *text, apsm_column *c)
+{
+    c->text = calloc(I + 1, sizeof *c->text);
+    if (!c->text) return APSM_ERR_MEMORY;
+    for (size_t i = 0; i < I; i++) {
+        if (is_unknown(text[i])) continue;
+        c->text[i] = strdup(text[i]);
+        if (!c->text[i]) return APSM_ERR_MEMORY;
+    }
+    return APSM_OK;
+}
+
+static apsm_status fill_column(size_t I, char *const *text, apsm_column *c)
+{
+    return all_numbers(I, text, c->value) ? keep_texts(I, text, c) : make_category(I, text, c);
 }
 
 static apsm_status add_texts(apsm_table *table, const char *name, char *const *text)
@@ -142,16 +186,17 @@ static bool is_number_with_comma(const char *text)
 
 const char *apsm_column_spoilt_by(const apsm_column *c)
 {
-    size_t numbers = 0, commas = 0, odd = 0;
+    size_t all = 0, numbers = 0, commas = 0, odd = 0; /* shapes, and a level */
     for (size_t k = 0; k < c->levels; k++) {
         double value;
         const bool comma = is_number_with_comma(c->level[k]);
         const bool number = apsm_parse_number(c->level[k], strlen(c->level[k]), &value);
-        numbers += number;
-        commas += comma;
+        all += c->shapes[k];
+        if (number) numbers += c->shapes[k];
+        if (comma) commas += c->shapes[k];
         if (comma || (!number && commas == 0)) odd = k;
     }
-    const bool mostly = 2 * (numbers + commas) >= c->levels && numbers < c->levels;
+    const bool mostly = 2 * (numbers + commas) >= all && numbers < all;
     return mostly ? c->level[odd] : NULL;
 }
 
@@ -167,50 +212,13 @@ apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c)
                      c->name, odd);
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-/* level (n) <- texts of the n values. */
-static apsm_status name_values(size_t n, const double *value, apsm_column *c)
-{
-    c->level = calloc(n + 1, sizeof *c->level);
-    if (!c->level) return APSM_ERR_MEMORY;
-    c->category = true;
-    for (; c->levels < n; c->levels++) {
-        char text[32];
-        snprintf(text, sizeof text, "%.15g", value[c->levels]);
-        c->level[c->levels] = strdup(text);
-        if (!c->level[c->levels]) return APSM_ERR_MEMORY;
-    }
-    return APSM_OK;
-}
-
 apsm_status apsm_table_categorize(apsm_table *table, const char *name)
 {
-    apsm_column *c = NULL;
-    for (size_t k = 0; k < table->n; k++)
-        if (strcmp(table->column[k].name, name) == 0) c = &table->column[k];
-    if (!c || c->category) return APSM_OK;
-    double *sorted = malloc((table->I + 1) * sizeof *sorted);
-    if (!sorted) return APSM_ERR_MEMORY;
-    size_t n = 0, levels = 0;
-    for (size_t i = 0; i < table->I; i++)
-        if (!isnan(c->value[i])) sorted[n++] = c->value[i];
-    qsort(sorted, n, sizeof *sorted, by_value);
-    for (size_t k = 0; k < n; k++)
-        if (k == 0 || sorted[k] > sorted[levels - 1]) sorted[levels++] = sorted[k];
-    const apsm_status status = name_values(levels, sorted, c);
-    for (size_t i = 0; i < table->I && status == APSM_OK; i++)
-        for (size_t k = 0; k < levels; k++)
-            if (!(c->value[i] < sorted[k]) && !(c->value[i] > sorted[k])) {
-                c->value[i] = (double)k;
-                break;
-            }
-    free(sorted);
-    return status;
+    for (size_t k = 0; k < table->n; k++) {
+        apsm_column *c = &table->column[k];
+        if (strcmp(c->name, name) == 0 && c->text) return make_category(table->I, c->text, c);
+    }
+    return APSM_OK;
 }
 
 /* ---- from a project ---- */
@@ -485,8 +493,8 @@ static void write_value(apsm_writer *csv, const apsm_column *c, size_t i)
 {
     apsm_writer_printf(csv, ",");
     if (isnan(c->value[i])) return;
-    if (c->category)
-        apsm_writer_csv(csv, c->level[(size_t)c->value[i]]);
+    if (c->category || c->text)
+        apsm_writer_csv(csv, c->text ? c->text[i] : c->level[(size_t)c->value[i]]);
     else
         apsm_writer_number(csv, c->value[i]);
 }

@@ -8,13 +8,16 @@
 #include "apsm/context.h"
 #include "files/project.h"
 
-/* A category's value is the index of its level; NAN where nothing is known. */
+/* A category's value is the index of its level; NAN where nothing is known.  Numbers keep their
+ * texts: 007 is not 7 where numbers say who, and large ones are more than a double holds. */
 typedef struct apsm_column {
     char *name;
     bool category;
-    double *value; /* I */
-    size_t levels; /* 0 for numbers */
-    char **level;  /* in the order of their bytes */
+    double *value;  /* I */
+    size_t levels;  /* 0 for numbers */
+    char **level;   /* in the order of their bytes */
+    size_t *shapes; /* levels: how many shapes have it */
+    char **text;    /* of numbers read from texts (I, NULL: unknown), or NULL */
 } apsm_column;
 
 /* Owns everything; zero-initialise with {0}, apsm_table_free leaves it so. */
@@ -55,13 +58,16 @@ apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char 
 /* Adds a column of numbers (I, copied); one of that name is replaced. */
 apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value) APSM_NODISCARD;
 
-/* Of a category most of whose texts are numbers, what keeps it from being a column of numbers: a
+/* Makes room for more shapes (I in all), of which nothing is known. */
+apsm_status apsm_table_widen(apsm_table *table, size_t I) APSM_NODISCARD;
+
+/* Of a category that most shapes have a number in, what keeps it from being a column of numbers: a
  * number with a decimal comma, or a remark; else NULL. */
 const char *apsm_column_spoilt_by(const apsm_column *c);
 /* Refuses such a column. */
 apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c) APSM_NODISCARD;
-/* Makes a column of numbers, if there is one of that name, one of categories: numbers that say who
- * or which. */
+/* Makes a column of numbers that were read, if there is one of that name, one of categories by
+ * their texts: numbers that say who or which. */
 apsm_status apsm_table_categorize(apsm_table *table, const char *name) APSM_NODISCARD;
 
 /* The column of that name, or NULL. */

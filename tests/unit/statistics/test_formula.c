@@ -50,6 +50,51 @@ static void columns_have_types(void **state)
     apsm_table_free(&t);
 }
 
+/* A column of six values by the name of v. */
+static const apsm_column *column_of(const char *const value[I], apsm_table *t)
+{
+    char text[512] = "id,v\n";
+    for (size_t i = 0; i < I; i++)
+        snprintf(text + strlen(text), sizeof text - strlen(text), "\"%s\",%s\n", names[i],
+                 value[i]);
+    *t = (apsm_table){ .I = I };
+    assert_ok(read_text(NULL, text, t));
+    return apsm_table_find(t, "v");
+}
+
+/* Shapes count, not the texts that differ: one group may be called 1, and one age is many. */
+static void what_most_shapes_have_is_meant(void **state)
+{
+    static const char *const groups[I] = { "1", "no", "no", "no", "no", "1" }, *const ages[I] = {
+        "30", "30", "30", "30", "thirty", "old"
+    };
+    apsm_table t;
+    (void)state;
+    assert_null(apsm_column_spoilt_by(column_of(groups, &t)));
+    apsm_table_free(&t);
+    assert_non_null(apsm_column_spoilt_by(column_of(ages, &t)));
+    apsm_table_free(&t);
+}
+
+/* Numbers that say who are told apart by their texts, where a double does not tell them. */
+static void numbers_made_categories_are_texts(void **state)
+{
+    static const char *const who[I] = {
+        "9007199254740993", "9007199254740992", "007", "7", "NA", "7"
+    };
+    apsm_table t;
+    (void)state;
+    const apsm_column *c = column_of(who, &t);
+    assert_false(c->category);
+    assert_ok(apsm_table_widen(&t, I + 2));
+    assert_true(c->value[1] == 9007199254740992.0 && isnan(c->value[I]) && isnan(c->value[I + 1]));
+    assert_ok(apsm_table_categorize(&t, "v"));
+    assert_true(c->category && c->levels == 4 && isnan(c->value[4]));
+    assert_true(c->value[0] != c->value[1] && c->value[2] != c->value[3]);
+    assert_true(c->value[3] == c->value[5]);
+    apsm_table_free(&t);
+}
+
 static void refused(const char *text, const char *words)
 {
     apsm_context *ctx = apsm_context_new();
@@ -135,7 +180,10 @@ static void designs(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(columns_have_types),
-                                        cmocka_unit_test(bad_tables), cmocka_unit_test(formulas),
+                                        cmocka_unit_test(what_most_shapes_have_is_meant),
+                                        cmocka_unit_test(numbers_made_categories_are_texts),
+                                        cmocka_unit_test(bad_tables),
+                                        cmocka_unit_test(formulas),
                                         cmocka_unit_test(designs) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
