@@ -86,6 +86,7 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
     if (contours && args->parts)
         return apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
                          "--parts: the inputs are contours, of which each is a shape of its own");
+    if (contours && cli_ranks_get().rank > 0) return APSM_OK; /* the first makes them alone */
     if (contours) return apsm_contours_run(ctx, &settings);
     APSM_TRY(apsm_joint_wanted(ctx, &settings, &parts, &joint));
     const cli_ranks ranks = cli_ranks_get();

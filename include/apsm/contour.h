@@ -24,7 +24,7 @@ static inline APSM_NODISCARD apsm_status apsm_contours_wanted(apsm_context *ctx,
  * project.swproj, model.json, scores.csv, evaluation.json and .csv.  Of the options particles,
  * adaptivity, align, definition, specificity_samples, specificity_modes, and the texts exclude,
  * pattern, template and seed count; others of the method are refused, if they are not at their
- * defaults. */
+ * defaults, and so are shards: one process makes it. */
 APSM_API apsm_status apsm_contours_run_sized(apsm_context *ctx, const apsm_run_settings *settings,
                                              size_t size) APSM_NODISCARD;
 static inline APSM_NODISCARD apsm_status apsm_contours_run(apsm_context *ctx,

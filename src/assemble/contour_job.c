@@ -374,6 +374,9 @@ static apsm_status make(contour_job *j)
 
 static apsm_status run_contours(apsm_context *ctx, const apsm_run_settings *s)
 {
+    if (s->shards > 0)
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "--shard: a model of contours is made by one process; leave it out");
     contour_job j = { .ctx = ctx,
                       .settings = s,
                       .folder = s->folder,

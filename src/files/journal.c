@@ -149,6 +149,13 @@ static int begin(journal *j)
     return error;
 }
 
+bool journal_is_there(const journal *j)
+{
+    struct stat own, other;
+    return fstat(j->fd, &own) == 0 && stat(j->path, &other) == 0 && own.st_dev == other.st_dev &&
+           own.st_ino == other.st_ino;
+}
+
 /* A file that begins otherwise is another's, and is not written to. */
 static bool begins_as_ours(const journal *j, uint64_t size)
 {
@@ -161,12 +168,14 @@ static bool begins_as_ours(const journal *j, uint64_t size)
 static int open_file(journal *j, bool fresh)
 {
     struct stat info;
+    if (j->fd >= 0) close(j->fd);
     j->fd = open(j->path, O_RDWR | O_CREAT | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC, 0666);
     if (j->fd < 0) return errno;
     if (fstat(j->fd, &info) != 0) return errno;
     if (!S_ISREG(info.st_mode) || !begins_as_ours(j, (uint64_t)info.st_size)) return EEXIST;
     const off_t size = info.st_size;
     if (flock(j->fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) return EBUSY;
+    if (!journal_is_there(j)) return ENOENT; /* removed since, by who gathered it */
     if (fresh || !is_ours(j, (uint64_t)size)) return begin(j);
     const int error = list_pieces(j, (uint64_t)size);
     return error ? error : cut(j);
@@ -179,7 +188,8 @@ apsm_status journal_open(apsm_context *ctx, const char *path, bool fresh, journa
     pthread_mutex_init(&j->lock, NULL);
     j->fd = -1;
     j->path = strdup(path);
-    const int error = j->path ? open_file(j, fresh) : ENOMEM;
+    int error = j->path ? open_file(j, fresh) : ENOMEM;
+    if (error == ENOENT) error = open_file(j, fresh);
     if (!error) return APSM_OK;
     journal_close(j);
     *out = NULL;
@@ -235,6 +245,18 @@ bool journal_is_one(const char *path)
         fd >= 0 && read_at(fd, head, sizeof head, 0) == 0 && memcmp(head, magic, sizeof magic) == 0;
     if (fd >= 0) close(fd);
     return is;
+}
+
+apsm_status journal_remove(apsm_context *ctx, const char *path, bool *busy)
+{
+    if (busy) *busy = false;
+    if (!journal_is_one(path)) return APSM_OK;
+    const int fd = busy ? open(path, O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC) : -1;
+    const bool locked = fd >= 0 && flock(fd, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK;
+    const int error = !locked && unlink(path) != 0 ? errno : 0;
+    if (busy) *busy = locked;
+    if (fd >= 0) close(fd);
+    return error ? apsm_fail_errno(ctx, path, "cannot be removed", error) : APSM_OK;
 }
 
 apsm_status journal_flush(apsm_context *ctx, journal *j)

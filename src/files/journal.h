@@ -28,6 +28,11 @@ apsm_status journal_open_other(apsm_context *ctx, const char *path, journal **j)
 void journal_close(journal *j); /* NULL is allowed */
 /* Whether the file at path begins as a journal does. */
 bool journal_is_one(const char *path);
+/* Whether the file that is written is still the one at its path. */
+bool journal_is_there(const journal *j);
+/* Removes the file if it is a journal; *busy: not yet, as another process is writing it.
+ * busy NULL: that is not asked. */
+apsm_status journal_remove(apsm_context *ctx, const char *path, bool *busy) APSM_NODISCARD;
 
 /* Pieces that were there when it was opened. */
 size_t journal_count(const journal *j);

@@ -1,7 +1,6 @@
 #include "files/shards.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -92,16 +91,17 @@ apsm_status journal_set_find(apsm_context *ctx, const journal_set *set, const jo
 
 static apsm_status remove_shard(apsm_context *ctx, void *user, char *path)
 {
-    (void)user;
+    const bool *company = user;
+    bool busy = false;
     if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = APSM_OK;
-    if (journal_is_one(path) && remove(path) != 0)
-        status = apsm_fail_errno(ctx, path, "cannot be removed", errno);
+    const apsm_status status = journal_remove(ctx, path, *company ? NULL : &busy);
+    if (status == APSM_OK && busy)
+        apsm_log(ctx, APSM_LOG_WARNING, "%s: this share is still at work; left there", path);
     free(path);
     return status;
 }
 
-apsm_status shards_remove(apsm_context *ctx, const char *folder)
+apsm_status shards_remove(apsm_context *ctx, const char *folder, bool company)
 {
-    return for_shards(ctx, folder, remove_shard, NULL);
+    return for_shards(ctx, folder, remove_shard, &company);
 }

@@ -28,7 +28,8 @@ void journal_set_close(journal_set *set);
 apsm_status journal_set_find(apsm_context *ctx, const journal_set *set, const journal_key *key,
                              void **data, size_t *size) APSM_NODISCARD;
 
-/* Removes those of all shares. */
-apsm_status shards_remove(apsm_context *ctx, const char *folder) APSM_NODISCARD;
+/* Removes those of all shares that have ended; of others it is said that they are left.  company:
+ * all have, whatever else is still open. */
+apsm_status shards_remove(apsm_context *ctx, const char *folder, bool company) APSM_NODISCARD;
 
 #endif

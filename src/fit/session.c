@@ -360,6 +360,13 @@ static apsm_status fit_share(apsm_context *ctx, session *s)
     const size_t n = s->list.n, own = n > o->shard ? (n - o->shard - 1) / o->shards + 1 : 0;
     APSM_TRY(apsm_parallel_for(ctx, own, fit_case_of_share, s, "fit"));
     APSM_TRY(journal_flush(ctx, s->shares.own));
+    if (!journal_is_there(s->shares.own)) {
+        apsm_log(ctx, APSM_LOG_WARNING,
+                 "share %zu of %zu: its journal in %s/state was removed meanwhile; the job without "
+                 "--shard did not wait for it",
+                 o->shard + 1, o->shards, o->folder);
+        return APSM_OK;
+    }
     apsm_log(ctx, APSM_LOG_INFO,
              "share %zu of %zu is kept in %s/state; when all are, the same without --shard writes "
              "the fits",

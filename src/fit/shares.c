@@ -102,12 +102,19 @@ static apsm_status open_own(apsm_context *ctx, const char *path, fit_shares *s)
     return said ? APSM_OK : journal_add(ctx, s->own, &key, &s->scope, sizeof s->scope);
 }
 
+static apsm_status make_own(apsm_context *ctx, const char *state, const char *path, fit_shares *s)
+{
+    APSM_TRY(apsm_make_folder(ctx, state));
+    return open_own(ctx, path, s);
+}
+
 static apsm_status open_share(apsm_context *ctx, const apsm_fit_settings *o, fit_shares *s)
 {
     char *state = apsm_path_join(s->folder, "state"),
          *path = shard_path(s->folder, o->shard, o->shards);
-    apsm_status status = state && path ? apsm_make_folder(ctx, state) : APSM_ERR_MEMORY;
-    if (status == APSM_OK) status = open_own(ctx, path, s);
+    apsm_status status = state && path ? make_own(ctx, state, path, s) : APSM_ERR_MEMORY;
+    if (status != APSM_OK && state && path && !apsm_is_folder(state))
+        status = make_own(ctx, state, path, s); /* who gathered others' has removed it meanwhile */
     free(state);
     free(path);
     return status;
@@ -155,7 +162,7 @@ apsm_status fit_shares_end(apsm_context *ctx, fit_shares *s)
     }
     apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state", s->found,
              s->folder);
-    APSM_TRY(shards_remove(ctx, s->folder));
+    APSM_TRY(shards_remove(ctx, s->folder, false));
     char *state = apsm_path_join(s->folder, "state");
     if (!state) return APSM_ERR_MEMORY;
     rmdir(state); /* what else is there stays */

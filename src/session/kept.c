@@ -101,7 +101,7 @@ apsm_status kept_end(apsm_run *run)
 {
     kept_close(run);
     if (run_is_in_memory(run)) return APSM_OK;
-    APSM_TRY(shards_remove(run->ctx, run->folder));
+    APSM_TRY(shards_remove(run->ctx, run->folder, run->company));
     return run_remove(run, run_path(run, RUN_JOURNAL));
 }
 
@@ -119,7 +119,7 @@ apsm_status kept_end_shares(apsm_run *run)
     }
     apsm_log(run->ctx, APSM_LOG_INFO, "%zu results that shares have kept were found in %s/state",
              found, run->folder);
-    return shards_remove(run->ctx, run->folder);
+    return shards_remove(run->ctx, run->folder, false);
 }
 
 /* ---- shares ---- */

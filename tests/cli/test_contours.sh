@@ -8,6 +8,8 @@ expect 0 "5 closed contours, 48 particles" run in -o m -J 48
 sed -n 's/.*compactness \([0-9.]*\).*/\1/p' said | awk '{ exit !($1 > 0.97) }' || fail "more than one mode: $(cat said)"
 awk -F, 'NR > 1 && ($2 > 0.15 || $3 > 1.5) { bad = 1 } END { exit bad }' m/evaluation.csv || fail "far: $(cat m/evaluation.csv)"
 [ "$(cat m/particles/s?_world.particles | wc -l)" -eq 240 ] || fail "particles"
+expect 2 "made by one process" run in -o no -J 48 --shard 2/3
+[ -e no ] && fail "a share of contours makes a folder"
 expect 0 "project: 5 shapes" info m
 expect 0 "particles: 48" info m/particles/s1_local.particles
 expect 0 "" evaluate m/particles/s?_world.particles

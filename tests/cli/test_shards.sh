@@ -154,6 +154,19 @@ fit && fail "shares of other options are taken"
 grep -q "fits/state: holds what shares of another job" log && [ ! -e fits/fit.csv ] || fail "shares of other options: $(tail -n 1 log)"
 share 2/3
 gather "a share with the right options"
+# Gathered while a share is at work: its journal stays, and one whose journal was removed says so.
+cp -r fits_kept fits && exec 9<fits/state/shard-2-of-3.journal && flock -n 9
+fit
+exec 9<&-
+grep -q "shard-2-of-3.journal: this share is still at work" log && [ "$(ls fits/state)" = shard-2-of-3.journal ] ||
+    fail "a share at work: $(tail -n 3 log)"
+rm -r fits/state && are_fits_of "a share at work"
+fit --shard 1/1 &
+for ((t = 0; t < 500; t++)); do [ -s fits/state/shard-1-of-1.journal ] && break || sleep 0.01; done
+rm fits/state/shard-1-of-1.journal
+wait $!
+grep -q "was removed meanwhile" log || fail "a share whose journal was removed: $(tail -n 1 log)"
+rm -rf fits
 # Nothing of anybody's is replaced.
 mkdir -p fits/state && echo mine >fits/state/shard-1-of-3.journal
 fit --shard 1/3 && fail "a share replaces a file of ours"
@@ -207,6 +220,16 @@ if command -v snakemake >/dev/null; then
 else
     echo "SKIPPED: contrib/snakemake is not tested, there is no snakemake"
 fi
+mkdir told && printf '#!/bin/bash\necho "$*" >>submitted\necho 17\n' >told/sbatch && chmod +x told/sbatch
+for out in -oone_word "-o two" --out=three; do
+    rm -f submitted
+    # shellcheck disable=SC2086 # one word or two
+    PATH=$dir/told:$PATH "$root/contrib/slurm/apsm-array" 2 in $out --quiet >log 2>&1 || fail "apsm-array $out: $(cat log)"
+    [ "$(grep -c -e "${out#-o }" submitted)" = 8 ] || fail "apsm-array $out: a step does not know the folder: $(cat submitted)"
+done
+rm submitted
+PATH=$dir/told:$PATH "$root/contrib/slurm/apsm-array" 2 in --quiet >log 2>&1 && fail "apsm-array without a folder"
+grep -q "MODEL_DIR" log && [ ! -e submitted ] || fail "apsm-array without a folder: $(cat log)"
 if command -v sbatch >/dev/null && ! timeout 5 sinfo >/dev/null 2>&1; then # no cluster: one of ours
     own_slurm=$dir/slurm-here
     if "$slurm" start "$own_slurm" >log 2>&1; then

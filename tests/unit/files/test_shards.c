@@ -96,11 +96,34 @@ static void all_shares_of_a_folder_are_found(void **state)
     for (int k = 1; k <= 3; k++) assert_true(finds(&set, k));
     assert_false(finds(&set, 4));
     journal_set_close(&set);
-    assert_int_equal(shards_remove(ctx, folder), APSM_OK);
+    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
     assert_false(is_there("shard-1-of-3.journal") || is_there("shard-3-of-3.journal") ||
                  is_there("shard-1-of-7.journal"));
     assert_true(is_there("shard-4-of-7.journal") && is_there("shard-5-of-7.journal.bak") &&
                 is_there("work.journal"));
+}
+
+static void a_share_at_work_keeps_its_journal(void **state)
+{
+    folder = *state;
+    journal *j;
+    char *path = apsm_path_join(folder, "state");
+    assert_int_equal(apsm_make_folder(ctx, path), APSM_OK);
+    free(path);
+    keep(0, 2, 1);
+    path = shard_path(folder, 1, 2);
+    assert_int_equal(journal_open(ctx, path, false, &j), APSM_OK);
+    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
+    assert_false(is_there("shard-1-of-2.journal"));
+    assert_true(is_there("shard-2-of-2.journal") && journal_is_there(j));
+    assert_int_equal(shards_remove(ctx, folder, true), APSM_OK);
+    assert_false(is_there("shard-2-of-2.journal") || journal_is_there(j));
+    keep(1, 2, 1); /* another file at its path */
+    assert_false(journal_is_there(j));
+    journal_close(j);
+    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
+    assert_false(is_there("shard-2-of-2.journal"));
+    free(path);
 }
 
 static void names_are_told_apart(void **state)
@@ -120,6 +143,8 @@ int main(void)
     ctx = apsm_context_new();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(all_shares_of_a_folder_are_found, folder_set_up,
+                                        folder_tear_down),
+        cmocka_unit_test_setup_teardown(a_share_at_work_keeps_its_journal, folder_set_up,
                                         folder_tear_down),
         cmocka_unit_test(names_are_told_apart),
     };
