@@ -150,18 +150,27 @@ void fit_shares_close(fit_shares *s)
     *s = (fit_shares){ 0 };
 }
 
+/* Beside the first piece, which says whose they are. */
+static bool holds_fits(const journal_set *kept)
+{
+    for (size_t k = 0; k < kept->n; k++)
+        if (journal_count(kept->list[k]) > 1) return true;
+    return false;
+}
+
 apsm_status fit_shares_end(apsm_context *ctx, fit_shares *s)
 {
     if (s->kept.n == 0) return APSM_OK;
-    if (s->found == 0) {
+    if (s->found == 0 && holds_fits(&s->kept)) {
         apsm_log(ctx, APSM_LOG_WARNING,
                  "what shares have kept in %s/state is of other inputs: not used, and left there; "
                  "remove that folder if nobody wants it",
                  s->folder);
         return APSM_OK;
     }
-    apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state", s->found,
-             s->folder);
+    if (s->found > 0)
+        apsm_log(ctx, APSM_LOG_INFO, "%zu fits that shares have kept were found in %s/state",
+                 s->found, s->folder);
     APSM_TRY(shards_remove(ctx, s->folder, false));
     char *state = apsm_path_join(s->folder, "state");
     if (!state) return APSM_ERR_MEMORY;

@@ -134,6 +134,11 @@ grep -q "of other inputs: not used" log || fail "shares of other inputs are not 
 cp -r fits others && rm -r fits/state && are_fits_of "shares of other inputs" # which are of use yet
 "$apsm" fit one in/s1.ply in/s3.ply -o others --threads 1 --overwrite >log 2>&1
 grep -q "^2 fits that shares have kept" log && [ ! -e others/state ] || fail "unused shares are not left: $(tail -n 3 log)"
+# A share none of whose inputs could be read has kept nothing that is of other inputs.
+"$apsm" fit one odd/broken.ply -o fits --threads 1 --shard 1/1 >log 2>&1
+"$apsm" fit one odd/broken.ply -o fits --threads 1 >log 2>&1
+grep -q "of other inputs" log || [ -e fits/state ] && fail "a share without fits: $(tail -n 3 log)"
+rm -rf fits
 # The same files, by other paths.
 cp -r fits_kept fits && "$apsm" fit one "${new[@]/#/$dir/}" -o fits --threads 1 >log 2>&1
 grep -q "^5 fits" log || fail "other paths of the same files: $(grep kept log)"
