@@ -141,7 +141,7 @@ apsm_status apsm_run_check(apsm_run *run, void (*report)(void *user, const char 
 static double groom_seconds(const apsm_options *o)
 {
     const double faces = (double)o->groom.remesh_options.faces;
-    return 0.085 + 7e-6 * faces; /* poses; remeshing and registration of all vertices */
+    return 0.07 + 7e-6 * faces; /* poses; remeshing and registration of all vertices */
 }
 
 /* The pairs that the template is chosen from (docs/method.md, Initialisation). */
@@ -152,9 +152,10 @@ static double template_seconds(double I)
     return 0.002 * pairs;
 }
 
-static double initialize_seconds(double J)
+/* fields: distance fields are made. */
+static double initialize_seconds(double J, bool fields)
 {
-    return 0.045 + 1.55e-4 * J;
+    return 0.031 + 4.9e-5 * J + (fields ? 0.012 + 1.06e-4 * J : 0);
 }
 
 /* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
@@ -181,16 +182,25 @@ static double pass_seconds(double J)
 
 /* Normal equations in 2J unknowns, where they are many of what is near; and the surfaces that are
  * looked up. */
-static double round_seconds(const apsm_options *o)
+static double round_seconds(const apsm_options *o, double J)
 {
-    const double unknowns = 2 * (double)o->optimize.particles;
-    if (unknowns > (double)o->optimize.fidelity.dense) return 0.01 + 1.3e-8 * unknowns * unknowns;
-    return 0.007 + (double)o->optimize.fidelity.fidelity_points * unknowns * unknowns * 4e-11;
+    const double unknowns = 2 * J;
+    if (unknowns > (double)o->optimize.fidelity.dense) return 0.008 + 1.18e-8 * unknowns * unknowns;
+    return 0.005 + (double)o->optimize.fidelity.fidelity_points * unknowns * unknowns * 4e-11;
+}
+
+/* All of them; of many particles some take the first half, unless shapes are thin. */
+static double rounds_seconds(const apsm_options *o, double J)
+{
+    const double rounds = (double)o->optimize.fidelity.fidelity_rounds,
+                 few = (double)o->optimize.fidelity.coarse;
+    if (!(J >= 2 * few)) return rounds * round_seconds(o, J);
+    return rounds / 2 * (round_seconds(o, few) + round_seconds(o, J));
 }
 
 static double evaluate_seconds(double J)
 {
-    return 0.045 + 3e-4 * J; /* with the report */
+    return 0.055 + 1.95e-4 * J; /* with the report */
 }
 
 /* The side of the model that is decomposed. */
@@ -231,8 +241,7 @@ static double optimize_seconds(const apsm_options *o, double I)
                      adaptive * epoch_seconds(J, o->optimize.schedule.adaptivity > 0, factors);
     const schedule stage1 = schedule_of_stage(&o->optimize, APSM_STAGE_1);
     seconds += (double)passes_of_stage(&stage1) * pass_seconds(J);
-    if (o->optimize.fidelity.fidelity > 0)
-        seconds += (double)o->optimize.fidelity.fidelity_rounds * round_seconds(o);
+    if (o->optimize.fidelity.fidelity > 0) seconds += rounds_seconds(o, J);
     return seconds;
 }
 
@@ -267,8 +276,9 @@ static void forecast(const apsm_run *run, size_t shapes)
     const apsm_options *o = &run->options;
     const double threads = apsm_context_threads(run->ctx), I = (double)shapes,
                  J = (double)o->optimize.particles;
-    const double seconds = I * (groom_seconds(o) + initialize_seconds(J) + optimize_seconds(o, I) +
-                                evaluate_seconds(J)) +
+    const bool fields = run_fields_wanted(run, RUN_NO_FIELDS) != RUN_NO_FIELDS;
+    const double seconds = I * (groom_seconds(o) + initialize_seconds(J, fields) +
+                                optimize_seconds(o, I) + evaluate_seconds(J)) +
                            template_seconds(I) + model_seconds(I, J);
     const double stored = I * shape_bytes(run), limit = (double)run->memory;
     const bool stores = run->memory > 0; /* then no factor is kept */
