@@ -26,7 +26,7 @@
 
 enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
 /* Relative step at which the last registration ends. */
-static const double at_rest = 2e-5;
+static const double at_rest = 3e-5;
 /* 1 + 2 cos of 10 degrees: poses that are turned by less are one. */
 static const double same_rotation = 2.97;
 

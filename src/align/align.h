@@ -68,7 +68,7 @@ typedef struct apsm_pose {
 /* Registers moving to fixed whatever their poses: ICP from a fixed grid of rotations between
  * their principal frames, on few points first, most starts being dropped on the way.  mirrored:
  * registers the mirror image of moving; det M < 0.  opt applies to the last round; its
- * tolerance, scale and trim to all.  work of apsm_icp_work_size.  About 10,000 closest points. */
+ * tolerance, scale and trim to all.  work of apsm_icp_work_size.  About 40,000 closest points. */
 void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, bool mirrored,
                       const apsm_icp_options *opt, apsm_pose *pose, double *work);
 

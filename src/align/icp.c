@@ -168,84 +168,50 @@ static void match_fixed(const icp_job *job, const double M[16], const pairs *bef
     }
 }
 
-/* The point of Y (3 x n, a row a coordinate) closest to p, of equally close ones the first.  Where
- * p is closer to one than least says, the distance and p's number k are noted.  row (n): scratch.
- */
-APSM_KERNEL static size_t closest_point(size_t n, const float *restrict Y,
-                                        const float p[restrict 3], float k, float *restrict row,
-                                        float *restrict least, float *restrict who)
+/* d2[l] <- squared distance of p to point l of Y (3 x n, a row a coordinate); where that is
+ * smaller than least[l], it and the point's number k are noted.  Returns the least of d2. */
+APSM_KERNEL static double distances(size_t n, const double *restrict Y, const double p[restrict 3],
+                                    double k, double *restrict d2, double *restrict least,
+                                    double *restrict who)
 {
-    const int count = (int)n;
-    float smallest = INFINITY;
-    int at = count - 1;
+    double smallest = INFINITY;
 #pragma omp simd reduction(min : smallest)
-    for (int l = 0; l < count; l++) {
-        const float x = Y[l] - p[0], y = Y[count + l] - p[1], z = Y[2 * count + l] - p[2];
-        const float d = x * x + y * y + z * z;
+    for (size_t l = 0; l < n; l++) {
+        const double x = Y[l] - p[0], y = Y[n + l] - p[1], z = Y[2 * n + l] - p[2];
+        const double d = x * x + y * y + z * z;
         who[l] = d < least[l] ? k : who[l];
         least[l] = d < least[l] ? d : least[l];
-        row[l] = d;
+        d2[l] = d;
         smallest = d < smallest ? d : smallest;
     }
-#pragma omp simd reduction(min : at)
-    for (int l = 0; l < count; l++) {
-        const int here = row[l] <= smallest ? l : count - 1;
-        at = here < at ? here : at;
-    }
-    return (size_t)at;
+    return smallest;
 }
 
-/* Pair k of a moving point and pair n + l of a fixed one are points k and l of the clouds. */
-static void pair_points(const icp_job *job, size_t k, size_t l, pairs *q, size_t pair)
-{
-    const double *y = job->fixed->cloud->x + 3 * l;
-    if (pair != k) memcpy(q->p + 3 * pair, q->p + 3 * k, 3 * sizeof *q->p);
-    memcpy(q->y + 3 * pair, y, 3 * sizeof *q->y);
-    q->d2[pair] = vec3_distance2(q->p + 3 * k, y);
-}
-
-/* A power of two that makes the cloud's radius about 1. */
-static double unit_of(const apsm_cloud *cloud)
-{
-    int exponent;
-    frexp(cloud->radius, &exponent);
-    return ldexp(1.0, -exponent);
-}
-
-/* The cloud's first n points relative to its centre, times unit, a row a coordinate. */
-static void lay_out(const apsm_cloud *cloud, size_t n, double unit, float *Y)
-{
-    for (size_t l = 0; l < n; l++)
-        for (size_t a = 0; a < 3; a++)
-            Y[a * n + l] = (float)(unit * (cloud->x[3 * l + a] - cloud->centre[a]));
-}
-
-/* Both directions at once, by the table of distances between the clouds; in single precision, which
- * decides who is closest. */
+/* Both directions at once, by the table of distances between the clouds. */
 static void match_clouds(const icp_job *job, const double M[16], pairs *q)
 {
     const apsm_cloud *moving = job->moving->cloud, *fixed = job->fixed->cloud;
     const size_t n = job->n;
-    float *Y = (float *)job->work, *row = Y + 3 * n, *who = row + n, *least = who + n;
-    const double inverse = 1.0 / vec3_norm(M), unit = unit_of(fixed);
-    lay_out(fixed, n, unit, Y);
+    double *Y = job->work, *row = Y + 3 * n, *who = row + n, *least = q->d2 + n;
     for (size_t l = 0; l < n; l++) {
         least[l] = INFINITY;
-        who[l] = 0.0f;
+        who[l] = 0.0;
+        for (size_t a = 0; a < 3; a++) Y[a * n + l] = fixed->x[3 * l + a];
     }
     for (size_t k = 0; k < n; k++) {
-        float x[3];
+        size_t l = 0;
         map(M, moving->x + 3 * k, q->p + 3 * k);
-        for (size_t a = 0; a < 3; a++) x[a] = (float)(unit * (q->p[3 * k + a] - fixed->centre[a]));
-        const size_t l = closest_point(n, Y, x, (float)k, row, least, who);
-        pair_points(job, k, l, q, k);
+        q->d2[k] = distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
+        while (l + 1 < n && row[l] != q->d2[k]) l++;
+        memcpy(q->y + 3 * k, fixed->x + 3 * l, 3 * sizeof *q->y);
         memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);
     }
     for (size_t l = 0; l < n; l++) {
         const size_t k = (size_t)who[l];
-        pair_points(job, k, l, q, n + l);
+        memcpy(q->p + 3 * (n + l), q->p + 3 * k, 3 * sizeof *q->p);
+        memcpy(q->y + 3 * (n + l), fixed->x + 3 * l, 3 * sizeof *q->y);
         rotate(M, moving->normal + 3 * k, q->normal + 3 * (n + l));
-        for (size_t a = 0; a < 3; a++) q->normal[3 * (n + l) + a] *= inverse;
+        vec3_normalise(q->normal + 3 * (n + l));
     }
 }
 

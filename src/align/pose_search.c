@@ -25,11 +25,10 @@ typedef struct search_round {
     size_t points;
     int iterations;
     size_t keep;
-    double within; /* none whose residual is this many times the least */
 } search_round;
-static const search_round rounds[ROUNDS] = { { true, 32, 2, 32, 1.8 },
-                                             { true, 64, 4, 6, 1.7 },
-                                             { false, 64, 3, 3, 1.6 } };
+static const search_round rounds[ROUNDS] = { { true, 64, 2, 32 },
+                                             { true, 128, 4, 6 },
+                                             { false, 64, 4, 3 } };
 static const double rough = 1e-3; /* tolerance until the best is known */
 /* Poses that differ by less than this root mean square distance, relative to the radius, count as
  * one. */
@@ -131,13 +130,13 @@ static void sort_candidates(size_t n, candidate *c)
     }
 }
 
-/* Of sorted candidates keeps the best of each pose, at most `keep` and none of a residual above
- * `most`; returns how many. */
-static size_t keep_distinct(const apsm_surface *moving, double near, size_t keep, double most,
-                            size_t n, candidate *c)
+/* Sorts and keeps the best of each pose, at most `keep`; returns how many. */
+static size_t keep_distinct(const apsm_surface *moving, double near, size_t keep, size_t n,
+                            candidate *c)
 {
     size_t kept = 0;
-    for (size_t i = 0; i < n && kept < keep && !(c[i].residual > most); i++) {
+    sort_candidates(n, c);
+    for (size_t i = 0; i < n && kept < keep; i++) {
         bool fresh = true;
         for (size_t j = 0; j < kept && fresh; j++)
             fresh = pose_distance(moving->cloud, c[i].M, c[j].M) > near;
@@ -174,14 +173,12 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
         quick.points = rounds[r].points;
         quick.max_iterations = rounds[r].iterations;
         run_round(moving, fixed, &quick, rounds[r].coarse, n, c, work);
-        sort_candidates(n, c);
-        n = keep_distinct(moving, near, rounds[r].keep, rounds[r].within * c[0].residual, n, c);
+        n = keep_distinct(moving, near, rounds[r].keep, n, c);
     }
     quick.points = opt->points;
     quick.max_iterations = opt->max_iterations;
     run_round(moving, fixed, &quick, false, n, c, work);
-    sort_candidates(n, c);
-    n = keep_distinct(moving, near, APSM_POSE_OPTIONS, INFINITY, n, c);
+    n = keep_distinct(moving, near, APSM_POSE_OPTIONS, n, c);
     pose->runner_up = n > 1 ? c[1].residual : INFINITY;
     if (opt->tolerance < rough) run_round(moving, fixed, opt, false, 1, c, work);
     memcpy(pose->M, c[0].M, sizeof pose->M);
