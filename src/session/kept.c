@@ -396,6 +396,8 @@ static apsm_status unpack_mesh(const unsigned char *data, size_t size, apsm_mesh
     groomed->notes = groomed->picked = NULL;
     memcpy(mesh->V, from + sizeof *groomed, bytes);
     memcpy(mesh->F, from + sizeof *groomed + bytes, 3 * mesh->nf * sizeof *mesh->F);
+    for (size_t k = 0; k < 3 * mesh->nf; k++)
+        if (mesh->F[k] >= mesh->nv) return APSM_ERR_FORMAT;
     return unpack_texts((const char *)data + whole, size - whole, groomed);
 }
 
@@ -410,7 +412,12 @@ apsm_status kept_find_mesh(apsm_context *ctx, const apsm_run *run, const apsm_in
     APSM_TRY(find(ctx, run->kept, &key, &data, &size));
     const apsm_status status = data ? unpack_mesh(data, size, mesh, groomed) : APSM_OK;
     free(data);
-    return status;
+    if (status != APSM_ERR_FORMAT) return status;
+    apsm_mesh_free(mesh); /* of another program's layout, whatever its check sum: made again */
+    free(groomed->notes);
+    free(groomed->picked);
+    *groomed = (kept_groomed){ 0 };
+    return APSM_OK;
 }
 
 apsm_status kept_add_mesh(apsm_context *ctx, const apsm_run *run, const apsm_input_case *c,
