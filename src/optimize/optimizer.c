@@ -268,7 +268,7 @@ static apsm_status renew_factors(optimizer *op)
     if (!keeps_factors(op)) return APSM_OK;
     if (!op->kept) op->kept = calloc(surfaces, sizeof *op->kept);
     if (!op->kept) return APSM_ERR_MEMORY;
-    if (s->epoch > 0 && s->epoch % RENEWAL > 0 && s->own_size == n) return APSM_OK;
+    if (s->epoch % RENEWAL != 0 && s->own_size == n) return APSM_OK;
     if (s->own_size != n) {
         free(s->own);
         s->own = optimizer_doubles(n);

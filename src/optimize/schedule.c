@@ -28,12 +28,15 @@ static void decay(weights *w, const apsm_optimize_options *o, double gamma_decay
     w->gamma *= gamma_decay;
 }
 
-/* Long steps, neighbourhoods that hold, and little of what takes variation for noise. */
-static void settle(weights *w)
+/* Long steps, neighbourhoods that hold, and little of what takes variation for noise.  Where
+ * neither stage has epochs these keep the spread that the template's particles were given. */
+static void settle(weights *w, const apsm_optimize_options *o)
 {
     w->alpha *= 2.0;
     w->beta *= 0.4;
     w->gamma *= 2.0;
+    if (o->schedule.stage1_epochs == 0 && o->schedule.stage2_epochs == 0)
+        w->c = o->schedule.adaptivity;
 }
 
 weights weights_of_epoch(const apsm_optimize_options *o, const schedule *s, int stage, long epoch,
@@ -46,7 +49,7 @@ weights weights_of_epoch(const apsm_optimize_options *o, const schedule *s, int 
         w.alpha *= o->schedule.stage2_alpha_factor;
         w.c = o->schedule.adaptivity;
     }
-    if (epoch < 0) settle(&w);
+    if (epoch < 0) settle(&w, o);
     if (epoch >= s->decay1) decay(&w, o, o->schedule.gamma_decay1);
     if (epoch >= s->decay2) decay(&w, o, o->schedule.gamma_decay2);
     if (epochs_run < o->schedule.burn_in) w.beta = w.gamma = 0;

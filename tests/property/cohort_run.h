@@ -46,6 +46,7 @@ static inline cohort_run cohort_begin(synthetic_kind kind, size_t I, int level, 
 static inline void cohort_optimize(cohort_run *r, const apsm_optimize_options *options)
 {
     ok(r, apsm_first_particles(r->ctx, &r->cohort, options, r->J, r->state.P));
+    ok(r, apsm_first_pass(r->ctx, &r->cohort, options, &r->state));
     ok(r, apsm_optimize(r->ctx, &r->cohort, options, &r->state, NULL, NULL));
 }
 

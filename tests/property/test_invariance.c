@@ -108,6 +108,7 @@ static int compare_interrupted(const apsm_optimize_options o)
     for (; status == APSM_ERR_INTERRUPTED; pieces++) {
         stopper stop = { .left = 3, .settling = &settling };
         apsm_context_set_interrupt(parts.ctx, &stop.flag);
+        ok(&parts, apsm_first_pass(parts.ctx, &parts.cohort, &o, &parts.state));
         status = apsm_optimize(parts.ctx, &parts.cohort, &o, &parts.state, count_down, &stop);
         apsm_context_set_interrupt(parts.ctx, NULL);
     }
@@ -130,6 +131,9 @@ static void an_interruption_does_not_matter(void **state)
     o.walk.stop_mismatched = 0; /* to the last of them */
     o.schedule.settle_mismatched = 0.02;
     assert_in_range(compare_interrupted(o), 11, 17);
+    o.schedule.stage1_epochs = o.schedule.stage2_epochs = 0; /* adaptive, with factors kept */
+    o.schedule.settle_epochs = 27;
+    assert_in_range(compare_interrupted(o), 11, 27);
 }
 
 /* Batches of 2 of 5 shapes run, resume and repeat as one batch does. */

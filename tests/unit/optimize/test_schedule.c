@@ -43,6 +43,18 @@ static void passes_are_counted_as_they_come(void **state)
     assert_int_equal(passes_of_stage(&s), 0);
 }
 
+/* No stage follows that would bring it back: epochs to settle keep the template's spread. */
+static void settling_is_adaptive_without_stages(void **state)
+{
+    (void)state;
+    apsm_optimize_options o = apsm_optimize_defaults();
+    schedule s = schedule_of_stage(&o, APSM_STAGE_1);
+    assert_true(weights_of_epoch(&o, &s, APSM_STAGE_1, -5, 9).c == o.schedule.adaptivity);
+    o.schedule.stage2_epochs = 1;
+    s = schedule_of_stage(&o, APSM_STAGE_1);
+    assert_true(weights_of_epoch(&o, &s, APSM_STAGE_1, -5, 9).c == 0);
+}
+
 /* ---- the record of an epoch with several batches ---- */
 
 enum { I = 4, J = 20, LEVEL = 2 };
@@ -258,6 +270,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(batches_differ_by_one_shape_at_most),
         cmocka_unit_test(passes_are_counted_as_they_come),
+        cmocka_unit_test(settling_is_adaptive_without_stages),
         cmocka_unit_test(an_epochs_figure_is_the_mean_over_its_batches),
         cmocka_unit_test(a_new_term_needs_no_more_than_its_entry),
         cmocka_unit_test(columns_are_the_table),
