@@ -147,8 +147,9 @@ static apsm_status store_in_order(apsm_run *run, char *const copy[TEXTS + 1])
         APSM_TRY(apsm_project_set(&run->project, "apsm", table[k].name, text));
     }
     for (size_t k = 0; k < TEXTS; k++)
-        if (copy[k]) APSM_TRY(apsm_project_set(&run->project, "apsm", texts[k], copy[k]));
-    char seed[32];
+        if (copy[k] && strcmp(texts[k], "seed") != 0)
+            APSM_TRY(apsm_project_set(&run->project, "apsm", texts[k], copy[k]));
+    char seed[32]; /* behind them, whether it was given or is the usual one */
     snprintf(seed, sizeof seed, "%llu", (unsigned long long)apsm_context_seed(run->ctx));
     APSM_TRY(apsm_project_set(&run->project, "apsm", "seed", seed));
     return copy[TEXTS] ? apsm_project_set(&run->project, "apsm", "template_used", copy[TEXTS])

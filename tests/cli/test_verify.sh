@@ -32,7 +32,7 @@ flip() {
 mkdir cohort
 for i in 0 1 2; do "$synthetic" bump cohort/s$i.ply index $i level 2; done
 "$apsm" run cohort -o x -J 32 --faces 400 --stage1-epochs 3 --stage2-epochs 3 --quiet \
-    --original-frame || fail "run"
+    --original-frame --unit mm || fail "run"
 cp -r x kept
 cp -r cohort kept_cohort
 cksum "$(find x -type f | sort)" >before 2>/dev/null
@@ -153,6 +153,7 @@ for call in "report x" "export x -o y.npz --to npz" "fit x cohort/s0.ply -o y"; 
     expect 1 "particles have changed since the model was made of them" $call
 done
 expect 0 "" evaluate x
+cmp x/project.swproj kept/project.swproj || fail "evaluate puts the project's options in another order"
 expect 0 "" report x
 # Of three shapes no mode holds for others: what cannot be told is not told as 0.
 "$apsm" fit x cohort/s1.ply -o y --force >said 2>&1
