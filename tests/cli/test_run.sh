@@ -117,16 +117,16 @@ same_folder model steps "run, and step by step"
 # bad start settles before it goes on to the fidelity rounds, without an epoch of stage 1.
 for set in snap=field initialize=fps; do
     plain=(-J 32 --faces 1200 --set $set)
-    rm -rf one two
-    expect 0 "" run cohort -o one "${plain[@]}"
-    expect 0 "" groom cohort -o two "${plain[@]}"
-    expect 0 "" initialize -o two "${plain[@]}"
-    expect 0 "" optimize -o two
+    rm -rf at_once by_steps
+    expect 0 "" run cohort -o at_once "${plain[@]}"
+    expect 0 "" groom cohort -o by_steps "${plain[@]}"
+    expect 0 "" initialize -o by_steps "${plain[@]}"
+    expect 0 "" optimize -o by_steps
     said=$(grep -c "first particles are mismatched" said)
-    same_particles one two "$set, run, and step by step"
-    grep -q "^1,[0-9]" one/history.csv && fail "$set: an epoch of stage 1"
+    same_particles at_once by_steps "$set, run, and step by step"
+    grep -q "^1,[0-9]" at_once/history.csv && fail "$set: an epoch of stage 1"
 done
-[ "$said" -eq 1 ] && grep -q "^1,-50," one/history.csv || fail "initialize=fps: does not settle once"
+[ "$said" -eq 1 ] && grep -q "^1,-50," at_once/history.csv || fail "initialize=fps: does not settle once"
 # One model has one surface distance, whoever reads it; another template gives another.
 expect 0 "" evaluate -o steps
 figures=$(sed -n 's/.*surface distance: mean \([0-9.]*\), .*template \(.*\))$/\1 \2/p' said)
