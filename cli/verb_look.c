@@ -473,20 +473,6 @@ static void say_figures(cli_ui *ui, const json_t *evaluation, const char *unit)
                 json_array_size(compact));
 }
 
-/* Whether the model's mean is that of the particles, up to the digits of their files. */
-static bool is_of_its_particles(const model_folder *m)
-{
-    const size_t n = 3 * m->J;
-    double worst = 0, size = 0;
-    for (size_t x = 0; x < n; x++) {
-        double sum = 0;
-        for (size_t i = 0; i < m->I; i++) sum += m->P[i * n + x] / (double)m->I;
-        worst = fmax(worst, fabs(sum - m->model.mean[x]));
-        size = fmax(size, fabs(m->model.mean[x]));
-    }
-    return worst <= 1e-6 * size;
-}
-
 /* Another program may have written particles into the folder since.  (A joint's are in parts.) */
 static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
 {
@@ -496,11 +482,6 @@ static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
         cli_say(ui, "model and particles do not belong together: %s", apsm_error_text(ctx));
         return;
     }
-    if (!is_of_its_particles(&m))
-        cli_say(ui,
-                "model and particles do not belong together: model.json was made of others; run "
-                "`apsm evaluate %s`",
-                folder);
     model_folder_free(&m);
 }
 

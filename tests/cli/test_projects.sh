@@ -98,7 +98,7 @@ expect 0 "" info sub/m
 grep -q "belong together\|absent" said && fail "info of a sound folder: $(cat said)"
 awk '{ print $1 + 1, $2, $3 }' sub/m/particles/beta_world.particles >moved
 cp moved sub/m/particles/beta_world.particles
-expect 0 "model.json was made of others" info sub/m
+expect 0 "have changed since the model was made of them" info sub/m
 rm sub/m/particles/beta_world.particles
 expect 0 "particle files of 1 shapes are absent" info sub/m
 expect 0 "do not belong together" info sub/m
