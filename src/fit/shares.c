@@ -95,7 +95,8 @@ static apsm_status open_own(apsm_context *ctx, const char *path, fit_shares *s)
     const journal_key key = job_key();
     APSM_TRY(journal_open(ctx, path, false, &s->own));
     APSM_TRY(ask_job(ctx, s, s->own, &said, &other));
-    if (other) {
+    if (other ||
+        (!said && journal_count(s->own) <= 1)) { /* of another job, or but a spoilt piece */
         journal_close(s->own);
         APSM_TRY(journal_open(ctx, path, true, &s->own));
     }

@@ -488,7 +488,7 @@ apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
     apsm_epoch_record r = { 0 };
     const schedule s = schedule_of_stage(options, APSM_STAGE_1);
     if (state->stage != APSM_STAGE_1 || state->epochs_run > 0 || state->epoch != 0 ||
-        s.epochs > 0 || s.settle == 0)
+        s.epochs > 0 || s.pass_interval == 0)
         return APSM_OK;
     APSM_TRY(check_state(ctx, cohort, state));
     APSM_TRY(optimizer_alloc(ctx, cohort, options, APSM_TERMS, standard_terms, state, &op));

@@ -158,12 +158,20 @@ static double initialize_seconds(double J, bool fields)
     return 0.031 + 4.9e-5 * J + (fields ? 0.012 + 1.06e-4 * J : 0);
 }
 
-/* Bytes of the factor of a shape's RBF-shape that stage 2 keeps; 0: there is none. */
+/* Whether first particles are likely to settle: those that registration brought seldom do. */
+static bool settles(const apsm_optimize_options *o)
+{
+    return o->method != APSM_METHOD_PSM && o->first.initialize != APSM_INIT_REGISTRATION &&
+           schedule_of_stage(o, APSM_STAGE_1).settle > 0;
+}
+
+/* Bytes of the factor of a shape's RBF-shape that adaptive epochs keep; 0: there is none. */
 static double kept_bytes(const apsm_options *o, double I)
 {
-    const bool adaptive = o->optimize.method != APSM_METHOD_PSM &&
-                          o->optimize.schedule.adaptivity > 0 &&
-                          o->optimize.schedule.stage2_epochs > 0;
+    const apsm_schedule_options *s = &o->optimize.schedule;
+    const bool adaptive =
+        o->optimize.method != APSM_METHOD_PSM && s->adaptivity > 0 &&
+        (s->stage2_epochs > 0 || (s->stage1_epochs == 0 && settles(&o->optimize)));
     return adaptive ? apsm_kept_factor_bytes(&o->optimize, (size_t)I, (size_t)o->optimize.particles)
                     : 0;
 }
@@ -236,20 +244,14 @@ static double optimize_seconds(const apsm_options *o, double I)
                  epochs = (double)o->optimize.schedule.stage1_epochs;
     if (o->optimize.method == APSM_METHOD_PSM) return psm_seconds(o);
     const double adaptive = (double)o->optimize.schedule.stage2_epochs;
-    const double factors = kept_bytes(o, I) > 0 ? ceil(adaptive / RENEWAL) / adaptive : 1;
+    const double factors =
+        adaptive > 0 && kept_bytes(o, I) > 0 ? ceil(adaptive / RENEWAL) / adaptive : 1;
     double seconds = epochs * epoch_seconds(J, false, 0) +
                      adaptive * epoch_seconds(J, o->optimize.schedule.adaptivity > 0, factors);
     const schedule stage1 = schedule_of_stage(&o->optimize, APSM_STAGE_1);
     seconds += (double)passes_of_stage(&stage1) * pass_seconds(J);
     if (o->optimize.fidelity.fidelity > 0) seconds += rounds_seconds(o, J);
     return seconds;
-}
-
-/* Whether first particles are likely to settle: those that registration brought seldom do. */
-static bool settles(const apsm_optimize_options *o)
-{
-    return o->method != APSM_METHOD_PSM && o->first.initialize != APSM_INIT_REGISTRATION &&
-           schedule_of_stage(o, APSM_STAGE_1).settle > 0;
 }
 
 /* Of a finished shape: mesh, trees, tables, and its distance field if there are epochs that draw

@@ -112,8 +112,9 @@ apsm_status kept_end_shares(apsm_run *run)
     kept_close(run);
     if (found == 0) {
         apsm_log(run->ctx, APSM_LOG_WARNING,
-                 "what shares have kept in %s/state is of other particles or options: not used, "
-                 "and left there; remove its shard-*.journal if nobody wants them",
+                 "what shares have kept in %s/state is of another step or of other particles or "
+                 "options: not used, and left there; remove its shard-*.journal if nobody wants "
+                 "them",
                  run->folder);
         return APSM_OK;
     }

@@ -1,5 +1,6 @@
 #include "statistics/particle_files.h"
 
+#include <errno.h>
 #include <jansson.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -113,7 +114,7 @@ static char *without_particles(const char *folder)
 {
     if (strcmp(base_of(folder), particles_folder) == 0) return apsm_path_folder(folder);
     char *real = realpath(folder, NULL);
-    if (!real) return NULL;
+    if (!real) return errno == ENOMEM ? NULL : strdup(folder); /* where it is cannot be told */
     const bool inside = strcmp(base_of(real), particles_folder) == 0;
     free(real);
     return inside ? apsm_path_join(folder, "..") : strdup(folder);

@@ -216,7 +216,8 @@ apsm_status apsm_table_categorize(apsm_table *table, const char *name)
 {
     for (size_t k = 0; k < table->n; k++) {
         apsm_column *c = &table->column[k];
-        if (strcmp(c->name, name) == 0 && c->text) return make_category(table->I, c->text, c);
+        if (strcmp(c->name, name) == 0 && c->text && !c->category)
+            return make_category(table->I, c->text, c);
     }
     return APSM_OK;
 }
