@@ -472,12 +472,9 @@ apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
 
 bool apsm_draws_points(const apsm_optimize_options *o, const apsm_optimizer_state *s)
 {
-    const long epochs[] = {
-        [APSM_STAGE_1] = o->schedule.stage1_epochs, [APSM_STAGE_2] = o->schedule.stage2_epochs
-    };
     bool draws = s->epoch < 0;
     for (int stage = s->stage; stage <= APSM_STAGE_2; stage++)
-        draws = draws || epochs[stage] > (stage == s->stage ? s->epoch : 0);
+        draws = draws || schedule_of_stage(o, stage).epochs > (stage == s->stage ? s->epoch : 0);
     return draws;
 }
 

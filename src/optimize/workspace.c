@@ -5,6 +5,7 @@
 #include <stdlib.h>
 
 #include "optimize/correspondence_loss.h"
+#include "optimize/optimizer.h"
 #include "optimize/rbf_shape.h"
 #include "optimize/sampling_loss.h"
 
@@ -113,8 +114,8 @@ apsm_status optimizer_alloc(apsm_context *ctx, const apsm_cohort *cohort,
                        .R = points_of(o, J),
                        .K = K,
                        .row_particles = J + more };
-    op->workers = apsm_context_threads(ctx);
-    op->worker = calloc((size_t)op->workers, sizeof *op->worker);
+    op->workers = apsm_draws_points(o, state) ? apsm_context_threads(ctx) : 0; /* of epochs */
+    op->worker = calloc((size_t)op->workers + 1, sizeof *op->worker);
     op->tP = optimizer_doubles(7 * J);
     op->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *op->N6);
     op->on_rim = calloc(J, sizeof *op->on_rim);
