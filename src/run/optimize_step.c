@@ -70,37 +70,6 @@ static apsm_status write_history(const recorder *r)
     return status;
 }
 
-/* ---- what lies around the shapes ---- */
-
-static apsm_status load_around(apsm_context *ctx, size_t i, int worker, void *user)
-{
-    (void)worker;
-    apsm_run *run = user;
-    size_t n = 0;
-    apsm_mesh *meshes = NULL;
-    char *path = apsm_project_path(&run->project, run->project.subjects[i].shape);
-    if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = run->surroundings->of(run->surroundings->user, ctx, path, &n, &meshes);
-    for (size_t k = 0; k < n; k++) {
-        apsm_mesh_transform(&meshes[k], run->transforms + 16 * i);
-        if (status == APSM_OK) status = apsm_obstacles_add(&run->cohort.obstacles, i, &meshes[k]);
-        apsm_mesh_free(&meshes[k]);
-    }
-    free(meshes);
-    free(path);
-    return status;
-}
-
-static apsm_status load_surroundings(apsm_run *run)
-{
-    const apsm_fidelity_options *o = &run->options.optimize.fidelity;
-    if (!run->surroundings || !run->surroundings->of || !(o->contact > 0) || !(o->fidelity > 0) ||
-        run->options.optimize.method == APSM_METHOD_PSM || run->cohort.obstacles.I > 0)
-        return APSM_OK;
-    APSM_TRY(apsm_obstacles_begin(run->cohort.I, &run->cohort.obstacles));
-    return apsm_parallel_for(run->ctx, run->cohort.I, load_around, run, NULL);
-}
-
 /* ---- the step ---- */
 
 static apsm_status has_file(const apsm_run *run, const char *name, bool *has)
@@ -192,15 +161,26 @@ static apsm_status optimize_and_search(apsm_run *run, apsm_optimizer_state *stat
     return save_now(r, state);
 }
 
+/* Of the own shapes; what lies around them stays. */
+static apsm_status load_fields(apsm_run *run)
+{
+    apsm_obstacles around = run->cohort.obstacles;
+    run->cohort.obstacles = (apsm_obstacles){ 0 };
+    const apsm_status status = run_load_cohort(run, RUN_OWN_FIELDS);
+    if (status == APSM_OK)
+        run->cohort.obstacles = around;
+    else
+        apsm_obstacles_free(&around);
+    return status;
+}
+
 /* Distance fields are made where epochs draw points: those of the two stages, or those in which
  * badly matched first particles settle. */
 static apsm_status prepare(apsm_run *run, apsm_optimizer_state *state)
 {
     const apsm_optimize_options *o = &run->options.optimize;
     APSM_TRY(apsm_first_pass(run->ctx, &run->cohort, o, state));
-    if (!apsm_draws_points(o, state)) return APSM_OK;
-    APSM_TRY(run_load_cohort(run, RUN_OWN_FIELDS));
-    return load_surroundings(run);
+    return apsm_draws_points(o, state) ? load_fields(run) : APSM_OK;
 }
 
 static apsm_status optimize(apsm_run *run, apsm_optimizer_state *state, recorder *r)
@@ -236,6 +216,37 @@ static apsm_status optimize_and_save(apsm_run *run, apsm_optimizer_state *state,
     while (r->n > (size_t)state->epochs_run) r->n--;
     const apsm_status saved = save_now(r, state);
     return saved == APSM_OK ? status : saved;
+}
+
+/* ---- what lies around the shapes ---- */
+
+static apsm_status load_around(apsm_context *ctx, size_t i, int worker, void *user)
+{
+    (void)worker;
+    apsm_run *run = user;
+    size_t n = 0;
+    apsm_mesh *meshes = NULL;
+    char *path = apsm_project_path(&run->project, run->project.subjects[i].shape);
+    if (!path) return APSM_ERR_MEMORY;
+    apsm_status status = run->surroundings->of(run->surroundings->user, ctx, path, &n, &meshes);
+    for (size_t k = 0; k < n; k++) {
+        apsm_mesh_transform(&meshes[k], run->transforms + 16 * i);
+        if (status == APSM_OK) status = apsm_obstacles_add(&run->cohort.obstacles, i, &meshes[k]);
+        apsm_mesh_free(&meshes[k]);
+    }
+    free(meshes);
+    free(path);
+    return status;
+}
+
+static apsm_status load_surroundings(apsm_run *run)
+{
+    const apsm_fidelity_options *o = &run->options.optimize.fidelity;
+    if (!run->surroundings || !run->surroundings->of || !(o->contact > 0) || !(o->fidelity > 0) ||
+        run->options.optimize.method == APSM_METHOD_PSM || run->cohort.obstacles.I > 0)
+        return APSM_OK;
+    APSM_TRY(apsm_obstacles_begin(run->cohort.I, &run->cohort.obstacles));
+    return apsm_parallel_for(run->ctx, run->cohort.I, load_around, run, NULL);
 }
 
 /* The first pass asks the template's surface for its normals: its field, where particles are kept
