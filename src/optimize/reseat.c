@@ -16,6 +16,7 @@
 
 #include "geometry/vec3.h"
 #include "model/warp.h"
+#include "optimize/fidelity_shape.h"
 
 enum { MOST_SHAPES = 64, SWEEPS = 40 };
 static const double most_contrast = 8; /* of g against its mean */
@@ -237,12 +238,9 @@ static apsm_status carry_shape(apsm_context *ctx, size_t i, int worker, void *us
     apsm_warp_apply(&s->carry, s->P + i * s->J * 3, Q);
     for (size_t j = 0; j < s->J2; j++) {
         apsm_surface_point on;
-        apsm_closest at;
         double n[3];
         apsm_shape_look_up(shape, 1, s->P + (i * s->J + c->old[j]) * 3, &on, NULL, n);
-        apsm_bvh_closest_facing(shape->bvh, Q + 3 * j, n, 0, INFINITY, &at);
-        if (!isfinite(at.distance2)) apsm_bvh_closest(shape->bvh, Q + 3 * j, INFINITY, &at);
-        memcpy(Q + 3 * j, at.x, sizeof at.x);
+        fidelity_land(shape, false, n, Q + 3 * j, &on);
     }
     return APSM_OK;
 }

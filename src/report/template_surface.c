@@ -68,10 +68,12 @@ static apsm_status make_part(apsm_context *ctx, size_t d, size_t faces, template
     const model_part *part = &m->part[d];
     apsm_mesh *mesh = &t->mesh[d];
     APSM_TRY(model_folder_part_mesh(ctx, m, part->template_index, d, mesh));
-    const bool whole = mesh->nf <= faces;
-    if (faces > 0 && !whole) APSM_TRY(reduce_part(ctx, faces, mesh));
+    const bool whole = mesh->nf <= faces, reduced = faces > 0 && !whole;
+    if (reduced) APSM_TRY(reduce_part(ctx, faces, mesh));
     const double *P = m->P + 3 * (part->template_index * m->J + part->first);
-    APSM_TRY(apsm_warp_share(ctx, APSM_PHI_R, mesh->nv, mesh->V, part->J, P, &t->warp[d]));
+    /* Nobody else asks for that of a reduced one. */
+    APSM_TRY((reduced ? apsm_warp_build : apsm_warp_share)(ctx, APSM_PHI_R, mesh->nv, mesh->V,
+                                                           part->J, P, &t->warp[d]));
     if (faces > 0 && whole) APSM_TRY(order_part(mesh, &t->warp[d]));
     t->first_vertex[d + 1] = t->first_vertex[d] + mesh->nv;
     return APSM_OK;
