@@ -256,12 +256,9 @@ static double optimize_seconds(const apsm_options *o, double I)
 
 /* Of a finished shape: mesh, trees, tables, and its distance field if there are epochs that draw
  * points. */
-static double shape_bytes(const apsm_run *run)
+static double shape_bytes(const apsm_options *o, bool fields)
 {
-    const apsm_options *o = &run->options;
-    const bool draws =
-        run_fields_wanted(run, RUN_NO_FIELDS) != RUN_NO_FIELDS || settles(&o->optimize);
-    const double field = draws ? 4.7e3 * (double)o->optimize.particles : 0;
+    const double field = fields ? 4.7e3 * (double)o->optimize.particles : 0;
     return 270 * (double)o->groom.remesh_options.faces + field;
 }
 
@@ -282,7 +279,8 @@ static void forecast(const apsm_run *run, size_t shapes)
     const double seconds = I * (groom_seconds(o) + initialize_seconds(J, fields) +
                                 optimize_seconds(o, I) + evaluate_seconds(J)) +
                            template_seconds(I) + model_seconds(I, J);
-    const double stored = I * shape_bytes(run), limit = (double)run->memory;
+    const double stored = I * shape_bytes(o, fields || settles(&o->optimize)),
+                 limit = (double)run->memory;
     const bool stores = run->memory > 0; /* then no factor is kept */
     const double others = other_bytes(o, I, threads) + (stores ? 0 : I * kept_bytes(o, I));
     apsm_log(run->ctx, APSM_LOG_INFO, "about %.0f s on %.0f threads, %.0f MB of memory",
