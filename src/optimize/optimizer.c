@@ -470,14 +470,6 @@ apsm_status optimize_terms(apsm_context *ctx, const apsm_cohort *cohort,
     return optimize(&op, on_epoch, user);
 }
 
-bool apsm_draws_points(const apsm_optimize_options *o, const apsm_optimizer_state *s)
-{
-    bool draws = s->epoch < 0;
-    for (int stage = s->stage; stage <= APSM_STAGE_2; stage++)
-        draws = draws || schedule_of_stage(o, stage).epochs > (stage == s->stage ? s->epoch : 0);
-    return draws;
-}
-
 apsm_status apsm_first_pass(apsm_context *ctx, const apsm_cohort *cohort,
                             const apsm_optimize_options *options, apsm_optimizer_state *state)
 {

@@ -17,10 +17,6 @@
 extern "C" {
 #endif
 
-/* Whether epochs are to come that draw points near the surfaces: they need the cohort's distance
- * fields. */
-bool apsm_draws_points(const apsm_optimize_options *options, const apsm_optimizer_state *state);
-
 /* Where stage 1 has no epochs: the pass of Algorithm 1 that its first one begins with, once, over
  * the first particles; then stage 1 is behind.  If many are mismatched, epochs to settle are to
  * come (apsm_draws_points), and the pass is left to the first of them.  On failure the state is as

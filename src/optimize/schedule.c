@@ -1,7 +1,6 @@
 #include "optimize/schedule.h"
 
 #include "optimize/options.h"
-#include "optimize/state.h"
 
 schedule schedule_of_stage(const apsm_optimize_options *o, int stage)
 {
@@ -74,4 +73,12 @@ size_t batch_begin(size_t I, size_t K, size_t b)
 {
     const size_t batches = (I + K - 1) / K, least = I / batches, larger = I % batches;
     return b * least + (b < larger ? b : larger);
+}
+
+bool apsm_draws_points(const apsm_optimize_options *o, const apsm_optimizer_state *s)
+{
+    bool draws = s->epoch < 0;
+    for (int stage = s->stage; stage <= APSM_STAGE_2; stage++)
+        draws = draws || schedule_of_stage(o, stage).epochs > (stage == s->stage ? s->epoch : 0);
+    return draws;
 }

@@ -4,6 +4,7 @@
 #define APSM_OPTIMIZE_SCHEDULE_H
 
 #include "core/option.h"
+#include "optimize/state.h"
 
 #define APSM_SCHEDULE_OPTIONS(S, INT, REAL, BOOL, ENUM, FIXED)                                     \
     REAL(S, adaptivity, 0.5, 0, 1,                                                                 \
@@ -56,5 +57,9 @@ size_t passes_of_stage(const schedule *s);
 /* Where batch b of I shapes begins, if a batch may have K: as many batches as that needs, of sizes
  * that differ by one at most.  I for the first b beyond the last. */
 size_t batch_begin(size_t I, size_t K, size_t b);
+
+/* Whether epochs are to come that draw points near the surfaces: they need the cohort's distance
+ * fields. */
+bool apsm_draws_points(const apsm_optimize_options *options, const apsm_optimizer_state *state);
 
 #endif

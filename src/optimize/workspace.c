@@ -5,7 +5,6 @@
 #include <stdlib.h>
 
 #include "optimize/correspondence_loss.h"
-#include "optimize/optimizer.h"
 #include "optimize/rbf_shape.h"
 #include "optimize/sampling_loss.h"
 
