@@ -269,16 +269,6 @@ static void write_cell(apsm_writer *csv, double x)
     if (isfinite(x)) apsm_writer_number(csv, x);
 }
 
-static void write_known(apsm_writer *csv, const apsm_column *c, size_t i)
-{
-    if (!c->category || isnan(c->value[i])) {
-        write_cell(csv, c->value[i]);
-        return;
-    }
-    apsm_writer_printf(csv, ",");
-    apsm_writer_csv(csv, c->level[(size_t)c->value[i]]);
-}
-
 static bool is_measured_anew(const measuring *w, const char *name)
 {
     bool anew = strcmp(name, "surface_distance") == 0;
@@ -305,9 +295,11 @@ static void write_rows(const measuring *w, apsm_writer *csv, size_t first, size_
         apsm_writer_csv(csv, w->row[i].name);
         for (size_t k = 0; k < w->list.n; k++) write_cell(csv, w->value[i * w->list.n + k]);
         if (shapes) write_cell(csv, surface_distance(w, i));
-        for (size_t k = 0; shapes && k < w->table.n; k++)
-            if (!is_measured_anew(w, w->table.column[k].name))
-                write_known(csv, &w->table.column[k], i);
+        for (size_t k = 0; shapes && k < w->table.n; k++) {
+            if (is_measured_anew(w, w->table.column[k].name)) continue;
+            apsm_writer_printf(csv, ",");
+            apsm_column_write(csv, &w->table.column[k], i);
+        }
         apsm_writer_printf(csv, "\n");
     }
 }

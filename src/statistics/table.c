@@ -490,12 +490,13 @@ apsm_status apsm_table_read_kept(apsm_context *ctx, const char *folder, size_t I
     return status;
 }
 
-static void write_value(apsm_writer *csv, const apsm_column *c, size_t i)
+void apsm_column_write(apsm_writer *csv, const apsm_column *c, size_t i)
 {
-    apsm_writer_printf(csv, ",");
     if (isnan(c->value[i])) return;
-    if (c->category || c->text)
-        apsm_writer_csv(csv, c->text ? c->text[i] : c->level[(size_t)c->value[i]]);
+    if (c->text)
+        apsm_writer_csv(csv, c->text[i]);
+    else if (c->category)
+        apsm_writer_csv(csv, c->level[(size_t)c->value[i]]);
     else
         apsm_writer_number(csv, c->value[i]);
 }
@@ -513,7 +514,10 @@ apsm_status apsm_table_write(apsm_context *ctx, const char *path, const char *co
     apsm_writer_printf(csv, "\n");
     for (size_t i = 0; i < table->I; i++) {
         apsm_writer_csv(csv, names[i]);
-        for (size_t k = 0; k < table->n; k++) write_value(csv, &table->column[k], i);
+        for (size_t k = 0; k < table->n; k++) {
+            apsm_writer_printf(csv, ",");
+            apsm_column_write(csv, &table->column[k], i);
+        }
         apsm_writer_printf(csv, "\n");
     }
     return apsm_writer_commit(csv);

@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "apsm/context.h"
+#include "files/files.h"
 #include "files/project.h"
 
 /* A category's value is the index of its level; NAN where nothing is known.  Numbers keep their
@@ -54,6 +55,9 @@ apsm_status apsm_table_write(apsm_context *ctx, const char *path, const char *co
 apsm_status apsm_table_gather(apsm_context *ctx, const char *folder, const char *subjects,
                               const apsm_project *project, const char *const *names,
                               apsm_table *table) APSM_NODISCARD;
+
+/* What is known of shape i as a field of a .csv: as it was read, nothing where nothing is known. */
+void apsm_column_write(apsm_writer *csv, const apsm_column *c, size_t i);
 
 /* Adds a column of numbers (I, copied); one of that name is replaced. */
 apsm_status apsm_table_add(apsm_table *table, const char *name, const double *value) APSM_NODISCARD;

@@ -218,6 +218,11 @@ sed -i 's/"model_sha256": "[0-9a-f]*/&0/' model/statistics/group_volume.json
 echo '{ "name": ' >model/statistics/mine.json
 "$apsm" report model >said 2>&1 || fail "a damaged file in statistics/ stops the report: $(cat said)"
 [ "$(grep -c 'not in the report: .*mine.json' said)" -eq 1 ] || fail "a damaged file is not told once: $(cat said)"
+# Numbers that say who are written as they were read.
+awk -F, '{ print $1 "," (NR > 1 ? "00" NR : "who") }' table.csv >who.csv
+"$apsm" measure model define.json --subjects who.csv -o m0 -q || fail "measure with numbers that say who"
+who=$(awk -F, 'NR == 1 { for (k = 1; k <= NF; k++) if ($k == "who") at = k } $1 == "s4" { print $at }' m0/measurements.csv)
+[ "$who" = 006 ] || fail "006 is written as $who"
 rm -r model/statistics
 "$apsm" measure model define.json --quiet && "$apsm" verify model >said 2>&1 ||
     fail "verify does not know measurements: $(tail -n 1 said)"
