@@ -20,17 +20,11 @@ void particle_files_free(particle_files *files)
     *files = (particle_files){ 0 };
 }
 
-static const char *base_of(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
-}
-
 /* Of the file, without extension and "_world": the name of its shape. */
 static char *name_of(const char *path)
 {
     static const char world[] = "_world";
-    char *name = strdup(base_of(path));
+    char *name = strdup(apsm_path_last(path));
     const char *extension = apsm_points_extension(path);
     size_t n = name ? strlen(name) : 0;
     if (!name) return NULL;
@@ -112,10 +106,10 @@ static apsm_status add_folder(apsm_context *ctx, const char *folder, size_t J,
  * NULL: memory. */
 static char *without_particles(const char *folder)
 {
-    if (strcmp(base_of(folder), particles_folder) == 0) return apsm_path_folder(folder);
+    if (strcmp(apsm_path_last(folder), particles_folder) == 0) return apsm_path_folder(folder);
     char *real = realpath(folder, NULL);
     if (!real) return errno == ENOMEM ? NULL : strdup(folder); /* where it is cannot be told */
-    const bool inside = strcmp(base_of(real), particles_folder) == 0;
+    const bool inside = strcmp(apsm_path_last(real), particles_folder) == 0;
     free(real);
     return inside ? apsm_path_join(folder, "..") : strdup(folder);
 }
@@ -132,19 +126,48 @@ static char *fit_json_of(const char *path)
     return file;
 }
 
-static apsm_status check_model(apsm_context *ctx, const char *path, const json_t *root,
-                               const model_folder *m)
+/* The fit.json that was asked last, which files that lie together share. */
+typedef struct known_fits {
+    char model[65]; /* SHA-256; "": not asked yet */
+    char *path;     /* NULL: none yet */
+    json_t *root;   /* NULL: there is no such file */
+} known_fits;
+
+static void known_fits_free(known_fits *fits)
 {
-    const json_t *of = json_object_get(root, "model");
+    json_decref(fits->root);
+    free(fits->path);
+    *fits = (known_fits){ 0 };
+}
+
+static apsm_status check_model(apsm_context *ctx, const model_folder *m, known_fits *fits)
+{
+    const json_t *of = json_object_get(fits->root, "model");
     const char *was = json_string_value(json_object_get(of, "sha256"));
     const char *named = json_string_value(json_object_get(of, "path"));
-    char is[65];
-    model_sha256(&m->model, m->P + m->template_index * 3 * m->J, is);
-    if (!was || strcmp(was, is) == 0) return APSM_OK;
+    if (!*fits->model)
+        model_sha256(&m->model, m->P + m->template_index * 3 * m->J, fits->model);
+    if (!was || strcmp(was, fits->model) == 0) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_ARG,
                      "%s: these are fits to another model (%s), or to %s before it changed; fit "
                      "the shapes again",
-                     path, named ? named : "unknown", m->path);
+                     fits->path, named ? named : "unknown", m->path);
+}
+
+/* fits <- those of the fit.json at `path`, which it takes over, if they are not known already. */
+static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *m, known_fits *fits)
+{
+    if (fits->path && strcmp(fits->path, path) == 0) {
+        free(path);
+        return APSM_OK;
+    }
+    free(fits->path);
+    json_decref(fits->root);
+    fits->path = path;
+    fits->root = NULL;
+    if (!apsm_file_exists(path)) return APSM_OK;
+    APSM_TRY(apsm_json_read(ctx, path, &fits->root));
+    return check_model(ctx, m, fits);
 }
 
 /* The model's shape whose input the hash is of, or NULL. */
@@ -191,30 +214,28 @@ static void tell_shapes(apsm_context *ctx, const json_t *root, const model_folde
 }
 
 static apsm_status check_fits(apsm_context *ctx, const char *given, const model_folder *m,
-                              size_t first, const particle_files *files)
+                              size_t first, const particle_files *files, known_fits *fits)
 {
-    json_t *root = NULL;
     char *path = fit_json_of(given);
     if (!path) return APSM_ERR_MEMORY;
-    apsm_status status = apsm_file_exists(path) ? apsm_json_read(ctx, path, &root) : APSM_OK;
-    if (status == APSM_OK && root) status = check_model(ctx, path, root, m);
-    if (status == APSM_OK) tell_shapes(ctx, root, m, first, files);
-    json_decref(root);
-    free(path);
-    return status;
+    APSM_TRY(know_fits(ctx, path, m, fits));
+    tell_shapes(ctx, fits->root, m, first, files);
+    return APSM_OK;
 }
 
 apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
                                 const model_folder *m, particle_files *files)
 {
     apsm_status status = APSM_OK;
+    known_fits fits = { 0 };
     *files = (particle_files){ 0 };
     for (size_t k = 0; k < n && status == APSM_OK; k++) {
         const size_t first = files->n;
         status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
                                           : add_file(ctx, paths[k], m->J, files);
-        if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files);
+        if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files, &fits);
     }
+    known_fits_free(&fits);
     if (status != APSM_OK) particle_files_free(files);
     return status;
 }
