@@ -34,7 +34,7 @@ static void say_problem(void *ui, const char *line)
 static bool is_model_folder(const char *path)
 {
     if (!apsm_is_folder(path)) return false;
-    char *project = apsm_path_join(path, "project.swproj");
+    char *project = apsm_path_join(path, FOLDER_PROJECT);
     const bool is = project && apsm_file_exists(project);
     free(project);
     return is;
@@ -108,34 +108,30 @@ static apsm_status check_domains(apsm_context *ctx, const cli_args *args, tellin
 }
 
 /* A finished joint keeps a model folder for each part. */
-static bool is_joint_folder(const cli_args *args)
+static bool is_joint_folder(apsm_context *ctx, const cli_args *args)
 {
-    if (args->n_inputs != 1 || !is_model_folder(args->inputs[0])) return false;
-    char *parts = apsm_path_join(args->inputs[0], "parts");
-    const bool is = parts && apsm_is_folder(parts);
-    free(parts);
-    return is;
+    return args->n_inputs == 1 && is_model_folder(args->inputs[0]) &&
+           apsm_joint_is(ctx, args->inputs[0]);
 }
 
 static apsm_status check_part(apsm_context *ctx, const cli_args *args, const char *name, telling *t)
 {
-    char within[300];
     cli_args one = *args;
-    snprintf(within, sizeof within, "parts/%.280s", name);
-    char *part = apsm_path_join(args->inputs[0], within);
-    if (!part) return APSM_ERR_MEMORY;
-    const char *given = part;
+    char *parts = apsm_path_join(args->inputs[0], "parts");
+    char *folder = parts ? apsm_path_join(parts, name) : NULL;
+    const char *given = folder;
     one.inputs = &given;
     cli_say(t->ui, "%s:", name);
-    const apsm_status status = check(ctx, &one, t);
-    free(part);
+    const apsm_status status = folder ? check(ctx, &one, t) : APSM_ERR_MEMORY;
+    free(folder);
+    free(parts);
     return status;
 }
 
 static apsm_status check_parts(apsm_context *ctx, const cli_args *args, telling *t)
 {
     apsm_project project = { 0 };
-    char *path = apsm_path_join(args->inputs[0], "project.swproj");
+    char *path = apsm_path_join(args->inputs[0], FOLDER_PROJECT);
     apsm_status status = path ? apsm_project_read(ctx, path, &project) : APSM_ERR_MEMORY;
     free(path);
     for (size_t k = 0; status == APSM_OK && k < apsm_project_domains(&project); k++)
@@ -165,9 +161,9 @@ apsm_status apsm_cli_check(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     telling t = { .ui = ui, .lines = json_object() };
     apsm_status status = t.lines ? is_joint(ctx, args, &joint) : APSM_ERR_MEMORY;
     if (status == APSM_OK)
-        status = (joint                   ? check_domains
-                  : is_joint_folder(args) ? check_parts
-                                          : check)(ctx, args, &t);
+        status = (joint                        ? check_domains
+                  : is_joint_folder(ctx, args) ? check_parts
+                                               : check)(ctx, args, &t);
     json_decref(t.lines);
     if (status != APSM_OK) return status;
     if (t.problems == 0) cli_say(ui, "no problems found");
@@ -542,7 +538,7 @@ apsm_status apsm_cli_info(apsm_context *ctx, const cli_args *args, cli_ui *ui)
     const char *path = args->inputs[0];
     if (!apsm_is_folder(path)) return info_file(ctx, path, ui);
     if (!is_model_folder(path)) return info_inputs(ctx, path, ui);
-    char *project = apsm_path_join(path, "project.swproj");
+    char *project = apsm_path_join(path, FOLDER_PROJECT);
     if (!project) return APSM_ERR_MEMORY;
     apsm_status status = info_project(ctx, project, ui);
     if (status == APSM_OK) status = say_modes(ctx, path, ui);

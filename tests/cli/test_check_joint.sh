@@ -25,6 +25,10 @@ expect 1 "s1: shape_b: shapes/nope.ply does not exist" check gap.swproj
 expect 0 "no problems found" check m
 rm m/parts/b/groomed/s01_b.ply
 expect 1 "s01_b: its groomed mesh m/parts/b/groomed/s01_b.ply does not exist" check m
+# A model of one part beside somebody's folder called parts is none.
+"$apsm" run shapes/s0?_a.ply -o one -J 16 --faces 500 -q >said 2>&1 || fail "no model: $(cat said)"
+mkdir one/parts
+expect 0 "no problems found" check one
 # Wrong only in the part that comes second.
 printf 'ply\n' >shapes/torn.ply
 project shapes/torn.ply >torn.swproj
