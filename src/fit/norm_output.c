@@ -138,9 +138,9 @@ static apsm_status write_file(const norm_job *w, const char *folder, size_t f)
     char *path = apsm_path_join(folder, name);
     apsm_writer *csv = NULL;
     json_t *root = f == 0 ? json_result(w) : NULL;
-    apsm_status status = !path  ? APSM_ERR_MEMORY
-                         : root ? apsm_json_write(w->ctx, path, root)
-                                : apsm_writer_open(w->ctx, path, &csv);
+    apsm_status status = !path    ? APSM_ERR_MEMORY
+                         : f == 0 ? apsm_json_write(w->ctx, path, root)
+                                  : apsm_writer_open(w->ctx, path, &csv);
     if (status == APSM_OK && csv) {
         if (f == 1)
             write_table(w, csv);

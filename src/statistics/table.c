@@ -450,6 +450,10 @@ static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, si
     char *data = NULL;
     size_t size;
     APSM_TRY(apsm_read_text(ctx, path, LIMIT, &data, &size));
+    if (!apsm_is_utf8(data)) {
+        free(data);
+        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: is no text in UTF-8; save it as UTF-8", path);
+    }
     sheet s = { .ctx = ctx, .path = path, .at = data, .kept = kept };
     const size_t head = strcspn(s.at, "\n");
     s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';

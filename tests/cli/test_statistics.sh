@@ -94,6 +94,8 @@ sed '2,$s/$/ years/' table.csv >words.csv
 refuse 2 "('age' holds texts such as '20 years', 12 groups)" model --subjects words.csv --formula '~ age'
 awk -F, '{ print NR - 1 "," $0 }' table.csv >rows.csv
 refuse 2 "put column 'name' first" model --subjects rows.csv --formula '~ group'
+printf 'name,group,gr\366\337e\ns0,big,1\n' >latin.csv
+refuse 1 "latin.csv: is no text in UTF-8" model --subjects latin.csv --formula '~ group'
 head -n 1 table.csv >none.csv
 refuse 2 "no shape has a value in every column" model --subjects none.csv --formula '~ group'
 
