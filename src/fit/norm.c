@@ -1,5 +1,7 @@
 /* `apsm norm`: shapes that were fitted, among those of the model. */
+#include <jansson.h>
 #include <math.h>
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +15,16 @@
 
 enum { HALVINGS = 50, LEAST_FREEDOM = 5 };
 static const double modes_share = 0.95;
+
+apsm_status norm_note(norm_job *w, const char *format, ...)
+{
+    va_list words;
+    va_start(words, format);
+    json_t *const text = json_vsprintf(format, words);
+    va_end(words);
+    if (text) apsm_log(w->ctx, APSM_LOG_WARNING, "%s", json_string_value(text));
+    return json_array_append_new(w->notes, text) ? APSM_ERR_MEMORY : APSM_OK;
+}
 
 /* ---- what is given ---- */
 
@@ -82,27 +94,30 @@ static apsm_status check_levels(const norm_job *w, const apsm_column *c)
     return APSM_OK;
 }
 
-static void warn_beyond(const norm_job *w, const apsm_column *c)
+static apsm_status warn_beyond(norm_job *w, const apsm_column *c)
 {
     double lo = INFINITY, hi = -INFINITY;
     for (size_t i = 0; i < w->N; i++) {
         lo = fmin(lo, c->value[w->row[i]]);
         hi = fmax(hi, c->value[w->row[i]]);
     }
-    for (size_t k = w->N; !c->category && k < w->N + w->n; k++)
-        if (c->value[w->row[k]] < lo || c->value[w->row[k]] > hi)
-            apsm_log(w->ctx, APSM_LOG_WARNING,
-                     "%s: %s = %g lies outside of what the model has seen (%g to %g)",
-                     w->names[w->row[k]], c->name, c->value[w->row[k]], lo, hi);
+    for (size_t k = 0; !c->category && k < w->n; k++) {
+        const double x = c->value[w->row[w->N + k]];
+        if (x >= lo && x <= hi) continue;
+        APSM_TRY(particle_files_note(w->ctx, &w->files, k,
+                                     "%s = %g lies outside of what the model has seen (%g to %g)",
+                                     c->name, x, lo, hi));
+    }
+    return APSM_OK;
 }
 
-static apsm_status check_columns(const norm_job *w)
+static apsm_status check_columns(norm_job *w)
 {
-    for (size_t t = 0; t < w->formula.n; t++)
-        for (size_t f = 0; f < w->formula.term[t].factors; f++) {
-            APSM_TRY(check_levels(w, w->formula.term[t].factor[f]));
-            warn_beyond(w, w->formula.term[t].factor[f]);
-        }
+    for (size_t c = 0; c < w->table.n; c++) {
+        if (!norm_allows_for(w, &w->table.column[c])) continue;
+        APSM_TRY(check_levels(w, &w->table.column[c]));
+        APSM_TRY(warn_beyond(w, &w->table.column[c]));
+    }
     return APSM_OK;
 }
 
@@ -119,9 +134,9 @@ static apsm_status choose_rows(norm_job *w)
                              "--subjects",
                              w->files.name[k]);
     if (w->N < w->m.I)
-        apsm_log(w->ctx, APSM_LOG_WARNING,
-                 "%zu of %zu shapes are left out: a value of the formula is unknown for them",
-                 w->m.I - w->N, w->m.I);
+        APSM_TRY(norm_note(
+            w, "%zu of %zu shapes are left out: a value of the formula is unknown for them",
+            w->m.I - w->N, w->m.I));
     return check_columns(w);
 }
 
@@ -369,6 +384,7 @@ static void norm_job_free(norm_job *w)
     free(w->least);
     free(w->normal);
     norm_values_free(w);
+    json_decref(w->notes);
     norm_model_free(&w->model);
     norm_model_free(&w->score_model);
     particle_files_free(&w->files);
@@ -378,8 +394,8 @@ static void norm_job_free(norm_job *w)
 
 static apsm_status compare_with_norm(apsm_context *ctx, const apsm_norm_settings *settings)
 {
-    norm_job w = { .ctx = ctx, .s = settings };
-    apsm_status status = read_all(&w);
+    norm_job w = { .ctx = ctx, .s = settings, .notes = json_array() };
+    apsm_status status = w.notes ? read_all(&w) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = choose_rows(&w);
     if (status == APSM_OK) status = make_design(&w);
     if (status == APSM_OK) status = make_models(&w);

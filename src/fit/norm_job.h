@@ -43,11 +43,16 @@ typedef struct norm_job {
     double *Y;             /* N x J x 3 */
     double *normal;        /* J x 3, of the mean; NULL: not known */
     norm_model model, score_model;
-    double *least; /* N: smallest p of the particles of every shape, left out */
+    double *least;        /* N: smallest p of the particles of every shape, left out */
+    struct json_t *notes; /* texts of the whole: what is left out, what is not judged */
     norm_result *result;
     size_t values;
     norm_value *value;
 } norm_job;
+
+/* Logs it, and keeps it for the results. */
+apsm_status norm_note(norm_job *w, const char *format, ...) APSM_PRINTF(2, 3) APSM_NODISCARD;
+bool norm_allows_for(const norm_job *w, const apsm_column *c); /* by its formula */
 
 /* job->normal from the mean's surface, if evaluate has written it. */
 apsm_status norm_find_normals(norm_job *w) APSM_NODISCARD;

@@ -51,10 +51,10 @@ static json_t *json_shape(const norm_job *w, size_t k)
         json_array_append_new(modes, json_pack("{s:f, s:f}", "z", r->t[v], "percentile",
                                                100 * norm_student(r->t[v], nu)));
     json_t *shape = json_pack(
-        "{s:s, s:f, s:f, s:[f, f], s:[o, o], s:f, s:f, s:f, s:o, s:o, s:o, s:o}", "name",
-        w->files.name[k], "distance", r->distance, "percentile", 100 * r->percentile,
-        "percentile_interval", 100 * r->low, 100 * r->high, "percentile_of_halves",
-        apsm_json_number_or_null(100 * r->halves_low),
+        "{s:s, s:O?, s:f, s:f, s:[f, f], s:[o, o], s:f, s:f, s:f, s:o, s:o, s:o, s:o}", "name",
+        w->files.name[k], "note", w->files.note[k], "distance", r->distance, "percentile",
+        100 * r->percentile, "percentile_interval", 100 * r->low, 100 * r->high,
+        "percentile_of_halves", apsm_json_number_or_null(100 * r->halves_low),
         apsm_json_number_or_null(100 * r->halves_high), "p", r->p, "z", r->z, "p_particles",
         r->p_particles, "modes", modes, "particle_p", apsm_json_vector(w->m.J, r->p_of),
         "particle_q", apsm_json_vector(w->m.J, r->q_of), "values", json_values(w, k));
@@ -71,12 +71,12 @@ static json_t *json_result(const norm_job *w)
         if (!model_folder_is_certified(&w->m, w->row[i]))
             json_array_append_new(uncertified, json_string(w->names[w->row[i]]));
     const char *unit = manifest_unit(w->m.manifest);
-    return json_pack("{s:s, s:i, s:s, s:o, s:o, s:I, s:I, s:o, s:o}", "format", FORMAT_NORM,
+    return json_pack("{s:s, s:i, s:s, s:o, s:o, s:I, s:I, s:o, s:O, s:o}", "format", FORMAT_NORM,
                      "version", NORM_VERSION, "apsm", APSM_VERSION, "unit",
                      unit ? json_string(unit) : json_null(), "formula",
                      w->s->formula ? json_string(w->s->formula) : json_null(), "shapes",
                      (json_int_t)w->N, "coefficients", (json_int_t)w->q, "not_certified",
-                     uncertified, "new", shapes);
+                     uncertified, "notes", w->notes, "new", shapes);
 }
 
 static void write_table(const norm_job *w, apsm_writer *csv)
@@ -84,7 +84,7 @@ static void write_table(const norm_job *w, apsm_writer *csv)
     apsm_writer_printf(csv, "name,distance,percentile,percentile_low,percentile_high,halves_low,"
                             "halves_high,p,z,p_particles,unusual_particles");
     for (size_t v = 0; v < w->modes; v++) apsm_writer_printf(csv, ",mode_%zu_z", v + 1);
-    apsm_writer_printf(csv, "\n");
+    apsm_writer_printf(csv, ",note\n");
     for (size_t k = 0; k < w->n; k++) {
         const norm_result *r = &w->result[k];
         size_t unusual = 0;
@@ -103,6 +103,8 @@ static void write_table(const norm_job *w, apsm_writer *csv)
             apsm_writer_printf(csv, ",");
             apsm_writer_number(csv, r->t[v]);
         }
+        apsm_writer_printf(csv, ",");
+        apsm_writer_csv(csv, particle_files_note_text(&w->files, k));
         apsm_writer_printf(csv, "\n");
     }
 }

@@ -78,7 +78,7 @@ static double size_of(size_t J, const double *P)
     return sqrt(sum);
 }
 
-static bool is_in_formula(const norm_job *w, const apsm_column *c)
+bool norm_allows_for(const norm_job *w, const apsm_column *c)
 {
     for (size_t t = 0; t < w->formula.n; t++)
         for (size_t f = 0; f < w->formula.term[t].factors; f++)
@@ -164,9 +164,9 @@ apsm_status norm_judge_values(norm_job *w)
         const apsm_column *column = &w->table.column[c];
         bool known = false;
         if (apsm_column_spoilt_by(column))
-            apsm_log(w->ctx, APSM_LOG_WARNING, "column '%s' is not judged: '%s' is no number",
-                     column->name, apsm_column_spoilt_by(column));
-        if (column->category || is_in_formula(w, column)) continue;
+            status = norm_note(w, "column '%s' is not judged: '%s' is no number", column->name,
+                               apsm_column_spoilt_by(column));
+        if (status != APSM_OK || column->category || norm_allows_for(w, column)) continue;
         for (size_t i = 0; i < w->N + w->n; i++) all[i] = column->value[w->row[i]];
         for (size_t k = 0; k < w->n; k++) known |= !isnan(all[w->N + k]);
         if (known) status = judge_value(w, column->name, all);

@@ -149,14 +149,14 @@ static json_t *compose(norms *w, const char *title)
 {
     choose_steps(w);
     const apsm_mesh *mesh = &w->mesh;
-    return json_pack("{s:s, s:i, s:o, s:s, s:o, s:o, s:o, s:o, s:o, s:[f, f, f], s:f, s:o, s:o}",
-                     "format", "apsm-norms", "version", DATA_VERSION, "apsm", copy_of(w, "apsm"),
-                     "title", title, "unit", copy_of(w, "unit"), "formula", copy_of(w, "formula"),
-                     "cohort", copy_of(w, "shapes"), "coefficients", copy_of(w, "coefficients"),
-                     "not_certified", copy_of(w, "not_certified"), "origin", w->lo[0], w->lo[1],
-                     w->lo[2], "step", w->step, "faces",
-                     pack_integers(&w->bytes, 3 * mesh->nf, 3, mesh->nv > 65535 ? 4 : 2, mesh->F),
-                     "shapes", json_all(w));
+    return json_pack(
+        "{s:s, s:i, s:o, s:s, s:o, s:o, s:o, s:o, s:o, s:o, s:[f, f, f], s:f, s:o, s:o}", "format",
+        "apsm-norms", "version", DATA_VERSION, "apsm", copy_of(w, "apsm"), "title", title, "unit",
+        copy_of(w, "unit"), "formula", copy_of(w, "formula"), "cohort", copy_of(w, "shapes"),
+        "coefficients", copy_of(w, "coefficients"), "not_certified", copy_of(w, "not_certified"),
+        "notes", copy_of(w, "notes"), "origin", w->lo[0], w->lo[1], w->lo[2], "step", w->step,
+        "faces", pack_integers(&w->bytes, 3 * mesh->nf, 3, mesh->nv > 65535 ? 4 : 2, mesh->F),
+        "shapes", json_all(w));
 }
 
 static apsm_status write_page(apsm_context *ctx, norms *w)

@@ -276,29 +276,41 @@ static bool is_measured_anew(const measuring *w, const char *name)
     return anew;
 }
 
+/* What is known of shape i beside its measurements, or the names of that. */
+static void write_known(const measuring *w, apsm_writer *csv, bool head, size_t i)
+{
+    if (head)
+        apsm_writer_printf(csv, ",surface_distance");
+    else
+        write_cell(csv, surface_distance(w, i));
+    for (size_t k = 0; k < w->table.n; k++) {
+        const apsm_column *c = &w->table.column[k];
+        if (is_measured_anew(w, c->name)) continue;
+        apsm_writer_printf(csv, ",");
+        if (head)
+            apsm_writer_csv(csv, c->name);
+        else
+            apsm_column_write(csv, c, i);
+    }
+}
+
 static void write_rows(const measuring *w, apsm_writer *csv, size_t first, size_t end)
 {
-    const bool shapes = first == 0;
+    const size_t files = w->shapes + w->mean_and_modes;
     apsm_writer_printf(csv, "name");
     for (size_t k = 0; k < w->list.n; k++) {
         apsm_writer_printf(csv, ",");
         apsm_writer_csv(csv, w->list.of[k].name);
     }
-    if (shapes) apsm_writer_printf(csv, ",surface_distance");
-    for (size_t k = 0; shapes && k < w->table.n; k++) {
-        if (is_measured_anew(w, w->table.column[k].name)) continue;
-        apsm_writer_printf(csv, ",");
-        apsm_writer_csv(csv, w->table.column[k].name);
-    }
-    apsm_writer_printf(csv, "\n");
+    if (first == 0) write_known(w, csv, true, 0);
+    apsm_writer_printf(csv, first == files ? ",note\n" : "\n");
     for (size_t i = first; i < end; i++) {
         apsm_writer_csv(csv, w->row[i].name);
         for (size_t k = 0; k < w->list.n; k++) write_cell(csv, w->value[i * w->list.n + k]);
-        if (shapes) write_cell(csv, surface_distance(w, i));
-        for (size_t k = 0; shapes && k < w->table.n; k++) {
-            if (is_measured_anew(w, w->table.column[k].name)) continue;
+        if (first == 0) write_known(w, csv, false, i);
+        if (first == files) {
             apsm_writer_printf(csv, ",");
-            apsm_column_write(csv, &w->table.column[k], i);
+            apsm_writer_csv(csv, particle_files_note_text(&w->more, i - files));
         }
         apsm_writer_printf(csv, "\n");
     }
@@ -322,6 +334,7 @@ static json_t *json_definitions(const measuring *w)
 
 static json_t *json_rows(const measuring *w, size_t first, size_t end)
 {
+    const size_t files = w->shapes + w->mean_and_modes;
     json_t *list = json_array();
     for (size_t i = first; i < end; i++) {
         json_t *values = json_array();
@@ -331,6 +344,8 @@ static json_t *json_rows(const measuring *w, size_t first, size_t end)
         if (i < w->shapes)
             json_object_set_new(row, "surface_distance",
                                 apsm_json_number_or_null(surface_distance(w, i)));
+        if (i >= files)
+            json_object_update_new(row, json_pack("{s:O?}", "note", w->more.note[i - files]));
         json_array_append_new(list, row);
     }
     return list;

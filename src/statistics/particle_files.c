@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <jansson.h>
+#include <stdarg.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,9 +16,33 @@ static const char particles_folder[] = "particles";
 void particle_files_free(particle_files *files)
 {
     for (size_t k = 0; files->name && k < files->n; k++) free(files->name[k]);
+    for (size_t k = 0; files->note && k < files->n; k++) json_decref(files->note[k]);
     free(files->name);
+    free(files->note);
     free(files->P);
     *files = (particle_files){ 0 };
+}
+
+apsm_status particle_files_note(apsm_context *ctx, particle_files *files, size_t k,
+                                const char *format, ...)
+{
+    va_list words;
+    va_start(words, format);
+    json_t *const more = json_vsprintf(format, words), *const before = files->note[k];
+    va_end(words);
+    const char *text = json_string_value(more);
+    if (!text) return APSM_ERR_MEMORY;
+    apsm_log(ctx, APSM_LOG_WARNING, "%s: %s", files->name[k], text);
+    files->note[k] =
+        before ? json_sprintf("%s; %s", json_string_value(before), text) : json_incref(more);
+    json_decref(before);
+    json_decref(more);
+    return files->note[k] ? APSM_OK : APSM_ERR_MEMORY;
+}
+
+const char *particle_files_note_text(const particle_files *files, size_t k)
+{
+    return files->note[k] ? json_string_value(files->note[k]) : "";
 }
 
 /* Of the file, without extension and "_world": the name of its shape. */
@@ -41,11 +66,15 @@ static apsm_status add_file(apsm_context *ctx, const char *path, size_t J, parti
     char **names = realloc(files->name, (files->n + 1) * sizeof *names);
     if (!names) return APSM_ERR_MEMORY;
     files->name = names;
+    json_t **note = realloc(files->note, (files->n + 1) * sizeof *note);
+    if (!note) return APSM_ERR_MEMORY;
+    files->note = note;
     double *all = realloc(files->P, (files->n + 1) * 3 * J * sizeof *all);
     if (!all) return APSM_ERR_MEMORY;
     files->P = all;
     char *name = name_of(path);
     if (!name) return APSM_ERR_MEMORY;
+    note[files->n] = NULL;
     names[files->n++] = name;
     for (size_t k = 0; k + 1 < files->n; k++)
         if (strcmp(names[k], name) == 0)
@@ -145,8 +174,7 @@ static apsm_status check_model(apsm_context *ctx, const model_folder *m, known_f
     const json_t *of = json_object_get(fits->root, "model");
     const char *was = json_string_value(json_object_get(of, "sha256"));
     const char *named = json_string_value(json_object_get(of, "path"));
-    if (!*fits->model)
-        model_sha256(&m->model, m->P + m->template_index * 3 * m->J, fits->model);
+    if (!*fits->model) model_sha256(&m->model, m->P + m->template_index * 3 * m->J, fits->model);
     if (!was || strcmp(was, fits->model) == 0) return APSM_OK;
     return apsm_fail(ctx, APSM_ERR_ARG,
                      "%s: these are fits to another model (%s), or to %s before it changed; fit "
@@ -184,24 +212,25 @@ static const char *own_shape(const model_folder *m, const char *sha256)
     return NULL;
 }
 
-static void tell_shape(apsm_context *ctx, const json_t *shape, const model_folder *m)
+/* Of file k, what the fit.json says of it. */
+static apsm_status tell_shape(apsm_context *ctx, const json_t *shape, const model_folder *m,
+                              size_t k, particle_files *files)
 {
-    const char *name = json_string_value(json_object_get(shape, "name"));
     const char *verdict = json_string_value(json_object_get(shape, "verdict"));
     const char *reason = json_string_value(json_object_get(shape, "reason"));
     const char *own = own_shape(m, json_string_value(json_object_get(shape, "sha256")));
-    if (!name || !verdict) return;
+    if (!verdict) return APSM_OK;
     if (strcmp(verdict, "needs review") == 0)
-        apsm_log(ctx, APSM_LOG_WARNING, "%s: its fit needs review: %s", name, reason ? reason : "");
-    if (own)
-        apsm_log(ctx, APSM_LOG_WARNING,
-                 "%s: is the model's own %s: the model knows it, so this is no test of it", name,
-                 own);
+        APSM_TRY(
+            particle_files_note(ctx, files, k, "its fit needs review: %s", reason ? reason : ""));
+    if (!own) return APSM_OK;
+    return particle_files_note(
+        ctx, files, k, "is the model's own %s: the model knows it, so this is no test of it", own);
 }
 
 /* Of the shapes of the fit.json that are among those read from file `first` on. */
-static void tell_shapes(apsm_context *ctx, const json_t *root, const model_folder *m, size_t first,
-                        const particle_files *files)
+static apsm_status tell_shapes(apsm_context *ctx, const json_t *root, const model_folder *m,
+                               size_t first, particle_files *files)
 {
     size_t k;
     const json_t *shape;
@@ -209,18 +238,18 @@ static void tell_shapes(apsm_context *ctx, const json_t *root, const model_folde
     {
         const char *name = json_string_value(json_object_get(shape, "name"));
         for (size_t i = first; name && i < files->n; i++)
-            if (strcmp(files->name[i], name) == 0) tell_shape(ctx, shape, m);
+            if (strcmp(files->name[i], name) == 0) APSM_TRY(tell_shape(ctx, shape, m, i, files));
     }
+    return APSM_OK;
 }
 
 static apsm_status check_fits(apsm_context *ctx, const char *given, const model_folder *m,
-                              size_t first, const particle_files *files, known_fits *fits)
+                              size_t first, particle_files *files, known_fits *fits)
 {
     char *path = fit_json_of(given);
     if (!path) return APSM_ERR_MEMORY;
     APSM_TRY(know_fits(ctx, path, m, fits));
-    tell_shapes(ctx, fits->root, m, first, files);
-    return APSM_OK;
+    return tell_shapes(ctx, fits->root, m, first, files);
 }
 
 apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,

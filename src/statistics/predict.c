@@ -272,10 +272,11 @@ static json_t *json_new(const predicting *w)
     json_t *rows = json_array();
     for (size_t k = 0; k < w->files.n; k++) {
         const double p = ridge_predict(&w->model, w->files.P + k * w->V);
-        json_array_append_new(rows, json_pack("{s:s, s:f, s:o, s:[o, o]}", "name", w->files.name[k],
-                                              "predicted", p, "value", json_value(w, p), "interval",
-                                              apsm_json_number_or_null(p - w->half),
-                                              apsm_json_number_or_null(p + w->half)));
+        json_array_append_new(
+            rows,
+            json_pack("{s:s, s:f, s:o, s:[o, o], s:O?}", "name", w->files.name[k], "predicted", p,
+                      "value", json_value(w, p), "interval", apsm_json_number_or_null(p - w->half),
+                      apsm_json_number_or_null(p + w->half), "note", w->files.note[k]));
     }
     return rows;
 }
@@ -314,9 +315,11 @@ static json_t *json_result(const predicting *w, const char *sha256)
     return root;
 }
 
+/* note: of a new shape; else NULL. */
 static void put_row(const predicting *w, apsm_writer *csv, const char *name, double value,
-                    double predicted, bool is_new)
+                    double predicted, const char *note)
 {
+    const bool is_new = note != NULL;
     apsm_writer_csv(csv, name);
     apsm_writer_printf(csv, ",%s,", is_new ? "new" : "left out");
     if (!is_new && w->of->category)
@@ -329,6 +332,8 @@ static void put_row(const predicting *w, apsm_writer *csv, const char *name, dou
         apsm_writer_printf(csv, ",");
         if (is_new && isfinite(w->half)) apsm_writer_number(csv, predicted + side * w->half);
     }
+    apsm_writer_printf(csv, ",");
+    if (is_new) apsm_writer_csv(csv, note);
     apsm_writer_printf(csv, "\n");
 }
 
@@ -336,11 +341,12 @@ static apsm_status write_csv(const predicting *w, const char *path)
 {
     apsm_writer *csv = NULL;
     APSM_TRY(apsm_writer_open(w->ctx, path, &csv));
-    apsm_writer_printf(csv, "name,how,value,predicted,low,high\n");
+    apsm_writer_printf(csv, "name,how,value,predicted,low,high,note\n");
     for (size_t i = 0; i < w->N; i++)
-        put_row(w, csv, w->m.names[w->row[i]], w->y[i], w->left_out[i], false);
+        put_row(w, csv, w->m.names[w->row[i]], w->y[i], w->left_out[i], NULL);
     for (size_t k = 0; k < w->files.n; k++)
-        put_row(w, csv, w->files.name[k], 0, ridge_predict(&w->model, w->files.P + k * w->V), true);
+        put_row(w, csv, w->files.name[k], 0, ridge_predict(&w->model, w->files.P + k * w->V),
+                particle_files_note_text(&w->files, k));
     return apsm_writer_commit(csv);
 }
 

@@ -36,8 +36,8 @@ apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *proje
  * the name of a shape.  A column of numbers only is one of numbers; empty fields and "NA" are
  * unknown. A column of the table that has the same name is replaced.  Refused, with file and line:
  * a name that is none of the I shapes (the nearest is named), a name twice, a line with another
- * number of fields, a column without a name or named twice; and a file that is no UTF-8, which results
- * could not name.  Shapes without a line are logged. */
+ * number of fields, a column without a name or named twice; and a file that is no UTF-8, which
+ * results could not name.  Shapes without a line are logged. */
 apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
                             apsm_table *table) APSM_NODISCARD;
 

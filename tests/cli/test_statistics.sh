@@ -241,6 +241,18 @@ for threads in 1 2; do
     "$apsm" norm model new_world.particles -o n$threads --threads $threads --quiet
 done
 cmp -s n1/norm.json n2/norm.json || fail "another norm with two threads"
+# What to know before it is trusted is in the results, too.
+awk -F, 'NR == 1 { print $0 ",odd"; next } $1 == "new" { $3 = 90 } { print $1 "," $2 "," $3 "," (NR == 4 ? "lost" : NR) }' all.csv >old.csv
+"$apsm" norm model new_world.particles --subjects old.csv --formula '~ age + group + age:group' -o n6 -q >said 2>&1 ||
+    fail "norm of an old one: $(cat said)"
+for words in "age = 90 lies outside" "column 'odd' is not judged: 'lost' is no number"; do
+    [ "$(grep -cF "$words" said)" = 1 ] || fail "not told once: $words: $(cat said)"
+done
+grep -qF '"note": "age = 90 lies outside of what the model has seen (20 to 31)"' n6/norm.json ||
+    fail "a person beyond the norm is not in norm.json"
+tail -n 1 n6/norm.csv | grep -qF ',age = 90 lies outside' || fail "a person beyond the norm is not in norm.csv"
+grep -qF "\"notes\": [\"column 'odd' is not judged" n6/norm.json || fail "what is not judged is not in norm.json"
+grep -q '"note": null' n1/norm.json || fail "a note of a shape that has none"
 head -n 30 new_world.particles >short.particles
 refuse_verb norm 2 "has 30 particles, the model 32" model short.particles
 refuse_verb norm 2 "give a line for it" model new_world.particles --subjects table.csv --formula '~ age'
@@ -253,11 +265,17 @@ cp shapes/s4.ply guest.ply
 "$apsm" fit model guest.ply -o fits -q >said 2>&1 || fail "fit: $(cat said)"
 "$apsm" norm model fits -o n3 -q >said 2>&1 || fail "norm of a fit: $(cat said)"
 grep -qF "guest: is the model's own s4" said || fail "a shape of the model is new: $(cat said)"
+grep -q "\"note\": \".*is the model's own s4" n3/norm.json || fail "a shape of the model is new in norm.json"
 "$apsm" measure model define.json fits -o m3 -q >said 2>&1 || fail "measure of a fit: $(tail -n 1 said)"
 grep -qF "guest: is the model's own s4" said || fail "measure: a shape of the model is new: $(cat said)"
+grep -q "\"note\": \".*is the model's own s4" m3/measurements.json || fail "a shape of the model is new in measurements.json"
+head -n 1 m3/measurements_files.csv | grep -q ',middle,note$' || fail "no note in measurements_files.csv"
+tail -n 1 m3/measurements_files.csv | grep -qF "is the model's own s4" || fail "a shape of the model is new in measurements_files.csv"
 sed -i '0,/"verdict": "good"/s//"verdict": "needs review"/' fits/fit.json
 "$apsm" predict model --of reach --subjects reach.csv -o p3 -q fits/particles/guest_world.particles >said 2>&1
 grep -qF "guest: its fit needs review" said || fail "a doubtful fit is not told: $(cat said)"
+grep -q "\"note\": \"its fit needs review: .*; is the model's own s4" p3/reach_prediction.json || fail "a doubtful fit is not in the prediction"
+tail -n 1 p3/reach_prediction.csv | grep -qF "its fit needs review" || fail "a doubtful fit is not in the prediction's table"
 sed -i '0,/"sha256": "...../s//"sha256": "00000/' fits/fit.json
 refuse_verb norm 2 "fits to another model" model fits -o n4
 refuse_verb predict 2 "fits to another model" model --of reach --subjects reach.csv -o p4 fits/particles/guest_world.particles

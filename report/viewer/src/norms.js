@@ -49,12 +49,14 @@ function summary(model) {
 /** What to think of it at a glance. */
 function fillVerdict(model) {
   const odd = model.shapes.filter((s) => s.p_particles <= ALPHA || s.p <= ALPHA);
-  const doubt = model.not_certified.length;
-  byId("verdict").append(el("div", { class: `verdict ${odd.length ? "bad" : "good"}` },
-    el("span", { class: "sign", "aria-hidden": "true" }, odd.length ? "!" : "\u2713"),
-    el("div", {}, el("strong", {}, odd.length ? `Unusual: ${odd.map((s) => s.name).join(", ")}. ` : "Not unusual. "),
+  const doubt = model.not_certified.length, noted = model.shapes.filter((s) => s.note);
+  const calm = !odd.length && !noted.length;
+  byId("verdict").append(el("div", { class: `verdict ${calm ? "good" : "bad"}` },
+    el("span", { class: "sign", "aria-hidden": "true" }, calm ? "\u2713" : "!"),
+    el("div", {}, el("strong", {}, odd.length ? `Unusual: ${odd.map((s) => s.name).join(", ")}. ` : noted.length ? "Not unusual, as far as this can be trusted. " : "Not unusual. "),
       "A shape counts as unusual if fewer than 5\u00a0% of the cohort\u2019s shapes, each left out in turn, are as far from what is expected: as a whole, or at their most unusual particle. ",
-      doubt ? `${doubt} of the norm\u2019s shapes are not certified: look at them before you trust this. ` : "")));
+      doubt ? `${doubt} of the norm\u2019s shapes are not certified: look at them before you trust this. ` : "",
+      [...noted.map((s) => `${s.name}: ${s.note}`), ...(model.notes ?? [])].map((line) => el("div", {}, line)))));
 }
 
 export function fillNorms(model, { radius }) {
@@ -71,7 +73,7 @@ export function fillNorms(model, { radius }) {
   const canvas = el("canvas", { tabindex: 0, role: "img", "aria-label": "the new shape; drag turns" });
   const other = el("canvas", { tabindex: 0, role: "img", "aria-label": "the shape that is expected; drag turns" });
   const view = new gl.View(canvas, { large: true, radius }), expectedView = new gl.View(other, { large: true, radius });
-  const key = el("div", {}), heading = el("h3", {}), details = el("div", {});
+  const key = el("div", {}), heading = el("h3", {}), note = el("p", {}), details = el("div", {});
   const made = new Map();
   const partsOf = (k) => {
     if (made.has(k)) return made.get(k);
@@ -110,6 +112,7 @@ export function fillNorms(model, { radius }) {
   const dress = () => {
     const s = model.shapes[state.chosen], shown = Boolean(s.vertices);
     heading.textContent = s.name;
+    note.replaceChildren(...(s.note ? [el("span", { class: "badge bad" }, "before it is trusted"), s.note] : []));
     fillTables(s);
     if (!shown) {
       view.set({ surface: null, particles: null });
@@ -140,13 +143,14 @@ export function fillNorms(model, { radius }) {
       checkbox("Particles", false, (on) => { state.particles = on; dress(); })),
     twoViews([canvas, "the new shape", saveTools(view, () => model.shapes[state.chosen].name, () => shownMesh())],
       [other, model.formula ? "the shape that is expected for such a person" : "the mean of the norm"]),
-    key, heading, details);
-  const head = ["name", "percentile", "percentile_low", "percentile_high", "z", "p", "p_particles", "unusual_particles"];
-  list.append(tableSave(`norm ${model.title}`, () => [head, ...model.shapes.map((s) => [s.name, s.percentile, ...s.percentile_interval, s.z, s.p, s.p_particles, unusual(s)])]),
-    table(["shape", "percentile", "95\u00a0% interval", "halves", "z", "p", "most unusual place", "unusual particles"],
+    key, heading, note, details);
+  const noted = model.shapes.some((s) => s.note);
+  const head = ["name", "percentile", "percentile_low", "percentile_high", "z", "p", "p_particles", "unusual_particles", "note"];
+  list.append(tableSave(`norm ${model.title}`, () => [head, ...model.shapes.map((s) => [s.name, s.percentile, ...s.percentile_interval, s.z, s.p, s.p_particles, unusual(s), s.note ?? ""])]),
+    table(["shape", "percentile", "95\u00a0% interval", "halves", "z", "p", "most unusual place", "unusual particles", ...(noted ? ["before it is trusted"] : [])],
     model.shapes.map((s, k) => [
       el("button", { type: "button", class: "link", onclick: () => { choose(k); byId("shape").scrollIntoView(); } }, s.name),
-      whole(s.percentile), range(s.percentile_interval), range(s.percentile_of_halves), show(s.z), pText(s.p), pText(s.p_particles), String(unusual(s))]), [1, 2, 3, 4, 5, 6, 7]));
+      whole(s.percentile), range(s.percentile_interval), range(s.percentile_of_halves), show(s.z), pText(s.p), pText(s.p_particles), String(unusual(s)), ...(noted ? [s.note ?? ""] : [])]), [1, 2, 3, 4, 5, 6, 7]));
   dress();
   stepByKeys(model.shapes.length, state, choose);
   return { state, choose };
