@@ -121,9 +121,8 @@ static apsm_status open_share(apsm_context *ctx, const apsm_fit_settings *o, fit
     return status;
 }
 
-static apsm_status open_all(apsm_context *ctx, fit_shares *s)
+static apsm_status refuse_others(apsm_context *ctx, const fit_shares *s)
 {
-    APSM_TRY(journal_set_add_shards(ctx, &s->kept, s->folder));
     for (size_t k = 0; k < s->kept.n; k++) {
         bool said, other;
         APSM_TRY(ask_job(ctx, s, s->kept.list[k], &said, &other));
@@ -140,8 +139,11 @@ apsm_status fit_shares_open(apsm_context *ctx, const apsm_fit_model *model,
                             const fit_share_job *job, fit_shares *s)
 {
     const apsm_fit_settings *o = job->settings;
-    *s = (fit_shares){ .model = model, .folder = o->folder, .scope = scope_of(model, job) };
-    return o->shards > 0 ? open_share(ctx, o, s) : open_all(ctx, s);
+    *s = (fit_shares){ .model = model, .folder = o->folder };
+    if (o->shards == 0) APSM_TRY(journal_set_add_shards(ctx, &s->kept, s->folder));
+    if (o->shards == 0 && s->kept.n == 0) return APSM_OK; /* nothing asks for the scope */
+    s->scope = scope_of(model, job);
+    return o->shards > 0 ? open_share(ctx, o, s) : refuse_others(ctx, s);
 }
 
 void fit_shares_close(fit_shares *s)
