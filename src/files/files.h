@@ -134,6 +134,8 @@ typedef struct apsm_sha256 {
 
 void apsm_sha256_begin(apsm_sha256 *sha);
 void apsm_sha256_add(apsm_sha256 *sha, const void *data, size_t size);
+/* With the zero byte at its end, so that "ab", "c" is not "a", "bc". */
+void apsm_sha256_add_text(apsm_sha256 *sha, const char *text);
 void apsm_sha256_end(apsm_sha256 *sha, unsigned char digest[32]);
 void apsm_sha256_hex(const unsigned char digest[32], char hex[65]);
 /* Of a file, read in pieces: O(1) memory. */

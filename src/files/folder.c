@@ -104,7 +104,7 @@ static apsm_status add_file(apsm_context *ctx, const char *folder, const char *n
     const apsm_status status = apsm_sha256_file(ctx, path, hex);
     free(path);
     apsm_sha256_add(sha, hex, 64);
-    apsm_sha256_add(sha, name, strlen(name) + 1);
+    apsm_sha256_add_text(sha, name);
     return status;
 }
 

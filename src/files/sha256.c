@@ -92,6 +92,11 @@ void apsm_sha256_add(apsm_sha256 *sha, const void *data, size_t size)
     }
 }
 
+void apsm_sha256_add_text(apsm_sha256 *sha, const char *text)
+{
+    apsm_sha256_add(sha, text, strlen(text) + 1);
+}
+
 /* Section 5.1.1: a one bit, zeros up to 8 bytes before the end of a block, the length in bits. */
 void apsm_sha256_end(apsm_sha256 *sha, unsigned char digest[32])
 {

@@ -8,11 +8,6 @@
 #include "fit/calibration_file.h"
 #include "fit/parts.h"
 
-static void add_text(apsm_sha256 *sha, const char *text)
-{
-    apsm_sha256_add(sha, text ? text : "", strlen(text ? text : "") + 1);
-}
-
 /* ---- what job it is ---- */
 
 static void add_options(apsm_sha256 *sha, const apsm_options *options)
@@ -22,8 +17,8 @@ static void add_options(apsm_sha256 *sha, const apsm_options *options)
     for (size_t k = 0; k < n; k++) {
         char text[64] = "";
         if (apsm_options_get(options, table[k].name, text) != APSM_OK) continue;
-        add_text(sha, table[k].name);
-        add_text(sha, text);
+        apsm_sha256_add_text(sha, table[k].name);
+        apsm_sha256_add_text(sha, text);
     }
 }
 
@@ -31,12 +26,12 @@ static void add_model(apsm_sha256 *sha, const apsm_fit_model *m)
 {
     char numbers[65];
     fit_calibration_of(m, numbers);
-    add_text(sha, numbers);
+    apsm_sha256_add_text(sha, numbers);
     apsm_sha256_add(sha, &m->calibration, sizeof m->calibration);
     apsm_sha256_add(sha, &m->cropped, sizeof m->cropped);
     apsm_sha256_add(sha, &m->oriented, sizeof m->oriented);
     if (m->oriented > 0) apsm_sha256_add(sha, m->common, sizeof m->common);
-    add_text(sha, m->labels);
+    apsm_sha256_add_text(sha, m->labels ? m->labels : "");
     add_options(sha, &m->options);
 }
 
@@ -45,17 +40,18 @@ static journal_key scope_of(const apsm_fit_model *m, const fit_share_job *job)
     const apsm_fit_options *o = job->options;
     const landmark_list *l = job->landmarks;
     const int words[] = { o->hand, o->extent, o->aligned, o->force };
+    const char *labels = job->settings->labels;
     const size_t layout[] = { sizeof(fit_row), sizeof(apsm_fit) }; /* of a piece */
     journal_key key;
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "fit");
-    add_text(&sha, APSM_VERSION);
+    apsm_sha256_add_text(&sha, "fit");
+    apsm_sha256_add_text(&sha, APSM_VERSION);
     add_model(&sha, m);
     apsm_sha256_add(&sha, layout, sizeof layout);
     apsm_sha256_add(&sha, words, sizeof words);
-    add_text(&sha, job->settings->labels);
-    for (size_t k = 0; k < l->n; k++) add_text(&sha, l->name[k]);
+    apsm_sha256_add_text(&sha, labels ? labels : "");
+    for (size_t k = 0; k < l->n; k++) apsm_sha256_add_text(&sha, l->name[k]);
     if (l->n > 0) apsm_sha256_add(&sha, l->x, 3 * l->n * sizeof *l->x);
     apsm_sha256_end(&sha, key.byte);
     return key;
@@ -67,7 +63,7 @@ static journal_key job_key(void)
     journal_key key;
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "job of fits");
+    apsm_sha256_add_text(&sha, "job of fits");
     apsm_sha256_end(&sha, key.byte);
     return key;
 }
@@ -221,9 +217,9 @@ static journal_key key_of(const fit_shares *s, const apsm_input_case *c, const f
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
     apsm_sha256_add(&sha, &s->scope, sizeof s->scope);
-    add_text(&sha, c->name);
-    add_text(&sha, apsm_path_last(c->path));
-    add_text(&sha, row->sha256);
+    apsm_sha256_add_text(&sha, c->name);
+    apsm_sha256_add_text(&sha, apsm_path_last(c->path));
+    apsm_sha256_add_text(&sha, row->sha256);
     apsm_sha256_add(&sha, how, sizeof how);
     apsm_sha256_end(&sha, key.byte);
     return key;

@@ -522,8 +522,8 @@ apsm_status fixed_hash(const apsm_run *run, apsm_sha256 *sha)
                 path ? apsm_sha256_file(run->ctx, path, hex) : APSM_ERR_MEMORY;
             free(path);
             APSM_TRY(status);
-            apsm_sha256_add(sha, s->name, strlen(s->name) + 1);
-            apsm_sha256_add(sha, hex, sizeof hex);
+            apsm_sha256_add_text(sha, s->name);
+            apsm_sha256_add_text(sha, hex);
         }
     }
     return APSM_OK;

@@ -195,7 +195,7 @@ static void content_key(const groom_inputs *in, size_t i, char key[65])
     apsm_format_number(in->options.closing, closing);
     apsm_sha256_begin(&sha);
     apsm_sha256_add(&sha, key, 64);
-    apsm_sha256_add(&sha, closing, strlen(closing) + 1);
+    apsm_sha256_add_text(&sha, closing);
     apsm_sha256_end(&sha, digest);
     apsm_sha256_hex(digest, key);
 }

@@ -26,7 +26,7 @@ apsm_status run_identity(apsm_run *run, char hex[65])
     apsm_sha256_add(&sha, &t, sizeof t);
     for (size_t i = 0; i < run->mesh_count; i++) {
         const apsm_mesh *m = &run->mesh[i];
-        apsm_sha256_add(&sha, run->names[i], strlen(run->names[i]) + 1);
+        apsm_sha256_add_text(&sha, run->names[i]);
         apsm_sha256_add(&sha, m->V, 3 * m->nv * sizeof *m->V);
         apsm_sha256_add(&sha, m->F, 3 * m->nf * sizeof *m->F);
         apsm_sha256_add(&sha, run->transforms + 16 * i, 16 * sizeof(double));

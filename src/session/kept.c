@@ -20,11 +20,6 @@ struct kept_work {
     size_t job_size;
 };
 
-static void add_text(apsm_sha256 *sha, const char *text)
-{
-    apsm_sha256_add(sha, text, strlen(text) + 1);
-}
-
 /* ---- opening, closing ---- */
 
 /* Each process that helps has a journal of its own: state/shard-2-of-7.journal. */
@@ -208,7 +203,7 @@ static journal_key job_key(void)
     journal_key key;
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "job");
+    apsm_sha256_add_text(&sha, "job");
     apsm_sha256_end(&sha, key.byte);
     return key;
 }
@@ -356,12 +351,12 @@ static journal_key mesh_key(const apsm_run *run, const apsm_input_case *c, const
     journal_key key;
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "mesh");
+    apsm_sha256_add_text(&sha, "mesh");
     settings_hash(run, &sha);
-    add_text(&sha, apsm_run_text(run, "labels"));
-    add_text(&sha, c->name);
-    add_text(&sha, apsm_path_last(c->path));
-    add_text(&sha, sha256);
+    apsm_sha256_add_text(&sha, apsm_run_text(run, "labels"));
+    apsm_sha256_add_text(&sha, c->name);
+    apsm_sha256_add_text(&sha, apsm_path_last(c->path));
+    apsm_sha256_add_text(&sha, sha256);
     apsm_sha256_add(&sha, &kind, sizeof kind);
     apsm_sha256_end(&sha, key.byte);
     return key;
@@ -455,7 +450,7 @@ static journal_key piece_key(const struct kept_work *kept, const char *kind, uin
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
     apsm_sha256_add(&sha, &kept->scope, sizeof kept->scope);
-    add_text(&sha, kind);
+    apsm_sha256_add_text(&sha, kind);
     apsm_sha256_add(&sha, &i, sizeof i);
     apsm_sha256_end(&sha, key.byte);
     return key;
@@ -498,16 +493,16 @@ void kept_pieces_of_inputs(apsm_run *run, const apsm_input_list *list, char (*sh
 {
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "poses");
+    apsm_sha256_add_text(&sha, "poses");
     settings_hash(run, &sha);
-    add_text(&sha, apsm_run_text(run, "labels"));
-    add_text(&sha, apsm_run_text(run, "template"));
+    apsm_sha256_add_text(&sha, apsm_run_text(run, "labels"));
+    apsm_sha256_add_text(&sha, apsm_run_text(run, "template"));
     for (size_t i = 0; i < list->n; i++) {
         const apsm_input_case *c = &list->cases[i];
-        add_text(&sha, c->name);
-        add_text(&sha, apsm_path_last(c->path));
-        add_text(&sha, sha256[i]);
-        add_text(&sha, c->reflect ? "mirrored" : "as it is");
+        apsm_sha256_add_text(&sha, c->name);
+        apsm_sha256_add_text(&sha, apsm_path_last(c->path));
+        apsm_sha256_add_text(&sha, sha256[i]);
+        apsm_sha256_add_text(&sha, c->reflect ? "mirrored" : "as it is");
         if (turn) apsm_sha256_add(&sha, turn + 9 * i, 9 * sizeof *turn);
     }
     set_keeper(run, &sha);
@@ -517,9 +512,9 @@ void kept_pieces_of_parts(apsm_run *run, size_t n, const apsm_mesh *const *meshe
 {
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "parts");
+    apsm_sha256_add_text(&sha, "parts");
     settings_hash(run, &sha);
-    add_text(&sha, apsm_run_text(run, "template"));
+    apsm_sha256_add_text(&sha, apsm_run_text(run, "template"));
     for (size_t i = 0; i < n; i++) {
         apsm_sha256_add(&sha, meshes[i]->V, 3 * meshes[i]->nv * sizeof *meshes[i]->V);
         apsm_sha256_add(&sha, meshes[i]->F, 3 * meshes[i]->nf * sizeof *meshes[i]->F);
@@ -531,8 +526,8 @@ void kept_pieces_of_shapes(apsm_run *run, const char *identity)
 {
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "first particles");
-    add_text(&sha, identity);
+    apsm_sha256_add_text(&sha, "first particles");
+    apsm_sha256_add_text(&sha, identity);
     set_keeper(run, &sha);
 }
 
@@ -542,11 +537,12 @@ void kept_pieces_of_particles(apsm_run *run, const char *identity, size_t n, con
                                            "surface_distance", "other_templates" };
     apsm_sha256 sha;
     apsm_sha256_begin(&sha);
-    add_text(&sha, "evaluate");
-    add_text(&sha, identity);
+    apsm_sha256_add_text(&sha, "evaluate");
+    apsm_sha256_add_text(&sha, identity);
     for (size_t k = 0; k < sizeof options / sizeof options[0]; k++) {
         char text[64] = "";
-        if (apsm_options_get(&run->options, options[k], text) == APSM_OK) add_text(&sha, text);
+        if (apsm_options_get(&run->options, options[k], text) == APSM_OK)
+            apsm_sha256_add_text(&sha, text);
     }
     apsm_sha256_add(&sha, P, n * sizeof *P);
     set_keeper(run, &sha);

@@ -203,12 +203,12 @@ void settings_hash(const apsm_run *run, apsm_sha256 *sha)
         char text[64];
         if (apsm_option_is_harmless(table[k].name)) continue;
         if (apsm_options_get(&run->options, table[k].name, text) != APSM_OK) continue;
-        apsm_sha256_add(sha, table[k].name, strlen(table[k].name) + 1);
-        apsm_sha256_add(sha, text, strlen(text) + 1);
+        apsm_sha256_add_text(sha, table[k].name);
+        apsm_sha256_add_text(sha, text);
     }
     const uint64_t seed = apsm_context_seed(run->ctx), record = sizeof(apsm_epoch_record);
     apsm_sha256_add(sha, &seed, sizeof seed);
     /* Another version would go on differently, and may keep other records. */
-    apsm_sha256_add(sha, APSM_VERSION, sizeof APSM_VERSION);
+    apsm_sha256_add_text(sha, APSM_VERSION);
     apsm_sha256_add(sha, &record, sizeof record);
 }

@@ -44,6 +44,23 @@ static void published_examples_agree(void **state)
         }
 }
 
+static void a_text_ends_in_its_zero(void **state)
+{
+    (void)state;
+    static const char texts[] = "ab\0c\0";
+    unsigned char bytes[32];
+    char hex[65], want[65];
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add_text(&sha, "ab");
+    apsm_sha256_add_text(&sha, "c");
+    apsm_sha256_add_text(&sha, "");
+    apsm_sha256_end(&sha, bytes);
+    apsm_sha256_hex(bytes, hex);
+    digest(texts, sizeof texts, 1, want);
+    assert_string_equal(hex, want);
+}
+
 static void a_file_of_a_million_letters_agrees(void **state)
 {
     static char letters[1000000];
@@ -60,6 +77,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(published_examples_agree),
+        cmocka_unit_test(a_text_ends_in_its_zero),
         cmocka_unit_test_setup_teardown(a_file_of_a_million_letters_agrees, folder_set_up,
                                         folder_tear_down),
     };
