@@ -58,6 +58,16 @@ static void digest(const piece_head *head, const void *data, unsigned char sha25
     apsm_sha256_end(&sha, sha256);
 }
 
+journal_key journal_key_of(const char *word)
+{
+    journal_key key;
+    apsm_sha256 sha;
+    apsm_sha256_begin(&sha);
+    apsm_sha256_add_text(&sha, word);
+    apsm_sha256_end(&sha, key.byte);
+    return key;
+}
+
 /* ---- all of a buffer, in spite of signals; 0 or an errno (EIO: the file has ended) ---- */
 
 static int read_at(int fd, void *data, size_t size, uint64_t at)

@@ -17,6 +17,9 @@ typedef struct journal_key {
     unsigned char byte[32];
 } journal_key;
 
+/* Of a piece that a word says enough of. */
+journal_key journal_key_of(const char *word);
+
 /* Opens the file for more pieces.  fresh: whatever was there is dropped; else it is made if need
  * be, and what follows its last whole piece is cut off.  APSM_ERR_STATE: a file is there that is no
  * journal, and is left alone. */

@@ -58,15 +58,7 @@ static journal_key scope_of(const apsm_fit_model *m, const fit_share_job *job)
 }
 
 /* The first piece of a journal says whose the others are. */
-static journal_key job_key(void)
-{
-    journal_key key;
-    apsm_sha256 sha;
-    apsm_sha256_begin(&sha);
-    apsm_sha256_add_text(&sha, "job of fits");
-    apsm_sha256_end(&sha, key.byte);
-    return key;
-}
+static const char job_word[] = "job of fits";
 
 /* Of the job: *said.  Of another one: *other.  Neither: its first piece is damaged or not there
  * yet; the keys of the others hold the job as well. */
@@ -75,7 +67,7 @@ static apsm_status ask_job(apsm_context *ctx, const fit_shares *s, const journal
 {
     void *data;
     size_t size;
-    const journal_key key = job_key();
+    const journal_key key = journal_key_of(job_word);
     APSM_TRY(journal_find(ctx, j, &key, &data, &size));
     *said = data && size == sizeof s->scope && memcmp(data, &s->scope, size) == 0;
     *other = !*said && data;
@@ -88,7 +80,7 @@ static apsm_status ask_job(apsm_context *ctx, const fit_shares *s, const journal
 static apsm_status open_own(apsm_context *ctx, const char *path, fit_shares *s)
 {
     bool said, other;
-    const journal_key key = job_key();
+    const journal_key key = journal_key_of(job_word);
     APSM_TRY(journal_open(ctx, path, false, &s->own));
     APSM_TRY(ask_job(ctx, s, s->own, &said, &other));
     if (other ||

@@ -198,16 +198,7 @@ static apsm_status add(apsm_context *ctx, struct kept_work *kept, const journal_
 
 /* ---- the job: "input=PATH", "shape=NAME", "option.NAME=VALUE", each ended by a zero byte ---- */
 
-static journal_key job_key(void)
-{
-    journal_key key;
-    apsm_sha256 sha;
-    apsm_sha256_begin(&sha);
-    apsm_sha256_add_text(&sha, "job");
-    apsm_sha256_end(&sha, key.byte);
-    return key;
-}
-
+static const char job_word[] = "job";
 static const char input_word[] = "input=", shape_word[] = "shape=", option_word[] = "option.";
 
 /* *text grows by "WORD NAME = VALUE"; name may be "". */
@@ -246,7 +237,7 @@ apsm_status kept_add_job(apsm_run *run, const apsm_input_list *list)
         if (strcmp(key, "template_used") != 0) /* of an earlier model */
             ok = add_line(&text, &size, option_word, key, value);
     }
-    const journal_key key = job_key();
+    const journal_key key = journal_key_of(job_word);
     const apsm_status status =
         ok ? journal_add(run->ctx, run->kept->journal, &key, text, size) : APSM_ERR_MEMORY;
     free(text);
@@ -292,7 +283,7 @@ static apsm_status take_job(apsm_run *run)
 
 apsm_status kept_take_up(apsm_run *run)
 {
-    const journal_key key = job_key();
+    const journal_key key = journal_key_of(job_word);
     if (!kept_is_there(run)) return APSM_OK;
     APSM_TRY(open_journal(run, false));
     struct kept_work *kept = run->kept;
