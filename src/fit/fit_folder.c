@@ -34,7 +34,7 @@ static apsm_status refuse_strangers(apsm_context *ctx, const fit_folder *f)
     return APSM_OK;
 }
 
-apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f)
+apsm_status fit_folder_check(apsm_context *ctx, const fit_folder *f)
 {
     bool whole;
     APSM_TRY(refuse_model(ctx, f));
@@ -43,12 +43,22 @@ apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f)
         return apsm_fail(ctx, APSM_ERR_STATE,
                          "%s: holds %s already; give another folder, or --overwrite", f->path,
                          f->what);
-    if (!whole) APSM_TRY(refuse_strangers(ctx, f));
-    for (size_t k = 0; k < f->folders && !f->look; k++) {
+    return whole ? APSM_OK : refuse_strangers(ctx, f);
+}
+
+apsm_status fit_folder_make(apsm_context *ctx, const fit_folder *f)
+{
+    for (size_t k = 0; k < f->folders; k++) {
         char *path = apsm_path_join(f->path, f->folder[k]);
         const apsm_status status = path ? apsm_make_folder(ctx, path) : APSM_ERR_MEMORY;
         free(path);
         APSM_TRY(status);
     }
     return APSM_OK;
+}
+
+apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f)
+{
+    APSM_TRY(fit_folder_check(ctx, f));
+    return fit_folder_make(ctx, f);
 }

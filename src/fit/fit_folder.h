@@ -20,11 +20,14 @@ typedef struct fit_folder {
     const char *const *folder; /* made here; without the marker they may be of a call that did not
                                   end, and are taken if asked to overwrite */
     bool overwrite;
-    bool look; /* no folder is made */
 } fit_folder;
 
-/* APSM_ERR_STATE, with a line, if it is a model folder, holds files that nothing of ours has left,
- * or is whole and not to be overwritten. */
+/* Makes nothing.  APSM_ERR_ARG, with a line: it is "/".  APSM_ERR_STATE: it is a model folder,
+ * holds files that nothing of ours has left, or is whole and not to be overwritten. */
+apsm_status fit_folder_check(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
+/* Then: the folders in it. */
+apsm_status fit_folder_make(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
+/* Both. */
 apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
 
 #endif

@@ -212,22 +212,19 @@ static apsm_status fit_case_of_share(apsm_context *ctx, size_t k, int worker, vo
 
 /* ---- the folder ---- */
 
-/* look: nothing is made. */
-static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o, bool look)
+static fit_folder folder_of(const apsm_fit_settings *o)
 {
     static const char *const files[] = { FIT_CSV, "report.html" };
     static const char *const folders[] = { "particles", "meshes", "shapes" };
-    const fit_folder f = { .path = o->folder,
-                           .what = "fits",
-                           .maker = "fit",
-                           .marker = FIT_JSON,
-                           .files = 2,
-                           .file = files,
-                           .folders = 3,
-                           .folder = folders,
-                           .overwrite = o->overwrite,
-                           .look = look };
-    return fit_folder_claim(ctx, &f);
+    return (fit_folder){ .path = o->folder,
+                         .what = "fits",
+                         .maker = "fit",
+                         .marker = FIT_JSON,
+                         .files = 2,
+                         .file = files,
+                         .folders = 3,
+                         .folder = folders,
+                         .overwrite = o->overwrite };
 }
 
 /* ---- which inputs ---- */
@@ -314,18 +311,19 @@ static apsm_status take_labels(apsm_context *ctx, session *s)
 static apsm_status open_session(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
+    const fit_folder folder = folder_of(o);
     const fit_share_job job = { o, &s->options, &s->landmarks };
     APSM_TRY(apsm_labels_parse(ctx, o->labels ? o->labels : "", &s->reading.labels));
     APSM_TRY(list_inputs(ctx, s));
     if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(take_labels(ctx, s));
-    APSM_TRY(open_folder(ctx, o, true));
+    APSM_TRY(fit_folder_check(ctx, &folder));
     fit_origin_of(s->model, o->model, &s->options, &s->origin);
     s->reading.groom = fit_model_groom(s->model);
     APSM_TRY(fit_shares_open(ctx, s->model, &job, &s->shares));
     if (o->shards > 0) return APSM_OK;
-    APSM_TRY(open_folder(ctx, o, false));
+    APSM_TRY(fit_folder_make(ctx, &folder));
     return fit_rows_open(ctx, o->folder, s->list.n, s->model->model.modes, &s->rows);
 }
 
