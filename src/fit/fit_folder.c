@@ -37,6 +37,7 @@ static apsm_status refuse_strangers(apsm_context *ctx, const fit_folder *f)
 apsm_status fit_folder_check(apsm_context *ctx, const fit_folder *f)
 {
     bool whole;
+    APSM_TRY(apsm_refuse_root(ctx, f->path));
     APSM_TRY(refuse_model(ctx, f));
     APSM_TRY(apsm_folder_holds(f->path, f->marker, &whole));
     if (whole && !f->overwrite)
