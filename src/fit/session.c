@@ -140,10 +140,8 @@ static apsm_status fit_input(apsm_context *ctx, const session *s, const apsm_inp
 }
 
 /* Figures and scores are for the tables; the rest goes. */
-static apsm_status keep_row(apsm_context *ctx, const session *s, size_t i, const apsm_fit *fit,
-                            fit_row *row)
+static apsm_status keep_row(apsm_context *ctx, const session *s, size_t i, fit_row *row)
 {
-    row->figures = *fit;
     fit_forget_arrays(&row->figures);
     return fit_rows_put(ctx, &s->rows, i, row);
 }
@@ -185,7 +183,7 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
     apsm_status status = obtain_fit(ctx, s, c, &row, &fit, &kept);
     if (status == APSM_OK && !row.failed)
         status = fit_write_shape(ctx, s->settings->folder, &s->origin, &row, &fit);
-    if (status == APSM_OK) status = keep_row(ctx, s, i, &fit, &row);
+    if (status == APSM_OK) status = keep_row(ctx, s, i, &row);
     apsm_fit_free(&fit);
     return status;
 }
