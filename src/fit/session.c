@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include "apsm/particles.h"
+#include "core/deal.h"
 #include "core/sized.h"
 #include "files/io.h"
 #include "fit/fit_folder.h"
@@ -188,14 +189,13 @@ static apsm_status fit_case(apsm_context *ctx, size_t i, int worker, void *user)
     return status;
 }
 
-/* The k-th of a share: it is kept, and nothing is written.  What fails is left to the job that
- * gathers, which tells it again. */
-static apsm_status fit_case_of_share(apsm_context *ctx, size_t k, int worker, void *user)
+/* One of a share: it is kept, and nothing is written.  What fails is left to the job that gathers,
+ * which tells it again. */
+static apsm_status fit_case_of_share(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)worker;
     session *s = user;
-    const apsm_fit_settings *o = s->settings;
-    const apsm_input_case *c = &s->list.cases[o->shard + k * o->shards];
+    const apsm_input_case *c = &s->list.cases[i];
     fit_row row = { .name = c->name, .path = c->path };
     apsm_fit fit = { 0 };
     bool kept;
@@ -350,11 +350,22 @@ static apsm_status count(apsm_context *ctx, session *s, apsm_fit_totals *totals)
     return APSM_OK;
 }
 
+static apsm_status fit_own(apsm_context *ctx, session *s)
+{
+    const apsm_deal deal = { .rank = s->settings->shard, .size = s->settings->shards };
+    const apsm_shared_loop loop = {
+        .n = s->list.n, .fn = fit_case_of_share, .user = s, .stage = "fit"
+    };
+    apsm_context_set_deal(ctx, &deal);
+    const apsm_status status = apsm_shared_for(ctx, &loop);
+    apsm_context_set_deal(ctx, NULL);
+    return status;
+}
+
 static apsm_status fit_share(apsm_context *ctx, session *s)
 {
     const apsm_fit_settings *o = s->settings;
-    const size_t n = s->list.n, own = n > o->shard ? (n - o->shard - 1) / o->shards + 1 : 0;
-    APSM_TRY(apsm_parallel_for(ctx, own, fit_case_of_share, s, "fit"));
+    APSM_TRY(fit_own(ctx, s));
     APSM_TRY(journal_flush(ctx, s->shares.own));
     if (!journal_is_there(s->shares.own)) {
         apsm_log(ctx, APSM_LOG_WARNING,
