@@ -45,8 +45,7 @@ static apsm_status add_set(apsm_context *ctx, cli_sets *sets, cli_set set)
 /* Last component without the extension; room for `more` bytes behind it. */
 static char *stem_of(const char *path, size_t more)
 {
-    const char *slash = strrchr(path, '/'), *extension = apsm_points_extension(path);
-    const char *name = slash ? slash + 1 : path;
+    const char *extension = apsm_points_extension(path), *name = apsm_path_last(path);
     const size_t length = strlen(name) - strlen(extension);
     char *stem = malloc(length + more + 1);
     if (stem) snprintf(stem, length + 1, "%s", name);

@@ -30,7 +30,7 @@ static const char *colour_of(const char *file)
 
 static void put_model(apsm_writer *w, size_t k, const char *file)
 {
-    const char *slash = strrchr(file, '/'), *name = slash ? slash + 1 : file;
+    const char *name = apsm_path_last(file);
     const size_t length = strlen(name) - strlen(strrchr(name, '.'));
     char stem[256];
     snprintf(stem, sizeof stem, "%.*s", (int)length, name);

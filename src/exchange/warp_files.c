@@ -102,10 +102,7 @@ static apsm_status tell_inverted(warping *w, const char *path, size_t n, const u
     w->n_inverted += n;
     apsm_log(w->ctx, APSM_LOG_WARNING, "%s: %zu tetrahedr%s inside out: %s%s", path, n,
              n == 1 ? "on is" : "a are", text, n > SHOWN ? ", ..." : "");
-    return json_object_set_new(w->inverted, strrchr(path, '/') ? strrchr(path, '/') + 1 : path,
-                               numbers)
-               ? no_memory(w)
-               : APSM_OK;
+    return json_object_set_new(w->inverted, apsm_path_last(path), numbers) ? no_memory(w) : APSM_OK;
 }
 
 static apsm_status write_grid(warping *w, const vtk_grid *g, const char *stem, const double *y,

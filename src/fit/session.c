@@ -230,8 +230,7 @@ static fit_folder folder_of(const apsm_fit_settings *o)
 /* The file name without its extension; ".mrk.json" counts as one. */
 static char *stem_of(const char *path)
 {
-    const char *slash = strrchr(path, '/');
-    char *name = strdup(slash ? slash + 1 : path);
+    char *name = strdup(apsm_path_last(path));
     char *dot = name ? strrchr(name, '.') : NULL;
     if (dot && dot != name) *dot = 0;
     dot = name ? strrchr(name, '.') : NULL;

@@ -207,9 +207,7 @@ static void sort_slices(dicom_stack *k)
 
 const char *dicom_slice_name(const dicom_stack *k, size_t i)
 {
-    const char *const path = k->files.path[k->slice[i].file];
-    const char *const slash = strrchr(path, '/');
-    return slash ? slash + 1 : path;
+    return apsm_path_last(k->files.path[k->slice[i].file]);
 }
 
 /* Which two slices do not follow each other as the others do. */

@@ -267,8 +267,7 @@ static void place(scan *s, const nifti *h, image *m)
 /* "x.hdr" has its voxels in "x.img" or "x.img.gz". */
 static void load_pair(scan *s, image *m)
 {
-    const char *const slash = strrchr(s->path, '/');
-    const char *const base = slash ? slash + 1 : s->path;
+    const char *const base = apsm_path_last(s->path);
     const size_t stem = strlen(base) > 4 ? strlen(base) - 4 : 0;
     char *const name = malloc(strlen(base) + 8), *const folder = apsm_path_folder(s->path);
     if (!name || !folder) scan_no_memory(s);

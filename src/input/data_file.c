@@ -110,7 +110,7 @@ static apsm_status add_named(const char *path, const char *name, FILE *file, aps
 /* "x.hdr" has its voxels in "x.img" or "x.img.gz". */
 static apsm_status add_image_of(const char *path, apsm_file_list *files)
 {
-    const char *const slash = strrchr(path, '/'), *const base = slash ? slash + 1 : path;
+    const char *const base = apsm_path_last(path);
     const size_t stem = strlen(base) - 4;
     char *const name = malloc(stem + sizeof ".img.gz");
     if (!name) return APSM_ERR_MEMORY;

@@ -105,8 +105,7 @@ static apsm_status list_shape(apsm_context *ctx, size_t i, const json_t *shape, 
     if (*room == 0) return APSM_OK;
     --*room;
     json_t *copy = json_deep_copy(shape);
-    const char *path = text_of(shape, "input"), *slash = strrchr(path, '/');
-    json_t *name = json_string(slash && slash[1] ? slash + 1 : path);
+    json_t *name = json_string(apsm_path_last(text_of(shape, "input")));
     const bool bad = !copy || json_object_set_new(copy, "input", name);
     if (copy) json_object_del(copy, "to_world");
     if (bad) json_decref(copy);
@@ -259,9 +258,7 @@ static json_t *json_shown(fits *f, size_t k, double *x, uint32_t *seen)
 static json_t *json_model(const fits *f)
 {
     json_t *copy = json_deep_copy(json_object_get(f->root, "model"));
-    const char *path = text_of(copy, "path"), *slash = strrchr(path, '/');
-    json_t *name = json_string(slash && slash[1] ? slash + 1 : path);
-    json_object_set_new(copy, "path", name);
+    json_object_set_new(copy, "path", json_string(apsm_path_last(text_of(copy, "path"))));
     return copy;
 }
 

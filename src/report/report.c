@@ -307,11 +307,7 @@ static json_t *json_manifest(const json_t *manifest)
     json_array_foreach(json_object_get(copy, "inputs"), i, input)
     {
         const char *path = json_string_value(json_object_get(input, "path"));
-        const char *slash = path ? strrchr(path, '/') : NULL;
-        if (slash && slash[1]) {
-            json_t *name = json_string(slash + 1);
-            json_object_set_new(input, "path", name);
-        }
+        if (path) json_object_set_new(input, "path", json_string(apsm_path_last(path)));
     }
     return copy;
 }
