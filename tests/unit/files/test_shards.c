@@ -1,13 +1,7 @@
 /* Journals of shares: all of a folder are found, whatever else is there, and only they are removed.
  */
-#include <setjmp.h>
-#include <stdarg.h>
-#include <stddef.h>
-#include <stdint.h>
+#include "cmocka_all.h"
 
-#include <cmocka.h>
-
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -16,7 +10,6 @@
 #include "folder.h"
 
 static apsm_context *ctx;
-static const char *folder;
 
 static journal_key key_of(int k)
 {
@@ -26,43 +19,28 @@ static journal_key key_of(int k)
 }
 
 /* A journal of a share with piece k, an int. */
-static void keep(size_t shard, size_t shards, int k)
+static void keep(const char *folder, size_t shard, size_t shards, int k)
 {
     journal *j;
     const journal_key key = key_of(k);
     char *path = shard_path(folder, shard, shards);
     assert_non_null(path);
-    assert_int_equal(journal_open(ctx, path, false, &j), APSM_OK);
-    assert_int_equal(journal_add(ctx, j, &key, &k, sizeof k), APSM_OK);
+    assert_ok(journal_open(ctx, path, false, &j));
+    assert_ok(journal_add(ctx, j, &key, &k, sizeof k));
     journal_close(j);
     free(path);
 }
 
-static char *in_state(const char *name)
+static void make_state(void **state)
 {
-    char relative[64];
-    snprintf(relative, sizeof relative, "state/%s", name);
-    char *path = apsm_path_join(folder, relative);
-    assert_non_null(path);
-    return path;
+    char path[TEST_PATH];
+    assert_ok(apsm_make_folder(ctx, folder_path(state, "state", path)));
 }
 
-static void put(const char *name, const char *text)
+static bool is_there(void **state, const char *name)
 {
-    char *path = in_state(name);
-    FILE *file = fopen(path, "wb");
-    assert_non_null(file);
-    fputs(text, file);
-    assert_int_equal(fclose(file), 0);
-    free(path);
-}
-
-static bool is_there(const char *name)
-{
-    char *path = in_state(name);
-    const bool there = apsm_file_exists(path);
-    free(path);
-    return there;
+    char path[TEST_PATH];
+    return apsm_file_exists(folder_path(state, name, path));
 }
 
 static bool finds(const journal_set *set, int k)
@@ -70,7 +48,7 @@ static bool finds(const journal_set *set, int k)
     void *data;
     size_t size;
     const journal_key key = key_of(k);
-    assert_int_equal(journal_set_find(ctx, set, &key, &data, &size), APSM_OK);
+    assert_ok(journal_set_find(ctx, set, &key, &data, &size));
     if (data) assert_true(size == sizeof k && memcmp(data, &k, size) == 0);
     free(data);
     return data != NULL;
@@ -79,50 +57,48 @@ static bool finds(const journal_set *set, int k)
 static void all_shares_of_a_folder_are_found(void **state)
 {
     journal_set set = { 0 };
-    folder = *state;
-    assert_int_equal(journal_set_add_shards(ctx, &set, folder), APSM_OK);
+    const char *folder = *state;
+    assert_ok(journal_set_add_shards(ctx, &set, folder));
     assert_int_equal(set.n, 0);
-    char *path = apsm_path_join(folder, "state");
-    assert_int_equal(apsm_make_folder(ctx, path), APSM_OK);
-    free(path);
-    keep(0, 3, 1);
-    keep(2, 3, 2);
-    keep(0, 7, 3);
-    put("shard-4-of-7.journal", "a text of somebody's");
-    put("shard-5-of-7.journal.bak", "another");
-    put("work.journal", "none of a share");
-    assert_int_equal(journal_set_add_shards(ctx, &set, folder), APSM_OK);
+    make_state(state);
+    keep(folder, 0, 3, 1);
+    keep(folder, 2, 3, 2);
+    keep(folder, 0, 7, 3);
+    folder_put(state, "state/shard-4-of-7.journal", "a text of somebody's", 20);
+    folder_put(state, "state/shard-5-of-7.journal.bak", "another", 7);
+    folder_put(state, "state/work.journal", "none of a share", 15);
+    assert_ok(journal_set_add_shards(ctx, &set, folder));
     assert_int_equal(set.n, 3);
     for (int k = 1; k <= 3; k++) assert_true(finds(&set, k));
     assert_false(finds(&set, 4));
     journal_set_close(&set);
-    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
-    assert_false(is_there("shard-1-of-3.journal") || is_there("shard-3-of-3.journal") ||
-                 is_there("shard-1-of-7.journal"));
-    assert_true(is_there("shard-4-of-7.journal") && is_there("shard-5-of-7.journal.bak") &&
-                is_there("work.journal"));
+    assert_ok(shards_remove(ctx, folder, false));
+    assert_false(is_there(state, "state/shard-1-of-3.journal") ||
+                 is_there(state, "state/shard-3-of-3.journal") ||
+                 is_there(state, "state/shard-1-of-7.journal"));
+    assert_true(is_there(state, "state/shard-4-of-7.journal") &&
+                is_there(state, "state/shard-5-of-7.journal.bak") &&
+                is_there(state, "state/work.journal"));
 }
 
 static void a_share_at_work_keeps_its_journal(void **state)
 {
-    folder = *state;
+    const char *folder = *state;
     journal *j;
-    char *path = apsm_path_join(folder, "state");
-    assert_int_equal(apsm_make_folder(ctx, path), APSM_OK);
-    free(path);
-    keep(0, 2, 1);
-    path = shard_path(folder, 1, 2);
-    assert_int_equal(journal_open(ctx, path, false, &j), APSM_OK);
-    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
-    assert_false(is_there("shard-1-of-2.journal"));
-    assert_true(is_there("shard-2-of-2.journal") && journal_is_there(j));
-    assert_int_equal(shards_remove(ctx, folder, true), APSM_OK);
-    assert_false(is_there("shard-2-of-2.journal") || journal_is_there(j));
-    keep(1, 2, 1); /* another file at its path */
+    make_state(state);
+    keep(folder, 0, 2, 1);
+    char *path = shard_path(folder, 1, 2);
+    assert_ok(journal_open(ctx, path, false, &j));
+    assert_ok(shards_remove(ctx, folder, false));
+    assert_false(is_there(state, "state/shard-1-of-2.journal"));
+    assert_true(is_there(state, "state/shard-2-of-2.journal") && journal_is_there(j));
+    assert_ok(shards_remove(ctx, folder, true));
+    assert_false(is_there(state, "state/shard-2-of-2.journal") || journal_is_there(j));
+    keep(folder, 1, 2, 1); /* another file at its path */
     assert_false(journal_is_there(j));
     journal_close(j);
-    assert_int_equal(shards_remove(ctx, folder, false), APSM_OK);
-    assert_false(is_there("shard-2-of-2.journal"));
+    assert_ok(shards_remove(ctx, folder, false));
+    assert_false(is_there(state, "state/shard-2-of-2.journal"));
     free(path);
 }
 
