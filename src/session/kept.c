@@ -1,7 +1,5 @@
-#define _POSIX_C_SOURCE 200809L
 #include "session/kept.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
