@@ -180,7 +180,8 @@ static const cli_option own[] = {
       CLI_RUN | CLI_GROOM | CLI_INITIALIZE | CLI_EVALUATE | CLI_FIT, "K/N", NULL, NULL,
       "do only every N-th shape, from the K-th on, keep the results in state/, and stop: for job "
       "arrays on machines that share the folder. Afterwards the same command without --shard "
-      "gathers them; the result is the same",
+      "gathers them; the result is the same. run shares the grooming of joints alone: of one "
+      "part share groom, initialize and evaluate",
       NULL },
     { "resume", 0, CLI_FLAG_RESUME, CLI_GROUP_RUN, STEPS, NULL, NULL, NULL,
       "continue an unfinished run in the model folder", NULL },
