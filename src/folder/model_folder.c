@@ -195,23 +195,25 @@ static double rounding_of(const model_folder *m)
     return changed_model * extent + file_rounding * far;
 }
 
-static bool has_mean(const model_folder *m, double rounding)
+/* sum: 3J, scratch. */
+static bool has_mean(const model_folder *m, double rounding, double *sum)
 {
     const size_t n = 3 * m->J;
-    for (size_t k = 0; k < n; k++) {
-        double sum = 0.0;
-        for (size_t i = 0; i < m->I; i++) sum += m->P[i * n + k];
-        if (!(fabs(sum / (double)m->I - m->model.mean[k]) <= rounding)) return false;
-    }
+    memset(sum, 0, n * sizeof *sum);
+    for (size_t i = 0; i < m->I; i++)
+        for (size_t k = 0; k < n; k++) sum[k] += m->P[i * n + k];
+    for (size_t k = 0; k < n; k++)
+        if (!(fabs(sum[k] / (double)m->I - m->model.mean[k]) <= rounding)) return false;
     return true;
 }
 
-/* Along `sum` (3J, out), the sum of all modes, every shape lies by the sum of its scores: one
+/* Along `sum` (3J, scratch), the sum of all modes, every shape lies by the sum of its scores: one
  * product a shape that says whether the particles in a file are that shape's. */
 static bool has_scores(const model_folder *m, double rounding, double *sum)
 {
     const apsm_shape_model *s = &m->model;
     const size_t n = 3 * m->J;
+    memset(sum, 0, n * sizeof *sum);
     for (size_t k = 0; k < s->modes * n; k++) sum[k % n] += s->mode[k];
     for (size_t i = 0; i < m->I; i++) {
         double off = 0.0;
@@ -225,9 +227,9 @@ static bool has_scores(const model_folder *m, double rounding, double *sum)
 static apsm_status check_particles(apsm_context *ctx, const model_folder *m)
 {
     const double rounding = rounding_of(m);
-    double *sum = calloc(3 * m->J, sizeof *sum);
+    double *sum = malloc((3 * m->J + 1) * sizeof *sum);
     if (!sum) return out_of_memory(ctx, m);
-    const bool same = has_mean(m, rounding) && has_scores(m, rounding, sum);
+    const bool same = has_mean(m, rounding, sum) && has_scores(m, rounding, sum);
     free(sum);
     return same ? APSM_OK
                 : stale(ctx, m,
