@@ -312,6 +312,8 @@ static void vtk_images_that_hold_no_labels_are_refused(void **state)
           "belong to cells" },
         { VTK "ASCII\n" GRID "CELL_DATA 2\nSCALARS s short\nLOOKUP_TABLE t\n1",
           "expected a value" },
+        { VTK "ASCII\n" GRID "CELL_DATA 30\nSCALARS s short 4\nLOOKUP_TABLE t\n1",
+          "larger than the file" },
         { VTK "ASCII\n" GRID "CELL_DATA 2\nCOLOR_SCALARS s 3\n1 1 1 0 0 0\nPOINT_DATA 12\n",
           "cell data come first" },
         { VTK "ASCII\n" GRID "POINT_DATA 12\nSCALARS s bit\nLOOKUP_TABLE t\n" NUMBERS,

@@ -267,6 +267,8 @@ static void other_damaged_formats_are_refused(void **state)
     refuses(f, "a.vtk", "# vtk DataFile Version x\n", "legacy VTK");
     refuses(f, "a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n",
             "not POLYDATA");
+    refuses(f, "a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_POINTS\n",
+            "an image, where a surface is needed");
     refuses(f, "a.vtk",
             "# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\nPOINTS 99999999999 float\n0",
             "file can hold");
