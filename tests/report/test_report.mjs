@@ -2,7 +2,7 @@
 //   node test_report.mjs APSM CHROMIUM [FOLDER for screenshots]
 import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
-import { mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";
@@ -46,14 +46,14 @@ function makeModel() {
 // ---- the browser ----
 
 const complaints = [];
-async function open(browser, options = {}, folderOfPage = model) {
+async function open(browser, options = {}, folderOfPage = model, file = "report.html") {
   const context = await browser.newContext({ viewport: { width: 1280, height: 900 }, offline: true, ...options });
   const page = await context.newPage();
   page.on("console", (m) => ["error", "warning"].includes(m.type()) && complaints.push(`console: ${m.text()}`));
   page.on("pageerror", (e) => complaints.push(`page: ${e.message}`));
   page.on("dialog", (d) => (complaints.push(`dialog: ${d.message()}`), d.dismiss()));
   page.on("request", (r) => /^(file|data|blob):/.test(r.url()) || complaints.push(`request: ${r.url()}`));
-  await page.goto(pathToFileURL(join(folderOfPage, "report.html")).href);
+  await page.goto(pathToFileURL(join(folderOfPage, file)).href);
   await page.waitForFunction(() => document.documentElement.dataset.ready === "yes");
   await settle(page);
   const slips = (await page.evaluate(() => document.body.innerText)).match(/.{0,30}(undefined|\bNaN\b|\[object ).{0,30}|^\s*(true|false|null)\s*$/gm);
@@ -493,6 +493,17 @@ async function main() {
     assert.equal((await saved("save fits fits <b> as a table")).toString().trim().split("\n").length, 1 + NAMES.length);
     await picture(pageOfFits, "fits");
     await pageOfFits.context().close();
+  });
+  await check("a norm says what to know before it is trusted", async () => {
+    const fits = join(folder, "guests"), norms = join(folder, "norms"), guest = join(folder, "guest.ply");
+    copyFileSync(join(folder, "in", "b.ply"), guest);
+    run("fit", model, guest, "-o", fits, "-q");
+    run("norm", model, fits, "-o", norms, "-q");
+    const pageOfNorms = await open(browser, {}, norms, "norm.html");
+    for (const place of ["#verdict .verdict.bad", "#shape", "#table"])
+      assert.match(await pageOfNorms.locator(place).innerText(), /is the model's own b/, place);
+    await picture(pageOfNorms, "norms");
+    await pageOfNorms.context().close();
   });
   await check("a joint's parts are shown, hidden, drawn apart; pose and shape are modes by themselves", async () => {
     const joint = join(folder, "joint"), inputs = join(folder, "parts");
