@@ -191,6 +191,8 @@ apsm_status apsm_json_check(apsm_context *ctx, const char *path, const struct js
 /* New references; NULL if out of memory, the first two also if a value is not finite. */
 struct json_t *apsm_json_vector(size_t n, const double *x);
 struct json_t *apsm_json_matrix(size_t n, size_t m, const double *x); /* n rows of m */
+/* A text, with a decimal point under every locale; NULL: out of memory, or no UTF-8. */
+struct json_t *apsm_json_vtext(const char *format, va_list args);
 struct json_t *apsm_json_number_or_null(double x); /* null stands for "not defined" */
 /* The way back, into x (n x m); false if json (NULL allowed) has another shape or holds
  * anything but numbers.  m = 0: one array of n numbers. */

@@ -288,6 +288,14 @@ struct json_t *apsm_json_matrix(size_t n, size_t m, const double *x)
     return rows;
 }
 
+struct json_t *apsm_json_vtext(const char *format, va_list args)
+{
+    const locale_t before = apsm_numbers_begin();
+    json_t *const text = json_vsprintf(format, args);
+    apsm_numbers_end(before);
+    return text;
+}
+
 struct json_t *apsm_json_number_or_null(double x)
 {
     return isfinite(x) ? json_real(x) : json_null();

@@ -20,7 +20,7 @@ apsm_status norm_note(norm_job *w, const char *format, ...)
 {
     va_list words;
     va_start(words, format);
-    json_t *const text = json_vsprintf(format, words);
+    json_t *const text = apsm_json_vtext(format, words);
     va_end(words);
     if (text) apsm_log(w->ctx, APSM_LOG_WARNING, "%s", json_string_value(text));
     return json_array_append_new(w->notes, text) ? APSM_ERR_MEMORY : APSM_OK;
@@ -103,7 +103,7 @@ static apsm_status warn_beyond(norm_job *w, const apsm_column *c)
     }
     for (size_t k = 0; !c->category && k < w->n; k++) {
         const double x = c->value[w->row[w->N + k]];
-        if (x >= lo && x <= hi) continue;
+        if (!(x < lo || x > hi)) continue;
         APSM_TRY(particle_files_note(w->ctx, &w->files, k,
                                      "%s = %g lies outside of what the model has seen (%g to %g)",
                                      c->name, x, lo, hi));

@@ -28,7 +28,7 @@ apsm_status particle_files_note(apsm_context *ctx, particle_files *files, size_t
 {
     va_list words;
     va_start(words, format);
-    json_t *const more = json_vsprintf(format, words), *const before = files->note[k];
+    json_t *const more = apsm_json_vtext(format, words), *const before = files->note[k];
     va_end(words);
     const char *text = json_string_value(more);
     if (!text) return APSM_ERR_MEMORY;

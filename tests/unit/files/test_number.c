@@ -74,6 +74,15 @@ static void what_is_no_decimal_number_is_refused(void **state)
     assert_true(x == 12);
 }
 
+static json_t *text_of(const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    json_t *const text = apsm_json_vtext(format, args);
+    va_end(args);
+    return text;
+}
+
 /* Everything that writes or reads numbers, in a process whose printf writes "1,5". */
 static void a_decimal_comma_changes_nothing(void **state)
 {
@@ -120,6 +129,9 @@ static void a_decimal_comma_changes_nothing(void **state)
     assert_memory_equal(y, points, sizeof y);
     json_decref(json);
     json_decref(back);
+    json = text_of("%g to %g", 1.5, -2.25);
+    assert_string_equal(json_string_value(json), "1.5 to -2.25");
+    json_decref(json);
     setlocale(LC_ALL, "C");
 }
 
