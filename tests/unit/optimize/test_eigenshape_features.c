@@ -45,6 +45,7 @@ static void make_scene(scene *s, double weight)
     s->options = apsm_optimize_defaults();
     s->options.eigenshape.eigen_reg_absolute = 1;
     s->options.eigenshape.eigen_share = 0;
+    s->options.schedule.stage2_epochs = 1; /* the scratch of epochs */
     assert_int_equal(apsm_optimizer_state_alloc(I, J, &s->state), APSM_OK);
     assert_int_equal(apsm_first_particles(s->ctx, &s->cohort, &s->options, J, s->state.P), APSM_OK);
     s->state.h = 5;
