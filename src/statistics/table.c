@@ -174,44 +174,6 @@ static apsm_status add_texts(apsm_table *table, const char *name, char *const *t
     return fill_column(table->I, text, c);
 }
 
-static bool is_number_with_comma(const char *text)
-{
-    char copy[64];
-    const size_t n = strlen(text);
-    double value;
-    if (n >= sizeof copy || !strchr(text, ',')) return false;
-    for (size_t k = 0; k <= n; k++) copy[k] = text[k] == ',' ? '.' : text[k];
-    return apsm_parse_number(copy, n, &value);
-}
-
-const char *apsm_column_spoilt_by(const apsm_column *c)
-{
-    size_t all = 0, numbers = 0, commas = 0, odd = 0; /* shapes, and a level */
-    for (size_t k = 0; k < c->levels; k++) {
-        double value;
-        const bool comma = is_number_with_comma(c->level[k]);
-        const bool number = apsm_parse_number(c->level[k], strlen(c->level[k]), &value);
-        all += c->shapes[k];
-        if (number) numbers += c->shapes[k];
-        if (comma) commas += c->shapes[k];
-        if (comma || (!number && commas == 0)) odd = k;
-    }
-    const bool mostly = 2 * (numbers + commas) >= all && numbers < all;
-    return mostly ? c->level[odd] : NULL;
-}
-
-apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c)
-{
-    const char *const odd = apsm_column_spoilt_by(c);
-    if (!odd) return APSM_OK;
-    return apsm_fail(ctx, APSM_ERR_ARG,
-                     is_number_with_comma(odd)
-                         ? "column '%s': '%s' is written with a comma; write numbers with a point"
-                         : "column '%s': '%s' is no number, though most of the column are; mend it "
-                           "or leave it empty (for groups, let all names begin with a letter)",
-                     c->name, odd);
-}
-
 apsm_status apsm_table_categorize(apsm_table *table, const char *name)
 {
     for (size_t k = 0; k < table->n; k++) {

@@ -66,8 +66,9 @@ apsm_status apsm_table_add(apsm_table *table, const char *name, const double *va
 /* Makes room for more shapes (I in all), of which nothing is known. */
 apsm_status apsm_table_widen(apsm_table *table, size_t I) APSM_NODISCARD;
 
-/* Of a category that most shapes have a number in, what keeps it from being a column of numbers: a
- * number with a decimal comma, or a remark; else NULL. */
+/* Of a category that most shapes have a number or a date in, what keeps it from being a column of
+ * numbers: a decimal comma, a percent sign, a date, a unit or a remark; else NULL.  Numbers with a
+ * word behind them count only where most differ: 1.5T and 3T are groups. */
 const char *apsm_column_spoilt_by(const apsm_column *c);
 /* Refuses such a column. */
 apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c) APSM_NODISCARD;
