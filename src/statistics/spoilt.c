@@ -1,6 +1,6 @@
 /* Columns of a table that look like numbers to who wrote them and are none: with decimal commas,
  * percent signs, remarks or units, or dates.  As groups they would answer another question. */
-#include <stdio.h>
+#include <math.h>
 #include <string.h>
 
 #include "apsm/options.h"
@@ -96,10 +96,24 @@ static const char *remedy_of(text_kind kind)
     }
 }
 
-apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c)
+/* Of numbers whose squares no double holds. */
+static bool is_beyond_reckoning(double value)
+{
+    const double size = fabs(value);
+    return size > 1e100 || (size > 0 && size < 1e-100);
+}
+
+apsm_status apsm_column_check(apsm_context *ctx, size_t I, const apsm_column *c)
 {
     const char *const odd = apsm_column_spoilt_by(c);
-    if (!odd) return APSM_OK;
-    return apsm_fail(ctx, APSM_ERR_ARG, "column '%s': '%s' %s", c->name, odd,
-                     remedy_of(kind_of(odd)));
+    if (odd)
+        return apsm_fail(ctx, APSM_ERR_ARG, "column '%s': '%s' %s", c->name, odd,
+                         remedy_of(kind_of(odd)));
+    for (size_t i = 0; i < I && !c->category; i++)
+        if (is_beyond_reckoning(c->value[i]))
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "column '%s': %g is beyond what can be reckoned with; write it in "
+                             "another unit",
+                             c->name, c->value[i]);
+    return APSM_OK;
 }

@@ -299,10 +299,15 @@ static size_t count_fields(char *line, char separator)
     }
 }
 
+static void pass_ends_of_lines(sheet *s)
+{
+    while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
+}
+
 /* The fields of the next line that has any into cell; *there: false, no more. */
 static apsm_status next_line(sheet *s, char **cell, bool *there)
 {
-    while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
+    pass_ends_of_lines(s);
     *there = *s->at != '\0';
     if (!*there) return APSM_OK;
     s->line++;
@@ -361,6 +366,14 @@ static apsm_status unknown_name(const sheet *s, size_t I, const char *const *nam
         s->path, s->line, s->cell[0], names[best]);
 }
 
+/* As spreadsheets leave below their last line. */
+static bool is_empty_line(const sheet *s)
+{
+    for (size_t k = 0; k < s->columns; k++)
+        if (*s->cell[k]) return false;
+    return true;
+}
+
 /* text (columns x I) <- the cells of every shape. */
 static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char **text)
 {
@@ -368,6 +381,7 @@ static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char 
         size_t i = 0;
         APSM_TRY(next_line(s, s->cell, &there));
         if (!there) return APSM_OK;
+        if (is_empty_line(s)) continue;
         while (i < I && strcmp(names[i], s->cell[0]) != 0) i++;
         if (i == I && s->kept) continue;
         if (i == I) return unknown_name(s, I, names);
@@ -405,6 +419,19 @@ static apsm_status read_sheet(sheet *s, size_t I, const char *const *names, apsm
     return status;
 }
 
+/* From the header, or from the line "sep=;" that spreadsheets may put above it. */
+static void find_separator(sheet *s)
+{
+    static const char told[] = "sep=";
+    pass_ends_of_lines(s);
+    const size_t head = strcspn(s->at, "\n"), n = sizeof told - 1;
+    s->separator = memchr(s->at, '\t', head) ? '\t' : memchr(s->at, ';', head) ? ';' : ',';
+    if (strncasecmp(s->at, told, n) != 0 || !s->at[n] || !strchr("\r\n", s->at[n + 1])) return;
+    s->separator = s->at[n];
+    s->at += n + 1;
+    pass_ends_of_lines(s);
+}
+
 static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, size_t I,
                               const char *const *names, apsm_table *table)
 {
@@ -417,8 +444,7 @@ static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, si
         return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: is no text in UTF-8; save it as UTF-8", path);
     }
     sheet s = { .ctx = ctx, .path = path, .at = data, .kept = kept };
-    const size_t head = strcspn(s.at, "\n");
-    s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
+    find_separator(&s);
     s.columns = count_fields(s.at, s.separator);
     s.title = calloc(s.columns + 1, sizeof *s.title);
     s.cell = calloc(s.columns + 1, sizeof *s.cell);
