@@ -45,8 +45,8 @@ static void look(plant *p)
     for (size_t k = 0; k < 3 * m->nv; k++) p->middle[k % 3] += m->V[k] / (double)m->nv;
     for (size_t k = 0; k < m->nv; k++)
         for (size_t a = 0; a < 9; a++)
-            C[a] += (m->V[3 * k + a / 3] - p->middle[a / 3]) *
-                    (m->V[3 * k + a % 3] - p->middle[a % 3]);
+            C[a] +=
+                (m->V[3 * k + a / 3] - p->middle[a / 3]) * (m->V[3 * k + a % 3] - p->middle[a % 3]);
     apsm_svd3(C, p->axis, s, V);
 }
 
@@ -140,8 +140,7 @@ static void add_other(plant *p, double gap)
     for (size_t c = 0; c < 3; c++) step[c] = p->axis[3 * c + 2];
     for (size_t v = 0; v < p->mesh.nv; v++) most = fmax(most, vec3_dot(step, p->mesh.V + 3 * v));
     for (size_t v = 0; v < m->nv; v++) least = fmin(least, vec3_dot(step, m->V + 3 * v));
-    for (size_t v = 0; v < m->nv; v++)
-        vec3_add_scaled(m->V + 3 * v, most - least + gap, step);
+    for (size_t v = 0; v < m->nv; v++) vec3_add_scaled(m->V + 3 * v, most - least + gap, step);
     const double spacing[3] = { p->voxel, p->voxel, p->voxel };
     apsm_volume other = mesh_mask(m, spacing);
     for (size_t a = 0; a < voxels(&other); a++) {

@@ -3,9 +3,9 @@
  *
  *   d0 = signed distance of y(p_i) from the surface / h
  *   d1 = signed distance of y(p_i - r_i) / h
- *   d2 = distance of the farthest vertex of the surface among those nearest to y(p_i), put on it / h
- *   e_v = | d_v - usual d_v |, of d2 what is more than usual
- *   t_v = e_v / max(sqrt((s_v^2 + mean of s over the points^2) / 2), .05),  s the usual e    (J4)
+ *   d2 = distance of the farthest vertex of the surface among those nearest to y(p_i), put on it /
+ * h e_v = | d_v - usual d_v |, of d2 what is more than usual t_v = e_v / max(sqrt((s_v^2 + mean of
+ * s over the points^2) / 2), .05),  s the usual e    (J4)
  */
 #include "judge/depart.h"
 

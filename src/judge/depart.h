@@ -19,14 +19,14 @@ typedef struct apsm_departure {
 
 /* Points of the template's surface and what is found there of I shapes.  Owns its arrays. */
 typedef struct apsm_departs {
-    size_t n, I, J;                        /* points, shapes, particles */
-    apsm_warp warp;                        /* of the points */
-    uint32_t *nearest;                     /* n: the template's particle */
-    double *distance[APSM_DEPART_LOOKS];   /* I x n, in h */
-    double *usual, *spread;                /* I x n: of one look */
-    double *most;                          /* I: of one look */
-    apsm_departure *found;                 /* I: by one look */
-    double *scratch;                       /* 3 I */
+    size_t n, I, J;                      /* points, shapes, particles */
+    apsm_warp warp;                      /* of the points */
+    uint32_t *nearest;                   /* n: the template's particle */
+    double *distance[APSM_DEPART_LOOKS]; /* I x n, in h */
+    double *usual, *spread;              /* I x n: of one look */
+    double *most;                        /* I: of one look */
+    apsm_departure *found;               /* I: by one look */
+    double *scratch;                     /* 3 I */
 } apsm_departs;
 
 /* n 0: particles P (I x J x 3, world) are too few or too flat to warp anything by. */

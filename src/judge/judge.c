@@ -105,8 +105,8 @@ static size_t at_look(const judging *g, size_t i, size_t k)
     return (APSM_SLIP_LOOKS * i + k) * g->J;
 }
 
-/* Where the others say that the particles of shape i are: r is what they do not explain, and becomes
- * that. */
+/* Where the others say that the particles of shape i are: r is what they do not explain, and
+ * becomes that. */
 static apsm_status say_where(const judging *g, size_t i, double *r)
 {
     double back[16];
@@ -319,14 +319,13 @@ static apsm_status look_at_all(apsm_context *ctx, judging *g)
 
 static apsm_status predict_all(apsm_context *ctx, judging *g)
 {
-    apsm_shared_loop loop = {
-        .kind = "predict",
-        .n = g->I,
-        .fn = predict_shape,
-        .user = g,
-        .decides = true,
-        .made = { { g->slipped, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped }, made_figure(g, OFF) }
-    };
+    apsm_shared_loop loop = { .kind = "predict",
+                              .n = g->I,
+                              .fn = predict_shape,
+                              .user = g,
+                              .decides = true,
+                              .made = { { g->slipped, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped },
+                                        made_figure(g, OFF) } };
     for (size_t k = 0; k < APSM_DEPART_LOOKS && g->departs.n > 0; k++)
         loop.made[2 + k] =
             (apsm_made){ g->departs.distance[k], g->departs.n * sizeof *g->departs.distance[k] };
