@@ -21,7 +21,7 @@ enum { MOST_POINTS = 800, LEAST_PARTICLES = 12, OWN = 0, PREDICTED = 1, BEYOND =
 static const double least_spread = 0.05; /* h */
 static const double flat = 1e-6;         /* least over largest principal deviation */
 /* Predictions err alike in all shapes, so that what stands out there counts for more. */
-static const double counts[APSM_DEPART_LOOKS] = { 1.0, 1.3, 1.0 };
+static const double counts = 1.3;
 /* The others' worst parts, and how much their logarithms vary at least. */
 static const double worst_usual = 0.75, least_deviation = 0.1;
 
@@ -212,6 +212,6 @@ void apsm_depart_compare(apsm_departs *d, size_t k, double *where)
     robust_left_out_quantiles(I, d->most, worst_usual, other, scratch);
     for (size_t i = 0; i < I; i++) {
         d->found[i].excess = excess[i];
-        d->found[i].times = counts[k] * exp(d->most[i] - other[i]);
+        d->found[i].times = (k == PREDICTED ? counts : 1.0) * exp(d->most[i] - other[i]);
     }
 }
