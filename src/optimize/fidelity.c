@@ -90,15 +90,22 @@ static apsm_status take_features(apsm_fidelity *f)
     return APSM_OK;
 }
 
-/* Steps of many particles: W in single precision, they need no more, and the band of H. */
+/* Steps of many particles: W in single precision, they need no more, and what H is made of. */
 static apsm_status prepare_many(apsm_fidelity *f)
 {
     const size_t n = f->warp.nv * f->J;
     f->W32 = malloc(n * sizeof *f->W32);
     if (!f->W32) return APSM_ERR_MEMORY;
     for (size_t k = 0; k < n; k++) f->W32[k] = (float)f->warp.W[k];
+    APSM_TRY(fidelity_find_near(f->warp.nv, f->J, f->W32, &f->near));
     f->place = malloc(f->J * sizeof *f->place);
-    return f->place ? fidelity_find_band(f->J, f->T, f->place, &f->band) : APSM_ERR_MEMORY;
+    f->Q32 = malloc(f->J * f->J * sizeof *f->Q32);
+    if (!f->place || !f->Q32) return APSM_ERR_MEMORY;
+    APSM_TRY(fidelity_find_band(f->J, f->T, f->place, &f->band));
+    for (size_t j = 0; j < f->J; j++)
+        for (size_t k = 0; k < f->J; k++)
+            f->Q32[f->place[j] * f->J + f->place[k]] = (float)f->Q[j * f->J + k];
+    return APSM_OK;
 }
 
 static apsm_status prepare(apsm_context *ctx, const double *T, apsm_fidelity *f)
@@ -160,7 +167,9 @@ void apsm_fidelity_free(apsm_fidelity *f)
     fidelity_coarse_free(f->coarse);
     apsm_warp_free(&f->warp);
     free(f->W32);
+    fidelity_near_free(&f->near);
     free(f->place);
+    free(f->Q32);
     apsm_warp_free(&f->anchors);
     free(f->features);
     apsm_neighbourhoods_free(&f->reference);

@@ -31,7 +31,7 @@ extern "C" {
     FIXED(S, long, iterations, 1, "most Gauss-Newton steps of a shape in a round")                 \
     FIXED(S, double, floor, 0.05, "distances below this count as squares, in h")                   \
     FIXED(S, double, ceiling, 0.1, "and so do those above this, in h")                             \
-    FIXED(S, long, dense, 700, "unknowns of a shape up to which nothing is left out of H")         \
+    FIXED(S, long, dense, 400, "unknowns of a shape up to which nothing is left out of H")         \
     FIXED(S, long, coarse, 256, "particles that take the first rounds of twice as many or more")   \
     FIXED(S, double, clip, 0.25, "longest move of a particle in a step, in h")
 typedef struct apsm_fidelity_options {

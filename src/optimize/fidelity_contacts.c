@@ -54,7 +54,9 @@ void fidelity_add_contacts(const apsm_fidelity *f, const fidelity_weights *q,
             row[x] = part[x / 2] * vec3_dot(m->direction, w->tangent + 3 * x);
         for (size_t x = 0; x < n; x++) {
             w->g[x] += q->contact * m->distance * row[x];
-            for (size_t y = 0; y <= x; y++) w->H[x * n + y] += q->contact * row[x] * row[y];
+            for (size_t y = 0; y <= x && !w->sparse; y++)
+                w->H[x * n + y] += q->contact * row[x] * row[y];
         }
+        if (w->sparse) fidelity_put_vertex(f, m->vertex, m->direction, sqrt(q->contact), w);
     }
 }

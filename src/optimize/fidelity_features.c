@@ -39,9 +39,13 @@ void fidelity_add_features(const apsm_fidelity *f, size_t i, const fidelity_stat
                 row[a] = f->h * vec3_dot(slope + 3 * k, w->tangent + 6 * j + 3 * a);
             for (size_t a = 0; a < 2; a++) {
                 w->g[2 * j + a] += weight * r * row[a];
-                for (size_t b = 0; b <= a; b++)
+                for (size_t b = 0; b <= a && !w->sparse; b++)
                     w->H[(2 * j + a) * n + 2 * j + b] += weight * row[a] * row[b];
             }
+            if (!w->sparse) continue;
+            const uint32_t particle = (uint32_t)j;
+            const double scaled[2] = { sqrt(weight) * row[0], sqrt(weight) * row[1] };
+            fidelity_system_put(f, 1, &particle, scaled, &w->system);
         }
     }
 }

@@ -45,6 +45,24 @@ void fidelity_value_landmarks(const apsm_fidelity *f, size_t i, fidelity_state *
     }
 }
 
+/* Its larger entries, times root, to w->system. */
+static void put_row(const apsm_fidelity *f, const double *a, size_t c, double root,
+                    fidelity_work *w)
+{
+    static const double least = 3e-3; /* of the largest */
+    size_t n = 0;
+    double most = 0;
+    for (size_t j = 0; j < f->J; j++) most = fmax(most, fabs(a[j]));
+    for (size_t j = 0; j < f->J; j++) {
+        if (!(fabs(a[j]) > least * most)) continue;
+        w->near[n] = (uint32_t)j;
+        for (size_t e = 0; e < 2; e++)
+            w->row[2 * n + e] = root * a[j] * w->tangent[6 * j + 3 * e + c];
+        n++;
+    }
+    fidelity_system_put(f, n, w->near, w->row, &w->system);
+}
+
 /* One coordinate of one landmark: row_x = a_j t_x along the tangents t of particle j. */
 static void add_row(const apsm_fidelity *f, const double *a, size_t c, double weight, double r,
                     fidelity_work *w)
@@ -53,9 +71,10 @@ static void add_row(const apsm_fidelity *f, const double *a, size_t c, double we
     for (size_t x = 0; x < n; x++) {
         const double at_x = a[x / 2] * w->tangent[3 * x + c];
         w->g[x] += weight * r * at_x;
-        for (size_t y = 0; y <= x; y++)
+        for (size_t y = 0; y <= x && !w->sparse; y++)
             w->H[x * n + y] += weight * at_x * a[y / 2] * w->tangent[3 * y + c];
     }
+    if (w->sparse) put_row(f, a, c, sqrt(weight), w);
 }
 
 void fidelity_add_landmarks(const apsm_fidelity *f, size_t i, const fidelity_state *s,

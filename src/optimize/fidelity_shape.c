@@ -64,6 +64,20 @@ static void state_free(fidelity_state *s)
     free(s->match);
 }
 
+/* Rows and entries at most: matches, neighbours, landmarks, features, contacts. */
+static apsm_status system_alloc(const apsm_fidelity *f, fidelity_system *s)
+{
+    const apsm_cohort *c = f->cohort;
+    const size_t J = f->J, all = most_vertices(f), wanted = (size_t)f->o.fidelity_points;
+    const size_t near = fidelity_most_near(f->warp.nv, &f->near);
+    const size_t matches = 2 * (all < wanted ? all : wanted), wide = 3 * near < J ? 3 * near : J;
+    const size_t neighbours = f->reference.start[J], landmarks = 3 * f->anchors.nv;
+    const size_t features = c->features.F * J, contacts = c->obstacles.I > 0 ? f->warp.nv : 0;
+    return fidelity_system_alloc(
+        J, matches + neighbours + landmarks + features + contacts,
+        matches * wide + 3 * neighbours + landmarks * J + features + contacts * near, s);
+}
+
 apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w)
 {
     const size_t J = f->J, matches = (f->cohort->obstacles.I > 0 ? 3 : 2) * most_vertices(f);
@@ -77,6 +91,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->sparse = f->W32 != NULL;
     w->rows = malloc(2 * J * FIDELITY_ROWS * sizeof *w->rows);
     w->near = malloc(2 * J * sizeof *w->near);
+    w->force = malloc(3 * f->warp.nv * sizeof *w->force);
     w->row = malloc(8 * J * sizeof *w->row);
     w->H32 = malloc(4 * J * J * sizeof *w->H32);
     w->band = malloc(2 * J * (f->band + 1) * sizeof *w->band);
@@ -91,9 +106,10 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->feature = malloc((4 * f->cohort->features.F + 1) * sizeof *w->feature);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    if (states && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y && w->at &&
-        w->YN && w->tangent && w->part && w->rows && w->near && w->row && w->H32 && w->band &&
-        w->H && w->g && w->e && w->Se && w->tangent_mode) {
+    const bool system = !w->sparse || system_alloc(f, &w->system) == APSM_OK;
+    if (states && system && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y &&
+        w->at && w->YN && w->tangent && w->part && w->rows && w->near && w->force && w->row &&
+        w->H32 && w->band && w->H && w->g && w->e && w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;
@@ -121,6 +137,8 @@ void fidelity_work_free(fidelity_work *w)
     free(w->part);
     free(w->rows);
     free(w->near);
+    free(w->force);
+    fidelity_system_free(&w->system);
     free(w->row);
     free(w->H32);
     free(w->band);
@@ -372,10 +390,12 @@ void fidelity_set_prior(const apsm_fidelity *f, const fidelity_weights *q, const
 
 /* Gauss-Newton terms of d = (|x_jk| - b |x_jl|) / h for particles t = { j, k, l }. */
 static void pull_together(const apsm_fidelity *f, double weight, double d, const double *P,
-                          const size_t t[3], double limit, const double *tangent, fidelity_work *w)
+                          const uint32_t t[3], double limit, const double *tangent,
+                          fidelity_work *w)
 {
     const size_t n = 2 * f->J;
-    double away[2][3], row[6];
+    const double root = sqrt(weight);
+    double away[2][3], row[6], scaled[6];
     for (int c = 0; c < 2; c++) { /* unit vectors from j to k and to l */
         vec3_sub(P + 3 * t[c + 1], P + 3 * t[0], away[c]);
         vec3_normalise(away[c]);
@@ -389,11 +409,13 @@ static void pull_together(const apsm_fidelity *f, double weight, double d, const
     for (size_t a = 0; a < 6; a++) {
         const size_t x = 2 * t[a / 2] + a % 2;
         w->g[x] += weight * d * row[a];
-        for (size_t b = 0; b < 6; b++) {
+        scaled[a] = root * row[a];
+        for (size_t b = 0; b < 6 && !w->sparse; b++) {
             const size_t y = 2 * t[b / 2] + b % 2;
             if (y <= x) w->H[x * n + y] += weight * row[a] * row[b];
         }
     }
+    if (w->sparse) fidelity_system_put(f, 3, t, scaled, &w->system);
 }
 
 enum { LANES = 8 };
@@ -449,7 +471,9 @@ static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const 
             if (!(d > 0) || !(nearest > 0)) continue;
             sum += d * d;
             if (tangent)
-                pull_together(f, q->order, d, P, (size_t[3]){ j, k, l }, limit, tangent, w);
+                pull_together(f, q->order, d, P,
+                              (uint32_t[3]){ (uint32_t)j, (uint32_t)k, (uint32_t)l }, limit,
+                              tangent, w);
         }
     }
     return sum;
@@ -498,12 +522,20 @@ static void make_rim_tangents(const apsm_fidelity *f, size_t i, const double *P,
     }
 }
 
-/* An unknown that moves nothing gets a pivot. */
-static void hold_still(const apsm_fidelity *f, double pivot, const double *tangent, double *H)
+static void add_to_diagonal(const apsm_fidelity *f, size_t x, double weight, fidelity_work *w)
 {
-    const size_t n = 2 * f->J;
-    for (size_t x = 0; x < n; x++)
-        if (!(vec3_dot(tangent + 3 * x, tangent + 3 * x) > 0)) H[x * n + x] += pivot;
+    if (w->sparse)
+        fidelity_system_put_diagonal(f, x, weight, &w->system);
+    else
+        w->H[x * 2 * f->J + x] += weight;
+}
+
+/* An unknown that moves nothing gets a pivot. */
+static void hold_still(const apsm_fidelity *f, double pivot, fidelity_work *w)
+{
+    const double *tangent = w->tangent;
+    for (size_t x = 0; x < 2 * f->J; x++)
+        if (!(vec3_dot(tangent + 3 * x, tangent + 3 * x) > 0)) add_to_diagonal(f, x, pivot, w);
 }
 
 /* Two unit tangents at each particle, from its normal alone. */
@@ -556,65 +588,18 @@ APSM_KERNEL static void make_row(size_t J, const double *part, const double dire
     }
 }
 
-/* Indices, ascending, of those of x whose size is beyond `least` of the largest; returns how many.
- * most: scratch, J / LANES + 1. */
-APSM_KERNEL static size_t find_large(size_t J, const double *x, double least, double *most,
-                                     uint32_t *index)
-{
-    const size_t blocks = (J + LANES - 1) / LANES;
-    double all = 0;
-    for (size_t b = 0; b < blocks; b++) {
-        const size_t n = J - b * LANES < LANES ? J - b * LANES : LANES;
-        most[b] = 0;
-        for (size_t l = 0; l < n; l++) {
-            const double size = fabs(x[b * LANES + l]);
-            most[b] = size > most[b] ? size : most[b];
-        }
-        all = most[b] > all ? most[b] : all;
-    }
-    size_t count = 0;
-    for (size_t b = 0; b < blocks; b++)
-        for (size_t j = b * LANES; most[b] > least * all && j < (b + 1) * LANES && j < J; j++)
-            if (fabs(x[j]) > least * all) index[count++] = (uint32_t)j;
-    return count;
-}
-
-/* A row's part of H.  A point of the template hangs on the particles around it: a thirtieth of
- * them, if they are many, have more than a thousandth of the largest weight, and all others
- * together a hundred-thousandth of the sum of squares.  They are left out of H, not of the
- * gradient. */
-static void add_row(size_t J, const double *part, const float *row, fidelity_work *w)
-{
-    static const double least = 3e-3;
-    const size_t n = 2 * J;
-    uint32_t *near = w->near;
-    const size_t count = find_large(J, part, least, w->row, near);
-    for (size_t a = 0; a < count; a++) {
-        const float *x = row + 2 * near[a];
-        double *H = w->H + 2 * n * near[a];
-        for (size_t b = 0; b <= a; b++) {
-            const size_t k = 2 * near[b];
-            H[k] += (double)(x[0] * row[k]);
-            H[k + 1] += (double)(x[0] * row[k + 1]);
-            H[n + k] += (double)(x[1] * row[k]);
-            H[n + k + 1] += (double)(x[1] * row[k + 1]);
-        }
-    }
-}
-
 /* Row k of w->rows, and its part of the gradient. */
-static const double *take_row(const apsm_fidelity *f, const fidelity_state *s, size_t first,
-                              size_t k, fidelity_work *w)
+static void take_row(const apsm_fidelity *f, const fidelity_state *s, size_t first, size_t k,
+                     fidelity_work *w)
 {
     const fidelity_match *m = &s->match[first + k];
     const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
     const double *part = particles_in(f, m, first + k < s->pulls, w->part);
     make_row(f->J, part, m->direction, 1 / sqrt(scale), m->distance, w->tangent, w->g,
              w->rows + k * 2 * f->J);
-    return part;
 }
 
-/* The surface terms' part of H, one of two ways: in single precision, since it shapes the step,
+/* The surface terms' part of H, of few particles: in single precision, since it shapes the step,
  * whose worth the value decides. */
 static void add_rows(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
 {
@@ -629,28 +614,35 @@ static void add_rows(const apsm_fidelity *f, const fidelity_state *s, fidelity_w
         for (size_t y = 0; y <= x; y++) w->H[x * n + y] = (double)w->H32[x * n + y];
 }
 
-static void add_near(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w)
+/* Of the surface terms' part of H. */
+static double trace_of(const apsm_fidelity *f, const fidelity_work *w)
 {
     const size_t n = 2 * f->J;
-    for (size_t x = 0; x < n; x++) memset(w->H + x * n, 0, (x + 1) * sizeof *w->H);
-    for (size_t k = 0; k < s->n; k++) add_row(f->J, take_row(f, s, k, 0, w), w->rows, w);
+    const fidelity_system *s = &w->system;
+    double trace = 0;
+    if (w->sparse)
+        for (size_t e = 0; e < 2 * s->start[s->n]; e++) trace += (double)(s->x[e] * s->x[e]);
+    else
+        for (size_t x = 0; x < n; x++) trace += w->H[x * n + x];
+    return trace;
 }
 
 double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,
                           fidelity_work *w)
 {
     const size_t n = 2 * f->J;
-    double trace = 0;
     make_tangents(f->J, s->N, w->tangent);
     make_rim_tangents(f, i, s->P, w->tangent);
     memset(w->g, 0, n * sizeof *w->g);
-    if (w->sparse)
-        add_near(f, s, w);
-    else
+    if (w->sparse) {
+        fidelity_system_begin(f, w->tangent, &w->system);
+        fidelity_add_near(f, s, w);
+    } else {
         add_rows(f, s, w);
-    for (size_t x = 0; x < n; x++) trace += w->H[x * n + x];
-    hold_still(f, trace / (double)n, w->tangent, w->H);
-    return trace / (double)n;
+    }
+    const double mean = trace_of(f, w) / (double)n;
+    hold_still(f, mean, w);
+    return mean;
 }
 
 static void add_gradient(size_t J, double weight, const double *x, const double *tangent, double *g)
@@ -658,26 +650,26 @@ static void add_gradient(size_t J, double weight, const double *x, const double 
     for (size_t j = 0; j < 2 * J; j++) g[j] += weight * vec3_dot(x + 3 * (j / 2), tangent + 3 * j);
 }
 
+static void add_modes(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
+{
+    const size_t n = 2 * f->J;
+    for (size_t x = 0; x < n; x++)
+        for (size_t m = 0; m < q->modes; m++) {
+            const double *u = w->tangent_mode + m * n;
+            for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
+        }
+}
+
 static void add_prior(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
 {
     const size_t J = f->J, n = 2 * J;
-    for (size_t x = 0; x < n; x++) w->H[x * n + x] += q->prior * w->v[x / 2];
+    for (size_t x = 0; x < n; x++) add_to_diagonal(f, x, q->prior * w->v[x / 2], w);
     for (size_t m = 0; m < q->modes; m++) {
         double *u = w->tangent_mode + m * n;
         for (size_t x = 0; x < n; x++)
             u[x] = vec3_dot(w->z + m * 3 * J + 3 * (x / 2), w->tangent + 3 * x);
     }
-    if (f->band == 0) fidelity_add_modes(f, q, w);
-}
-
-void fidelity_add_modes(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w)
-{
-    const size_t n = 2 * f->J, modes = q->prior > 0 ? q->modes : 0;
-    for (size_t x = 0; x < n; x++)
-        for (size_t m = 0; m < modes; m++) {
-            const double *u = w->tangent_mode + m * n;
-            for (size_t y = 0; y <= x; y++) w->H[x * n + y] -= q->prior * u[x] * u[y];
-        }
+    if (!w->sparse) add_modes(f, q, w);
 }
 
 static void add_roughness(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
@@ -686,7 +678,10 @@ static void add_roughness(const apsm_fidelity *f, const fidelity_weights *q, con
     const size_t J = f->J;
     roughness(f, q, P, w);
     add_gradient(J, q->smooth, w->Se, w->tangent, w->g);
-    fidelity_add_roughness(J, q->smooth, f->Q, w->tangent, w->row, w->H);
+    if (w->sparse)
+        w->system.smooth = q->smooth;
+    else
+        fidelity_add_roughness(J, q->smooth, f->Q, w->tangent, w->row, w->H);
 }
 
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
@@ -695,7 +690,7 @@ void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
     if (q->stay > 0) {
         departure(f, q, s->P, w);
         add_gradient(f->J, q->stay, w->e, w->tangent, w->g);
-        for (size_t x = 0; x < 2 * f->J; x++) w->H[x * 2 * f->J + x] += q->stay;
+        for (size_t x = 0; x < 2 * f->J; x++) add_to_diagonal(f, x, q->stay, w);
     }
     if (q->smooth > 0) add_roughness(f, q, s->P, w);
     if (q->order > 0) disorder(f, q, s->P, w->tangent, w);

@@ -8,20 +8,28 @@
 
 typedef struct fidelity_coarse fidelity_coarse;
 
+/* Particles that a vertex of the template hangs on, but for the faint rest. */
+typedef struct fidelity_near {
+    size_t *start;      /* nv + 1 */
+    uint32_t *particle; /* of vertex v from start[v] on, ascending */
+} fidelity_near;
+
 struct apsm_fidelity {
     const apsm_cohort *cohort;
     apsm_fidelity_options o;
     size_t J;
     double h;
-    apsm_warp warp;    /* of the template's vertices */
-    float *W32;        /* its W; NULL where particles are few: see `dense` */
-    uint32_t *place;   /* J: particles along the template, with W32 */
-    size_t band;       /* unknowns in that order beyond which H is nearly 0; 0: not used */
-    apsm_warp anchors; /* of its landmarks; nv 0: none */
-    double *features;  /* J x F: of its particles; NULL: none */
-    double *T, *TN;    /* J x 3: its particles and their normals */
-    bool *on_rim;      /* J: those on its rim, which stay on the shapes' rims */
-    uint32_t *N6;      /* J x 6 */
+    apsm_warp warp;     /* of the template's vertices */
+    float *W32;         /* its W; NULL where particles are few: see `dense` */
+    fidelity_near near; /* of W32 */
+    uint32_t *place;    /* J: particles along the template, with W32 */
+    float *Q32;         /* J x J: Q in that order */
+    size_t band;        /* unknowns in that order that a factor takes; 0: all */
+    apsm_warp anchors;  /* of its landmarks; nv 0: none */
+    double *features;   /* J x F: of its particles; NULL: none */
+    double *T, *TN;     /* J x 3: its particles and their normals */
+    bool *on_rim;       /* J: those on its rim, which stay on the shapes' rims */
+    uint32_t *N6;       /* J x 6 */
     size_t triangles;
     uint32_t (*triangle)[3]; /* of mutual neighbours, with an orientation on the template */
     int *side;               /* triangles: that orientation */
@@ -70,24 +78,54 @@ void fidelity_roughness(size_t J, const double *Q, const double *e, double *work
 void fidelity_add_roughness(size_t J, double weight, const double *Q, const double *tangent,
                             double *work, double *H);
 
+/* H of many particles: what it is made of, unknowns in the order of places.  fidelity_system.c */
+typedef struct fidelity_system {
+    size_t n;        /* rows r of H = sum r r' + smooth T'QT + diagonal, the prior's modes apart */
+    size_t *start;   /* of their entries */
+    uint32_t *place; /* particles, ascending in a row */
+    float *x;        /* 2 of each */
+    double smooth;
+    float *diagonal; /* 2J */
+    float *tangent;  /* 3 x 2J, by coordinate */
+    float *work;     /* 8J */
+} fidelity_system;
+
+/* With room for so many rows and entries.  Begun with the tangents (J x 2 x 3, by particle) it is
+ * 0; a row comes by particle, with 2 numbers of each. */
+apsm_status fidelity_system_alloc(size_t J, size_t rows, size_t entries, fidelity_system *s);
+void fidelity_system_free(fidelity_system *s);
+void fidelity_system_begin(const apsm_fidelity *f, const double *tangent, fidelity_system *s);
+void fidelity_system_put(const apsm_fidelity *f, size_t count, const uint32_t *particle,
+                         const double *x, fidelity_system *s);
+void fidelity_system_put_diagonal(const apsm_fidelity *f, size_t unknown, double weight,
+                                  fidelity_system *s);
+/* y = H x; the band of H (2J x (band + 1), row x: H_xx, H_x+1,x, ...), which is made up on its
+ * diagonal for a part of what is beyond; H as a whole (2J x 2J lower). */
+void fidelity_system_multiply(const apsm_fidelity *f, const fidelity_system *s, const float *x,
+                              float *y);
+void fidelity_system_band(const apsm_fidelity *f, const fidelity_system *s, float *band);
+void fidelity_system_form(const apsm_fidelity *f, const fidelity_system *s, double *H);
+
 /* Scratch of one thread; arrays for J particles and 2J unknowns. */
 typedef struct fidelity_work {
     fidelity_state a, b;
-    double *feature;      /* F, F x 3 */
-    double *entry;        /* J x 3: particles at the round's start */
-    bool *named;          /* J: by the certificate */
-    double *Y, *at;       /* nv x 3: warped template; J x 3: particles that it is warped to */
-    double *YN;           /* nv x 3: its normals, for thin shapes */
-    apsm_mesh warped;     /* its triangles on Y */
-    apsm_bvh *bvh;        /* of warped */
-    bool moved;           /* Y, since the tree was fitted to it */
-    double *tangent;      /* J x 2 x 3 */
-    double *part;         /* J: of the particles in a point of the warped template */
-    float *rows;          /* FIDELITY_ROWS x 2J */
-    bool sparse;          /* only what is near in them goes to H, whose step is found in float */
+    double *feature;  /* F, F x 3 */
+    double *entry;    /* J x 3: particles at the round's start */
+    bool *named;      /* J: by the certificate */
+    double *Y, *at;   /* nv x 3: warped template; J x 3: particles that it is warped to */
+    double *YN;       /* nv x 3: its normals, for thin shapes */
+    apsm_mesh warped; /* its triangles on Y */
+    apsm_bvh *bvh;    /* of warped */
+    bool moved;       /* Y, since the tree was fitted to it */
+    double *tangent;  /* J x 2 x 3 */
+    double *part;     /* J: of the particles in a point of the warped template */
+    float *rows;      /* FIDELITY_ROWS x 2J */
+    bool sparse;      /* H is `system`, not H */
+    fidelity_system system;
     uint32_t *near;       /* J: particles that are */
+    double *force;        /* nv x 3: of the matches on the warped vertices */
     double *row;          /* 8J */
-    float *H32;           /* 2J x 2J lower: the surface terms' part of H */
+    float *H32;           /* 2J x 2J lower: the surface terms' part of H, if that is not sparse */
     float *band;          /* 2J x (band + 1) */
     double *H, *g;        /* 2J x 2J lower, 2J */
     double *e, *Se;       /* J x 3 */
@@ -128,16 +166,23 @@ void fidelity_value(const apsm_fidelity *f, const fidelity_weights *q, fidelity_
  */
 double fidelity_linearise(const apsm_fidelity *f, size_t i, const fidelity_state *s,
                           fidelity_work *w);
-/* Adds the quadratic terms to w->H and w->g. */
+/* Its part for many particles, each point's near ones: adds to w->system and w->g. */
+void fidelity_add_near(const apsm_fidelity *f, const fidelity_state *s, fidelity_work *w);
+/* The row of a vertex that is moved along a direction, times root, to w->system. */
+void fidelity_put_vertex(const apsm_fidelity *f, uint32_t vertex, const double direction[3],
+                         double root, fidelity_work *w);
+/* Lists of the nv rows of W (J). */
+apsm_status fidelity_find_near(size_t nv, size_t J, const float *W,
+                               fidelity_near *near) APSM_NODISCARD;
+void fidelity_near_free(fidelity_near *near);
+size_t fidelity_most_near(size_t nv, const fidelity_near *near); /* particles of a vertex */
+/* Adds the quadratic terms to H and w->g, but for the prior's modes where H is w->system. */
 void fidelity_add_quadratic(const apsm_fidelity *f, const fidelity_weights *q,
                             const fidelity_state *s, fidelity_work *w);
-/* That of the prior's modes, which fidelity_add_quadratic leaves to the solution if f has a band.
- */
-void fidelity_add_modes(const apsm_fidelity *f, const fidelity_weights *q, fidelity_work *w);
 /* Particles' places (J, out) along the template's longest axis, and the band of H in that order. */
 apsm_status fidelity_find_band(size_t J, const double *T, uint32_t *place,
                                size_t *band) APSM_NODISCARD;
-/* w->g: in g, out the step -H^-1 g.  Destroys H.  APSM_ERR_SINGULAR if H is not definite. */
+/* w->g: in g, out the step -H^-1 g.  Destroys w->H.  APSM_ERR_SINGULAR if H is not definite. */
 apsm_status fidelity_solve(const apsm_fidelity *f, const fidelity_weights *q,
                            fidelity_work *w) APSM_NODISCARD;
 /* Mean distance in h of particles P (J x 3) from what the other shapes' model makes of them. */

@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "check.h"
 #include "cmocka_all.h"
 #include "core/random.h"
 #include "geometry/vec3.h"
@@ -755,6 +756,72 @@ static void test_where_coarse(void **state)
     }
 }
 
+static size_t place_of(const apsm_fidelity *f, size_t unknown)
+{
+    return 2 * (size_t)f->place[unknown / 2] + unknown % 2;
+}
+
+/* The matrix of all terms but the prior's modes at particles of shape i, in the particles' order.
+ */
+static void whole_matrix(scene *s, const apsm_fidelity *f, size_t i, double *H)
+{
+    fidelity_work w;
+    double mean[3 * J];
+    assert_int_equal(fidelity_work_alloc(f, 2, &w), APSM_OK);
+    memcpy(w.a.P, s->P + i * J * 3, 3 * J * sizeof *s->P);
+    apsm_shape_look_up(&s->cohort.shape[i], J, w.a.P, w.a.S, NULL, w.a.N);
+    fidelity_measure(f, i, 0, &w.a, &w);
+    assert_true(w.a.contacts > 5);
+    for (size_t x = 0; x < 3 * J; x++) mean[x] = s->P[x] / f->h;
+    const double scale = fidelity_linearise(f, i, &w.a, &w);
+    const fidelity_weights q = { .stay = 0.3 * scale,
+                                 .smooth = scale,
+                                 .order = 16 * scale,
+                                 .contact = scale,
+                                 .shape = i,
+                                 .from = s->P + i * J * 3,
+                                 .mean = mean };
+    fidelity_add_quadratic(f, &q, &w.a, &w);
+    if (w.sparse) fidelity_system_form(f, &w.system, w.H);
+    for (size_t x = 0; x < 2 * J; x++)
+        for (size_t y = 0; y <= x; y++) {
+            const size_t a = w.sparse ? place_of(f, x) : x, b = w.sparse ? place_of(f, y) : y;
+            H[x * 2 * J + y] = w.H[(a > b ? a : b) * 2 * J + (a > b ? b : a)];
+        }
+    fidelity_work_free(&w);
+}
+
+/* Smoothness, order of neighbours and contacts are the same in both. */
+static void test_sparse_terms(void **state)
+{
+    (void)state;
+    enum { OF = 3 };
+    double *H[2], all = 0, off = 0;
+    apsm_fidelity_options o = apsm_fidelity_defaults();
+    scene s;
+    make_scene(&s, SYNTHETIC_BUMP, 4, 1);
+    assert_int_equal(apsm_obstacles_begin(I, &s.cohort.obstacles), APSM_OK);
+    for (size_t v = 0; v < s.cohort.shape[OF].mesh.nv; v += 97) put_ball(&s, OF, v, 9);
+    for (int k = 0; k < 2; k++) {
+        if (k) o.dense = 0;
+        apsm_fidelity *f = new_stage(&s, &o);
+        H[k] = check_alloc(4 * J * J);
+        whole_matrix(&s, f, OF, H[k]);
+        apsm_fidelity_free(f);
+    }
+    for (size_t x = 0; x < 2 * J; x++)
+        for (size_t y = 0; y <= x; y++) {
+            const double a = H[0][x * 2 * J + y], b = H[1][x * 2 * J + y];
+            all += a * a;
+            off += (a - b) * (a - b);
+        }
+    print_message("off by %.2g\n", sqrt(off / all));
+    assert_true(off < 1e-5 * all);
+    free(H[0]);
+    free(H[1]);
+    free_scene(&s);
+}
+
 /* What is left out of H for many unknowns changes neither the gradient nor, by much, the matrix,
  * and the stage ends where it does with all of it. */
 static void test_sparse(void **state)
@@ -779,6 +846,7 @@ static void test_sparse(void **state)
         memcpy(g[k], w[k].g, sizeof g[k]);
         norm[k] = 0;
     }
+    fidelity_system_form(f[1], &w[1].system, w[1].H);
     double size = 0, off = 0; /* the warp's weights are rounded */
     for (size_t x = 0; x < 2 * J; x++) {
         size = fmax(size, fabs(g[0][x]));
@@ -788,7 +856,9 @@ static void test_sparse(void **state)
     assert_true(off < 1e-5 * size);
     for (size_t x = 0; x < 2 * J; x++)
         for (size_t y = 0; y <= x; y++) {
-            const double a = w[0].H[x * 2 * J + y], b = w[1].H[x * 2 * J + y];
+            const size_t at_x = place_of(f[1], x), at_y = place_of(f[1], y);
+            const size_t first = at_x < at_y ? at_x : at_y, last = at_x < at_y ? at_y : at_x;
+            const double a = w[0].H[x * 2 * J + y], b = w[1].H[last * 2 * J + first];
             norm[0] += a * a;
             norm[1] += (a - b) * (a - b);
         }
@@ -1000,6 +1070,7 @@ int main(void)
         cmocka_unit_test(test_coarse),
         cmocka_unit_test(test_where_coarse),
         cmocka_unit_test(test_sparse),
+        cmocka_unit_test(test_sparse_terms),
         cmocka_unit_test(test_neighbours_stay),
         cmocka_unit_test(test_faults_return),
         cmocka_unit_test(test_threads_and_size),
