@@ -270,14 +270,13 @@ static apsm_status put_together(joint_job *job)
 }
 
 /* A folder that was made for parts of which none was begun. */
-static void remove_made(const joint_job *job, size_t folders)
+static void remove_made(const joint_job *job)
 {
     const char *folder = job->settings->run.folder;
     char *parts = apsm_path_join(folder, "parts"), *mark = apsm_path_join(folder, FOLDER_MANIFEST);
     if (parts && mark && (!apsm_is_folder(parts) || holds_nothing(parts, false))) {
         rmdir(parts);
         unlink(mark);
-        apsm_remove_empty_folders(folder, folders);
     }
     free(parts);
     free(mark);
@@ -295,8 +294,10 @@ static apsm_status run_locked(joint_job *job)
     if (status == APSM_OK) meet(job, 0);
     if (status == APSM_OK) status = run_parts(job);
     if (status == APSM_OK) status = put_together(job);
+    const bool for_nothing = made > 0 && status != APSM_OK && status != APSM_ERR_INTERRUPTED;
+    if (for_nothing) remove_made(job); /* while it is locked */
     apsm_unlock_folder(&lock);
-    if (made > 0 && status != APSM_OK && status != APSM_ERR_INTERRUPTED) remove_made(job, made);
+    if (for_nothing) apsm_remove_empty_folders(job->settings->run.folder, made);
     return status;
 }
 

@@ -244,6 +244,7 @@ typedef struct fitting {
     size_t *part_of;            /* job.n: number of the model's part */
     fit_reading *reading;       /* m.n */
     joint_subject_fit *subject; /* job.subjects */
+    apsm_lock lock;
 } fitting;
 
 /* start: the pose to begin with, of that hand, or NULL. */
@@ -497,7 +498,7 @@ static apsm_status match_parts(apsm_context *ctx, fitting *f)
     return APSM_OK;
 }
 
-static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
+static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o, apsm_lock *lock)
 {
     static const char *const files[] = { JOINT_FIT_CSV };
     static const char *const folders[] = { "particles", "meshes" };
@@ -510,7 +511,8 @@ static apsm_status open_folder(apsm_context *ctx, const apsm_fit_settings *o)
                            .folders = 2,
                            .folder = folders,
                            .overwrite = o->overwrite };
-    return fit_folder_claim(ctx, &f);
+    APSM_TRY(fit_folder_lock(ctx, &f, lock));
+    return fit_folder_make(ctx, &f);
 }
 
 /* --parts of the model's own making, unless they were its project's domains or are given. */
@@ -551,7 +553,7 @@ static apsm_status open_fitting(apsm_context *ctx, fitting *f, const char *parts
     APSM_TRY(joint_parse(&f->job));
     APSM_TRY(match_parts(ctx, f));
     APSM_TRY(joint_group(&f->job));
-    APSM_TRY(open_folder(ctx, o));
+    APSM_TRY(open_folder(ctx, o, &f->lock));
     f->subject = calloc(f->job.subjects + 1, sizeof *f->subject);
     return f->subject ? APSM_OK : APSM_ERR_MEMORY;
 }
@@ -580,6 +582,7 @@ static void close_fitting(fitting *f)
     free(f->part_of);
     joint_job_free(&f->job);
     joint_model_free(&f->m);
+    apsm_unlock_folder(&f->lock);
 }
 
 apsm_status apsm_joint_fit_sized(apsm_context *ctx, const apsm_fit_settings *given, size_t size,

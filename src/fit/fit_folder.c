@@ -63,3 +63,11 @@ apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f)
     APSM_TRY(fit_folder_check(ctx, f));
     return fit_folder_make(ctx, f);
 }
+
+apsm_status fit_folder_lock(apsm_context *ctx, const fit_folder *f, apsm_lock *lock)
+{
+    APSM_TRY(fit_folder_check(ctx, f));
+    APSM_TRY(apsm_make_folder(ctx, f->path));
+    APSM_TRY(apsm_lock_folder(ctx, f->path, lock));
+    return fit_folder_check(ctx, f); /* who held it may have ended in between */
+}

@@ -7,6 +7,7 @@
 #include <stddef.h>
 
 #include "apsm/context.h"
+#include "files/files.h"
 
 /* All borrowed. */
 typedef struct fit_folder {
@@ -29,5 +30,8 @@ apsm_status fit_folder_check(apsm_context *ctx, const fit_folder *f) APSM_NODISC
 apsm_status fit_folder_make(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
 /* Both. */
 apsm_status fit_folder_claim(apsm_context *ctx, const fit_folder *f) APSM_NODISCARD;
+/* As the check, for one process at a time, until *lock (out, also of failures) is given up: the
+ * folder is made, those in it are not. */
+apsm_status fit_folder_lock(apsm_context *ctx, const fit_folder *f, apsm_lock *lock) APSM_NODISCARD;
 
 #endif

@@ -25,7 +25,8 @@ typedef struct session {
     fit_reading reading;
     landmark_list landmarks; /* on the mean; none: point files are clouds */
     fit_shares shares;
-    fit_rows rows; /* of no share */
+    fit_rows rows;  /* of no share */
+    apsm_lock lock; /* of no share */
 } session;
 
 /* ---- points ---- */
@@ -315,7 +316,8 @@ static apsm_status open_session(apsm_context *ctx, session *s)
     if (o->landmarks) APSM_TRY(landmark_list_read(ctx, o->landmarks, &s->landmarks));
     APSM_TRY(apsm_fit_model_load(ctx, o->model, &s->model));
     APSM_TRY(take_labels(ctx, s));
-    APSM_TRY(fit_folder_check(ctx, &folder));
+    APSM_TRY(o->shards > 0 ? fit_folder_check(ctx, &folder)
+                           : fit_folder_lock(ctx, &folder, &s->lock));
     fit_origin_of(s->model, o->model, &s->options, &s->origin);
     s->reading.groom = fit_model_groom(s->model);
     APSM_TRY(fit_shares_open(ctx, s->model, &job, &s->shares));
@@ -332,6 +334,7 @@ static void close_session(session *s)
     apsm_labels_free(&s->reading.labels);
     apsm_input_list_free(&s->list);
     apsm_fit_model_free(s->model);
+    apsm_unlock_folder(&s->lock);
 }
 
 static apsm_status count(apsm_context *ctx, session *s, apsm_fit_totals *totals)

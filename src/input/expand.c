@@ -108,13 +108,20 @@ static apsm_status add_case(expansion *e, const char *path, const char *within,
 
 /* ---- folders and files ---- */
 
-static apsm_status refuse_empty(const expansion *e, const char *folder, size_t unmatched)
+static apsm_status refuse_empty(const expansion *e, const char *folder, size_t unmatched,
+                                bool results)
 {
     if (unmatched > 0)
         return apsm_fail(e->ctx, APSM_ERR_ARG,
                          "%s: --pattern '%s' means none of the %zu shapes in this folder; try "
                          "'**/*.nii.gz' or '*/NAME.ply'",
                          folder, e->choice->pattern, unmatched);
+    if (results)
+        return apsm_fail(e->ctx, APSM_ERR_IO,
+                         "%s: holds a model or fits of apsm and no other shapes, and results are "
+                         "not taken for inputs; give the folder of the shapes, or name that of "
+                         "the meshes that are meant (%s/groomed)",
+                         folder, folder);
     return apsm_fail(
         e->ctx, APSM_ERR_IO,
         "%s: no shapes in this folder or below; it needs files ending in .ply, .stl, "
@@ -134,10 +141,11 @@ static bool any_shape(const search *s, size_t first)
 static apsm_status add_folder(expansion *e, const char *folder, const char *name)
 {
     search *const s = &e->found;
-    const size_t first = s->n, unmatched = s->unmatched;
+    const size_t first = s->n, unmatched = s->unmatched, results = s->results;
     APSM_TRY(name ? search_series(e->ctx, folder, s)
                   : search_folder(e->ctx, folder, e->choice->pattern, s));
-    if (s->n == first) return refuse_empty(e, folder, s->unmatched - unmatched);
+    if (s->n == first)
+        return refuse_empty(e, folder, s->unmatched - unmatched, s->results > results);
     const bool any = any_shape(s, first);
     for (size_t k = first; k < s->n; k++) {
         const search_hit *hit = &s->hit[k];

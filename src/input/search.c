@@ -105,11 +105,26 @@ static bool holds(const char *folder, const char *name)
     return is;
 }
 
-/* Made by a run: what is in it are results. */
-static bool is_model(const char *folder)
+static bool is_whole_model(const char *folder)
 {
-    return holds(folder, ".apsm.lock") ||
-           (holds(folder, "manifest.json") && holds(folder, "project.swproj"));
+    return holds(folder, "manifest.json") && holds(folder, "project.swproj");
+}
+
+/* Made by a run or a fit: what is in it are results. */
+static bool is_of_results(const char *folder)
+{
+    return holds(folder, ".apsm.lock") || is_whole_model(folder) ||
+           (holds(folder, "fit.json") && holds(folder, "fit.csv"));
+}
+
+/* As a model folder calls them, which may be that of the shapes, too. */
+static bool is_part_of_model(const char *path)
+{
+    static const char *const names[] = { "groomed",  "meshes", "particles", "parts",
+                                         "pictures", "state",  "statistics" };
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++)
+        if (strcmp(apsm_path_last(path), names[k]) == 0) return true;
+    return false;
 }
 
 /* ---- walking ---- */
@@ -194,8 +209,10 @@ static apsm_status walk_below(const walk *w, const char *folder, size_t depth)
 {
     bool first;
     if (w->s->looked_at > w->budget) return APSM_OK;
-    if (is_model(folder)) {
-        apsm_log(w->ctx, APSM_LOG_INFO, "%s: a model folder, not searched for shapes", folder);
+    if (is_of_results(folder)) {
+        apsm_log(w->ctx, APSM_LOG_INFO, "%s: a model folder, or fits; not searched for shapes",
+                 folder);
+        w->s->results++;
         return APSM_OK;
     }
     APSM_TRY(enter(w, folder, &first));
@@ -219,8 +236,12 @@ static apsm_status walk_folder(const walk *w, const char *folder, size_t depth, 
     apsm_status status = list_entries(w, folder, &entry, &n);
     if (status == APSM_OK) status = look_in(w, folder, entry, n, &below);
     if (below > 0) qsort(entry, below, sizeof *entry, by_text);
+    const bool is_model = deep && is_whole_model(folder);
     for (size_t k = 0; k < below && deep && status == APSM_OK; k++)
-        status = walk_below(w, entry[k], depth + 1);
+        if (is_model && is_part_of_model(entry[k]))
+            w->s->results++;
+        else
+            status = walk_below(w, entry[k], depth + 1);
     for (size_t k = 0; k < n; k++) free(entry[k]);
     free(entry);
     return status;

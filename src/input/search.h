@@ -26,6 +26,7 @@ typedef struct search {
     search_place *place;
     size_t places, places_room;
     size_t looked_at; /* entries of folders */
+    size_t results;   /* folders of results that were passed over */
 } search;
 
 /* Adds the shapes in the folder: every file with the extension of one, and every folder that holds
@@ -33,8 +34,9 @@ typedef struct search {
  * means.  Without, if there are shapes in the folder itself, these; else those in all folders
  * below. Shapes below that are left out are named in a warning.
  *
- * Links are followed, each folder once; folders of models of ours, hidden ones and what operating
- * systems leave behind (Thumbs.db, __MACOSX) are not searched, nor is what lies more than 32
+ * Links are followed, each folder once; folders of models and fits of ours, also where
+ * shapes lie beside these, hidden ones and what operating systems leave behind (Thumbs.db,
+ * __MACOSX) are not searched, nor is what lies more than 32
  * folders deep.  The order does not depend on the file system.  */
 apsm_status search_folder(apsm_context *ctx, const char *folder, const char *pattern, search *s);
 /* Adds a folder that is known to be one case: its DICOM files. */

@@ -55,6 +55,14 @@ static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
     return settings_settle(run, s);
 }
 
+/* The folder of one that was refused is another's, made meanwhile: nothing of it is tidied. */
+static apsm_status lock_folder(apsm_run *run)
+{
+    const apsm_status status = apsm_lock_folder(run->ctx, run->folder, &run->lock);
+    if (status != APSM_OK) run->made_folders = 0;
+    return status;
+}
+
 static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
 {
     if (!s->folder) return open_in_memory(run, s);
@@ -65,7 +73,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     if (!s->dry) {
         APSM_TRY(apsm_missing_folders(run->ctx, run->folder, &run->made_folders));
         APSM_TRY(apsm_make_folder(run->ctx, run->folder));
-        if (!run->helps) APSM_TRY(apsm_lock_folder(run->ctx, run->folder, &run->lock));
+        if (!run->helps) APSM_TRY(lock_folder(run));
     }
     APSM_TRY(manifest_open(run));
     bool is_model = false;
@@ -153,12 +161,11 @@ static void close_store(apsm_run *run)
 }
 
 /* A folder that was made for nothing; what holds a file stays. */
-static void remove_empty(const apsm_run *run)
+static void remove_empty_state(const apsm_run *run)
 {
     char *state = run_path(run, "state");
     if (state) rmdir(state);
     free(state);
-    apsm_remove_empty_folders(run->folder, run->made_folders);
 }
 
 void apsm_run_close(apsm_run *run)
@@ -173,8 +180,10 @@ void apsm_run_close(apsm_run *run)
     close_store(run);
     manifest_close(run);
     apsm_project_free(&run->project);
+    const bool for_nothing = run->made_folders > 0 && !run->has_manifest;
+    if (for_nothing) remove_empty_state(run); /* while it is locked */
     apsm_unlock_folder(&run->lock);
-    if (run->made_folders > 0 && !run->has_manifest) remove_empty(run);
+    if (for_nothing) apsm_remove_empty_folders(run->folder, run->made_folders);
     for (size_t k = 0; k < run->n_inputs; k++) free(run->inputs[k]);
     free(run->inputs);
     free(run->folder);

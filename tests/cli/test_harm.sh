@@ -45,6 +45,17 @@ expect 0 "" run beside -o beside "${quick[@]}"
 cmp -s cohort/s0.ply beside/s0.ply || fail "an input beside the model was changed"
 expect 0 "" run beside -o beside "${quick[@]}" --overwrite
 
+# ---- two at once in a new folder: one of them makes the model, whoever comes first ----
+for k in 1 2 3 4 5 6 7 8; do
+    rm -rf race
+    "$apsm" groom cohort -o race --faces 300 --threads 1 -q 2>one &
+    "$apsm" groom cohort -o race --faces 300 --threads 1 -q 2>two
+    here=$?
+    wait $!
+    there=$?
+    [ $((here + there)) -eq 1 ] && [ -s race/manifest.json ] || fail "two at once: $here, $there: $(cat one two)"
+done
+
 # ---- whatever is asked of a folder that is no model, or is not there: no file is made in it ----
 mkdir stranger && echo mine >stranger/notes.txt && echo '{"measurements": []}' >measures.json && echo 'name,x,y,z' >points.csv
 for verb in report initialize optimize evaluate; do

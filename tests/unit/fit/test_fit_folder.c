@@ -67,6 +67,24 @@ static void files_of_others_are_refused(void **state)
     assert_int_equal(check(*state, true), APSM_ERR_STATE);
 }
 
+/* Of two that are at work one is refused, and what the other has left meanwhile is seen. */
+static void one_works_at_a_time(void **state)
+{
+    char path[TEST_PATH];
+    folder_path(state, "fits", path);
+    const fit_folder f = folder_at(path);
+    apsm_lock first = { .fd = -1 }, second = { .fd = -1 };
+    assert_ok(fit_folder_lock(ctx, &f, &first));
+    fit_folder other = f;
+    other.overwrite = true;
+    assert_int_equal(fit_folder_lock(ctx, &other, &second), APSM_ERR_STATE);
+    assert_non_null(strstr(apsm_error_text(ctx), "is working in this folder"));
+    apsm_unlock_folder(&second);
+    apsm_unlock_folder(&first);
+    assert_ok(fit_folder_lock(ctx, &other, &second));
+    apsm_unlock_folder(&second);
+}
+
 int main(void)
 {
     ctx = apsm_context_new();
@@ -76,6 +94,7 @@ int main(void)
                                         folder_tear_down),
         cmocka_unit_test_setup_teardown(files_of_others_are_refused, folder_set_up,
                                         folder_tear_down),
+        cmocka_unit_test_setup_teardown(one_works_at_a_time, folder_set_up, folder_tear_down),
     };
     const int failed = cmocka_run_group_tests_name("fit_folder", tests, NULL, NULL);
     apsm_context_free(ctx);

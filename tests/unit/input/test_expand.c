@@ -367,6 +367,26 @@ static void shapes_in_folders_below_are_found_or_named(void **state)
                    "none of the 3 shapes", "--pattern");
 }
 
+/* Of a model that was written among the shapes, or of fits beside them. */
+static void results_are_no_inputs(void **state)
+{
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/manifest.json", "d/project.swproj", "d/groomed/", "d/meshes/",
+                        "d/groomed/x.ply", "d/meshes/mean.ply", "d/fits/", "d/fits/fit.json",
+                        "d/fits/fit.csv", "d/fits/meshes/", "d/fits/meshes/y.ply"));
+    for (int k = 0; k < 2; k++)
+        expect_failure(f->ctx, choose(f, "d", k ? "**/*.ply" : NULL, NULL, &list), APSM_ERR_IO,
+                       "results are not taken for inputs", "d/groomed");
+    apsm_status status = choose(f, "d/groomed", NULL, NULL, &list);
+    expect_names(f, status, &list, "x ");
+    apsm_input_list_free(&list);
+    make_files(f, NAMES("d/p1/", "d/p1/a.ply"));
+    status = choose(f, "d", NULL, NULL, &list);
+    expect_names(f, status, &list, "a ");
+    apsm_input_list_free(&list);
+}
+
 static void trees_of_many_organs_are_chosen_from(void **state)
 {
     fixture *const f = *state;
@@ -532,6 +552,7 @@ int main(void)
         TEST(dicom_folders_are_cases),
         TEST(names_are_what_differs_in_the_paths),
         TEST(shapes_in_folders_below_are_found_or_named),
+        TEST(results_are_no_inputs),
         TEST(trees_of_many_organs_are_chosen_from),
         TEST(links_are_followed_once),
         TEST(series_beside_series_in_folders_are_all_found),
