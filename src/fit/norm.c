@@ -10,6 +10,7 @@
 #include "core/sized.h"
 #include "files/files.h"
 #include "fit/norm_job.h"
+#include "geometry/vec3.h"
 #include "statistics/permutation_test.h"
 #include "statistics/results.h"
 
@@ -184,7 +185,7 @@ static apsm_status model_scores(norm_job *w)
                 sum += (w->files.P[i * V + v] - model->mean[v]) * model->mode[k * V + v];
             b[(w->N + i) * K + k] = sum;
         }
-    const norm_data data = { w->N, w->n, w->q, K, w->X, b, b + w->N * K };
+    const norm_data data = { w->N, w->n, w->q, 1, K, w->X, b, b + w->N * K };
     const apsm_status status = norm_model_make(w->ctx, &data, &w->score_model);
     free(b);
     return status;
@@ -196,23 +197,38 @@ static apsm_status own_particles(apsm_context *ctx, size_t i, int worker, void *
     norm_job *w = user;
     double *p = malloc((w->m.J + 1) * sizeof *p);
     if (!p) return APSM_ERR_MEMORY;
-    norm_particles_own(&w->model, i, p);
+    norm_particles_own(&w->judged, i, p);
     w->least[i] = 1;
     for (size_t j = 0; j < w->m.J; j++) w->least[i] = fmin(w->least[i], p[j]);
     free(p);
     return APSM_OK;
 }
 
+/* What is judged of a shape: its particles along the mean's normals, or as they are without. */
+static void along_normals(const norm_job *w, const double *P, double *Z)
+{
+    if (!w->normal)
+        memcpy(Z, P, 3 * w->m.J * sizeof *Z);
+    else
+        for (size_t j = 0; j < w->m.J; j++) Z[j] = vec3_dot(P + 3 * j, w->normal + 3 * j);
+}
+
 static apsm_status make_models(norm_job *w)
 {
-    const size_t V = 3 * w->m.J;
+    const size_t V = 3 * w->m.J, D = w->normal ? w->m.J : V;
     w->Y = malloc((w->N * V + 1) * sizeof *w->Y);
+    w->Z = malloc(((w->N + w->n) * D + 1) * sizeof *w->Z);
     w->least = malloc((w->N + 1) * sizeof *w->least);
-    if (!w->Y || !w->least) return APSM_ERR_MEMORY;
+    if (!w->Y || !w->Z || !w->least) return APSM_ERR_MEMORY;
     for (size_t i = 0; i < w->N; i++)
         memcpy(w->Y + i * V, w->m.P + w->row[i] * V, V * sizeof *w->Y);
-    const norm_data data = { w->N, w->n, w->q, V, w->X, w->Y, w->files.P };
-    APSM_TRY(norm_model_make(w->ctx, &data, &w->model));
+    for (size_t i = 0; i < w->N; i++) along_normals(w, w->Y + i * V, w->Z + i * D);
+    for (size_t k = 0; k < w->n; k++) along_normals(w, w->files.P + k * V, w->Z + (w->N + k) * D);
+    const size_t d = D / w->m.J;
+    const norm_data all = { w->N, w->n, w->q, 3, V, w->X, w->Y, w->files.P };
+    const norm_data judged = { w->N, w->n, w->q, d, D, w->X, w->Z, w->Z + w->N * D };
+    APSM_TRY(norm_model_make(w->ctx, &all, &w->model));
+    APSM_TRY(norm_model_make(w->ctx, &judged, &w->judged));
     APSM_TRY(model_scores(w));
     return apsm_parallel_for(w->ctx, w->N, own_particles, w, "norm");
 }
@@ -272,11 +288,11 @@ static apsm_status judge_particles(const norm_job *w, size_t k, norm_result *r)
     r->q_of = malloc((J + 1) * sizeof *r->q_of);
     if (!r->t || !r->T2 || !r->p_of || !r->q_of) return APSM_ERR_MEMORY;
     for (size_t v = 0; v < w->modes; v++) r->t[v] = norm_t(&w->score_model, k, v);
-    norm_particles_new(&w->model, k, r->T2, r->p_of);
+    norm_particles_new(&w->judged, k, r->T2, r->p_of);
     if (w->normal) {
         r->along = malloc((J + 1) * sizeof *r->along);
         if (!r->along) return APSM_ERR_MEMORY;
-        norm_t_along(&w->model, k, w->normal, r->along);
+        for (size_t j = 0; j < J; j++) r->along[j] = norm_t(&w->judged, k, j);
     }
     for (size_t j = 0; j < J; j++) least = fmin(least, r->p_of[j]);
     for (size_t i = 0; i < w->N; i++) as_unusual += w->least[i] <= least;
@@ -286,10 +302,10 @@ static apsm_status judge_particles(const norm_job *w, size_t k, norm_result *r)
 
 /* ---- halves of the cohort ---- */
 
-/* A random half, as rows of X and Y; the new rows behind. */
-static void draw_half(const norm_job *w, uint64_t h, size_t *order, double *X, double *Y)
+/* A random half, as rows of X and Z; the new rows behind. */
+static void draw_half(const norm_job *w, uint64_t h, size_t *order, double *X, double *Z)
 {
-    const size_t half = w->N / 2, V = 3 * w->m.J;
+    const size_t half = w->N / 2, V = w->judged.V;
     apsm_random rng = apsm_random_stream(apsm_context_seed(w->ctx), APSM_STREAM_BOOTSTRAP, h, 1);
     for (size_t i = 0; i < w->N; i++) order[i] = i;
     for (size_t i = 0; i < half; i++) {
@@ -297,7 +313,7 @@ static void draw_half(const norm_job *w, uint64_t h, size_t *order, double *X, d
         order[i] = order[other];
         order[other] = swap;
         memcpy(X + i * w->q, w->X + order[i] * w->q, w->q * sizeof *X);
-        memcpy(Y + i * V, w->Y + order[i] * V, V * sizeof *Y);
+        memcpy(Z + i * V, w->Z + order[i] * V, V * sizeof *Z);
     }
     memcpy(X + half * w->q, w->X + w->N * w->q, w->n * w->q * sizeof *X);
 }
@@ -311,16 +327,16 @@ static int ascending(const void *a, const void *b)
 /* percentile (n x HALVINGS, out) of every shape by every half that has a norm; NAN without. */
 static apsm_status percentiles_of_halves(const norm_job *w, double *percentile)
 {
-    const size_t half = w->N / 2, V = 3 * w->m.J;
+    const size_t half = w->N / 2, V = w->judged.V;
     size_t *order = malloc((w->N + 1) * sizeof *order);
     double *X = malloc(((half + w->n) * w->q + 1) * sizeof *X);
-    double *Y = malloc((half * V + 1) * sizeof *Y);
-    const norm_data data = { half, w->n, w->q, V, X, Y, w->files.P };
-    apsm_status status = order && X && Y ? APSM_OK : APSM_ERR_MEMORY;
+    double *Z = malloc((half * V + 1) * sizeof *Z);
+    const norm_data data = { half, w->n, w->q, w->judged.d, V, X, Z, w->Z + w->N * V };
+    apsm_status status = order && X && Z ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t h = 0; h < HALVINGS && status == APSM_OK; h++) {
         norm_model m = { 0 };
         size_t N;
-        draw_half(w, h, order, X, Y);
+        draw_half(w, h, order, X, Z);
         status = norm_model_make(w->ctx, &data, &m);
         for (size_t k = 0; k < w->n; k++)
             percentile[k * HALVINGS + h] =
@@ -330,7 +346,7 @@ static apsm_status percentiles_of_halves(const norm_job *w, double *percentile)
     }
     free(order);
     free(X);
-    free(Y);
+    free(Z);
     return status;
 }
 
@@ -356,9 +372,8 @@ static apsm_status judge(norm_job *w)
 {
     w->result = calloc(w->n + 1, sizeof *w->result);
     if (!w->result) return APSM_ERR_MEMORY;
-    APSM_TRY(norm_find_normals(w));
     for (size_t k = 0; k < w->n; k++) {
-        judge_whole(&w->model, k, &w->result[k]);
+        judge_whole(&w->judged, k, &w->result[k]);
         APSM_TRY(judge_particles(w, k, &w->result[k]));
     }
     APSM_TRY(norm_judge_values(w));
@@ -381,11 +396,13 @@ static void norm_job_free(norm_job *w)
     free(w->row);
     free(w->X);
     free(w->Y);
+    free(w->Z);
     free(w->least);
     free(w->normal);
     norm_values_free(w);
     json_decref(w->notes);
     norm_model_free(&w->model);
+    norm_model_free(&w->judged);
     norm_model_free(&w->score_model);
     particle_files_free(&w->files);
     apsm_table_free(&w->table);
@@ -398,6 +415,7 @@ static apsm_status compare_with_norm(apsm_context *ctx, const apsm_norm_settings
     apsm_status status = w.notes ? read_all(&w) : APSM_ERR_MEMORY;
     if (status == APSM_OK) status = choose_rows(&w);
     if (status == APSM_OK) status = make_design(&w);
+    if (status == APSM_OK) status = norm_find_normals(&w);
     if (status == APSM_OK) status = make_models(&w);
     if (status == APSM_OK) status = judge(&w);
     if (status == APSM_OK) status = norm_write_results(&w);

@@ -42,7 +42,8 @@ typedef struct norm_job {
     double *X;             /* N + n x q */
     double *Y;             /* N x J x 3 */
     double *normal;        /* J x 3, of the mean; NULL: not known */
-    norm_model model, score_model;
+    double *Z;             /* N + n x V: what is judged, along the normals where they are known */
+    norm_model model, judged, score_model;
     double *least;        /* N: smallest p of the particles of every shape, left out */
     struct json_t *notes; /* texts of the whole: what is left out, what is not judged */
     norm_result *result;

@@ -1,6 +1,6 @@
 /* Y = X B + noise by least squares; for a row x of the design h = x (X'X)^-1 x'.  With residuals e,
- * nu = N - q, S = E'E / nu of a particle's three coordinates:
- *   new       T^2 = e' S^-1 e / (1 + h),    T^2 (nu - 2) / (3 nu)        ~ F(3, nu - 2)
+ * nu = N - q, S = E'E / nu of a particle's d coordinates:
+ *   new       T^2 = e' S^-1 e / (1 + h),    T^2 (nu - d + 1) / (d nu)    ~ F(d, nu - d + 1)
  *   own       u = e' S^-1 e / (1 - h),      T^2 = u (nu - 1) / (nu - u)  ~ as new with nu - 1
  * the second being the first of a fit without that shape (Sherman and Morrison). */
 #include "fit/norm_model.h"
@@ -10,7 +10,6 @@
 #include <string.h>
 
 #include "fit/tail.h"
-#include "geometry/vec3.h"
 #include "linalg/linalg.h"
 
 void norm_model_free(norm_model *model)
@@ -55,7 +54,7 @@ apsm_status norm_model_make(apsm_context *ctx, const norm_data *data, norm_model
 {
     const size_t N = data->N, n = data->n, q = data->q, V = data->V;
     apsm_design d = { 0 };
-    *model = (norm_model){ .N = N, .n = n, .q = q, .V = V };
+    *model = (norm_model){ .N = N, .n = n, .q = q, .d = data->d, .V = V };
     APSM_TRY(apsm_design_make(ctx, N, q, data->X, 0, data->X, &d));
     model->h = calloc(N + 1, sizeof *model->h);
     model->h0 = calloc(n + 1, sizeof *model->h0);
@@ -76,22 +75,22 @@ apsm_status norm_model_make(apsm_context *ctx, const norm_data *data, norm_model
 
 /* ---- the whole shape ---- */
 
-static double root_mean_square(size_t V, const double *e)
+static double root_mean_square(const norm_model *m, const double *e)
 {
     double sum = 0;
-    for (size_t v = 0; v < V; v++) sum += e[v] * e[v];
-    return sqrt(3 * sum / (double)V);
+    for (size_t v = 0; v < m->V; v++) sum += e[v] * e[v];
+    return sqrt((double)m->d * sum / (double)m->V);
 }
 
 double norm_distance_new(const norm_model *m, size_t k)
 {
-    return root_mean_square(m->V, m->E0 + k * m->V) / sqrt(1 + m->h0[k]);
+    return root_mean_square(m, m->E0 + k * m->V) / sqrt(1 + m->h0[k]);
 }
 
 double norm_distance_own(const norm_model *m, size_t i)
 {
     const double left = 1 - m->h[i];
-    return left > 1e-9 ? root_mean_square(m->V, m->E + i * m->V) / sqrt(left) : NAN;
+    return left > 1e-9 ? root_mean_square(m, m->E + i * m->V) / sqrt(left) : NAN;
 }
 
 double norm_t(const norm_model *m, size_t k, size_t v)
@@ -101,58 +100,46 @@ double norm_t(const norm_model *m, size_t k, size_t v)
     return m->E0[k * m->V + v] / sqrt(sum / (double)(m->N - m->q) * (1 + m->h0[k]));
 }
 
-void norm_t_along(const norm_model *m, size_t k, const double *normal, double *t)
-{
-    for (size_t j = 0; j < m->V / 3; j++) {
-        const double *n = normal + 3 * j;
-        double sum = 0;
-        for (size_t i = 0; i < m->N; i++) {
-            const double d = vec3_dot(m->E + i * m->V + 3 * j, n);
-            sum += d * d;
-        }
-        t[j] = vec3_dot(m->E0 + k * m->V + 3 * j, n) /
-               sqrt(sum / (double)(m->N - m->q) * (1 + m->h0[k]));
-    }
-}
-
 /* ---- particles ---- */
 
 /* e' S^-1 e of particle j, S the residuals' covariance; NAN if that is singular. */
 static double length2(const norm_model *m, size_t j, const double *e)
 {
+    const size_t d = m->d;
     double S[9] = { 0 }, x[3], sum = 0;
     for (size_t i = 0; i < m->N; i++) {
-        const double *r = m->E + i * m->V + 3 * j;
-        for (int a = 0; a < 3; a++)
-            for (int b = 0; b < 3; b++) S[3 * a + b] += r[a] * r[b] / (double)(m->N - m->q);
+        const double *r = m->E + i * m->V + d * j;
+        for (size_t a = 0; a < d; a++)
+            for (size_t b = 0; b < d; b++) S[d * a + b] += r[a] * r[b] / (double)(m->N - m->q);
     }
-    if (apsm_cholesky(3, S) != APSM_OK) return NAN;
-    memcpy(x, e + 3 * j, sizeof x);
-    apsm_cholesky_solve(3, S, 1, x);
-    for (int a = 0; a < 3; a++) sum += x[a] * e[3 * j + (size_t)a];
+    if (apsm_cholesky(d, S) != APSM_OK) return NAN;
+    memcpy(x, e + d * j, d * sizeof *x);
+    apsm_cholesky_solve(d, S, 1, x);
+    for (size_t a = 0; a < d; a++) sum += x[a] * e[d * j + a];
     return sum;
 }
 
-static double tail(double T2, double nu)
+static double tail(const norm_model *m, double T2, double nu)
 {
-    return isnan(T2) ? 1 : fit_tail_f(T2 * (nu - 2) / (3 * nu), 3, nu - 2);
+    const double d = (double)m->d, rest = nu - d + 1;
+    return isnan(T2) ? 1 : fit_tail_f(T2 * rest / (d * nu), d, rest);
 }
 
 void norm_particles_new(const norm_model *m, size_t k, double *T2, double *p)
 {
-    for (size_t j = 0; j < m->V / 3; j++) {
+    for (size_t j = 0; j < m->V / m->d; j++) {
         const double t2 = length2(m, j, m->E0 + k * m->V) / (1 + m->h0[k]);
         if (T2) T2[j] = t2;
-        p[j] = tail(t2, (double)(m->N - m->q));
+        p[j] = tail(m, t2, (double)(m->N - m->q));
     }
 }
 
 void norm_particles_own(const norm_model *m, size_t i, double *p)
 {
     const double nu = (double)(m->N - m->q), left = 1 - m->h[i];
-    for (size_t j = 0; j < m->V / 3; j++) {
+    for (size_t j = 0; j < m->V / m->d; j++) {
         const double u = left > 1e-9 ? length2(m, j, m->E + i * m->V) / left : NAN;
-        p[j] = tail(u < nu ? u * (nu - 1) / (nu - u) : INFINITY, nu - 1);
+        p[j] = tail(m, u < nu ? u * (nu - 1) / (nu - u) : INFINITY, nu - 1);
         if (isnan(u)) p[j] = 1;
     }
 }

@@ -5,19 +5,20 @@
 
 #include "statistics/design.h"
 
-/* N shapes of J particles, n new ones, by a design whose rows are known for all.  Owns its arrays;
- * zero-initialise with {0}, norm_model_free leaves it so. */
+/* N shapes of V / d particles, n new ones, by a design whose rows are known for all; d = 3
+ * coordinates, or 1, the one along the normal.  Owns its arrays; zero-initialise with {0},
+ * norm_model_free leaves it so. */
 typedef struct norm_model {
-    size_t N, n, q, V; /* V = 3 J */
-    double *h;         /* N: leverages */
-    double *E;         /* N x V: residuals */
-    double *h0;        /* n: of the new ones, x (X'X)^-1 x' */
-    double *E0;        /* n x V: their distance from what is expected */
+    size_t N, n, q, d, V;
+    double *h;  /* N: leverages */
+    double *E;  /* N x V: residuals */
+    double *h0; /* n: of the new ones, x (X'X)^-1 x' */
+    double *E0; /* n x V: their distance from what is expected */
 } norm_model;
 
 /* What it is made of; borrowed. */
 typedef struct norm_data {
-    size_t N, n, q, V;
+    size_t N, n, q, d, V;
     const double *X;  /* N + n x q: the cohort's rows, then the new ones' */
     const double *Y;  /* N x V */
     const double *Y0; /* n x V */
@@ -35,11 +36,10 @@ double norm_distance_own(const norm_model *model, size_t i);
 
 /* t of variable v of new shape k: Student's t with N - q degrees of freedom. */
 double norm_t(const norm_model *model, size_t k, size_t v);
-/* The same of every particle's distance along a unit normal (V); t (V / 3, out). */
-void norm_t_along(const norm_model *model, size_t k, const double *normal, double *t);
 
-/* p (J, out) of every particle of new shape k by Hotelling's T^2 of three coordinates, and T2 (J,
- * out; NULL: not asked for).  As above for shape i of the cohort, left out. N - q > 4. */
+/* p (V / d, out) of every particle of new shape k by Hotelling's T^2 of its d coordinates (t^2 of
+ * one), and T2 (V / d, out; NULL: not asked for).  As above for shape i of the cohort, left out.
+ * N - q > 4. */
 void norm_particles_new(const norm_model *model, size_t k, double *T2, double *p);
 void norm_particles_own(const norm_model *model, size_t i, double *p);
 

@@ -71,12 +71,13 @@ static json_t *json_result(const norm_job *w)
         if (!model_folder_is_certified(&w->m, w->row[i]))
             json_array_append_new(uncertified, json_string(w->names[w->row[i]]));
     const char *unit = manifest_unit(w->m.manifest);
-    return json_pack("{s:s, s:i, s:s, s:o, s:o, s:I, s:I, s:o, s:O, s:o}", "format", FORMAT_NORM,
-                     "version", NORM_VERSION, "apsm", APSM_VERSION, "unit",
+    return json_pack("{s:s, s:i, s:s, s:o, s:o, s:I, s:I, s:o, s:o, s:O, s:o}", "format",
+                     FORMAT_NORM, "version", NORM_VERSION, "apsm", APSM_VERSION, "unit",
                      unit ? json_string(unit) : json_null(), "formula",
                      w->s->formula ? json_string(w->s->formula) : json_null(), "shapes",
-                     (json_int_t)w->N, "coefficients", (json_int_t)w->q, "not_certified",
-                     uncertified, "notes", w->notes, "new", shapes);
+                     (json_int_t)w->N, "coefficients", (json_int_t)w->q, "normals",
+                     w->normal ? apsm_json_matrix(w->m.J, 3, w->normal) : json_null(),
+                     "not_certified", uncertified, "notes", w->notes, "new", shapes);
 }
 
 static void write_table(const norm_job *w, apsm_writer *csv)

@@ -65,7 +65,9 @@ apsm_status norm_find_normals(norm_job *w)
     if (found) return APSM_OK;
     free(w->normal);
     w->normal = NULL;
-    return APSM_OK;
+    return norm_note(w, "the model has no mean surface (meshes/), so shapes are judged in every "
+                        "direction, not along its normals: fitted ones then look more unusual "
+                        "than they are; run apsm evaluate on the model first");
 }
 
 /* ---- numbers ---- */
@@ -139,7 +141,7 @@ static apsm_status judge_value(norm_job *w, const char *name, const double *all)
         v->N = gather(w, all, X, y, y0);
         if (v->N > w->q + LEAST_FREEDOM)
             status = norm_model_make(
-                w->ctx, &(norm_data){ v->N, w->n, w->q, .V = 1, .X = X, .Y = y, .Y0 = y0 }, &m);
+                w->ctx, &(norm_data){ v->N, w->n, w->q, 1, 1, .X = X, .Y = y, .Y0 = y0 }, &m);
         if (status == APSM_OK && m.E0) set_value(w, &m, all, y0, v);
     }
     norm_model_free(&m);

@@ -230,7 +230,8 @@ rm -r model/statistics
     fail "verify does not know measurements: $(tail -n 1 said)"
 
 # ---- norms ----
-awk 'NR == 5 { $1 += 12 } { print }' model/particles/s4_world.particles >new_world.particles
+awk 'NR == 5 { r = 1 + 12 / sqrt($1 * $1 + $2 * $2 + $3 * $3); $1 *= r; $2 *= r; $3 *= r } { print }' \
+    model/particles/s4_world.particles >new_world.particles # outward, of an ellipsoid
 (cat table.csv && echo new,small,25) >all.csv
 "$apsm" norm model new_world.particles --subjects all.csv --formula '~ group + age' >said 2>&1 ||
     fail "norm: $(tail -n 1 said)"
@@ -241,6 +242,17 @@ for threads in 1 2; do
     "$apsm" norm model new_world.particles -o n$threads --threads $threads --quiet
 done
 cmp -s n1/norm.json n2/norm.json || fail "another norm with two threads"
+# Along the surface nothing is seen; a model without its mean's surface says that all directions are judged.
+cp -r model bare && rm -r bare/meshes bare/statistics
+"$apsm" norm bare new_world.particles -o n7 -q >said 2>&1 || fail "norm without meshes: $(tail -n 1 said)"
+grep -q '"normals": null' n7/norm.json && grep -q '"notes": \["the model has no mean surface' n7/norm.json ||
+    fail "a norm in all directions does not say so"
+awk 'NR == 5 { r = 3 / sqrt($1 * $1 + $2 * $2 + 1e-9); a = -$2 * r; $2 += $1 * r; $1 += a } { print }' \
+    model/particles/s4_world.particles >slid_world.particles
+"$apsm" norm model slid_world.particles -o n8 -q && "$apsm" norm bare slid_world.particles -o n9 -q >said 2>&1 ||
+    fail "norm of a slide: $(cat said)"
+[ "$(sort -t, -k8 -gr n9/slid_norm.csv | head -n 1 | cut -d, -f1)" = 4 ] || fail "a slide is not seen in all directions"
+[ "$(sort -t, -k8 -gr n8/slid_norm.csv | head -n 1 | cut -d, -f1)" != 4 ] || fail "a slide along the surface is judged"
 # What to know before it is trusted is in the results, too.
 awk -F, 'NR == 1 { print $0 ",odd"; next } $1 == "new" { $3 = 90 } { print $1 "," $2 "," $3 "," (NR == 4 ? "lost" : NR) }' all.csv >old.csv
 "$apsm" norm model new_world.particles --subjects old.csv --formula '~ age + group + age:group' -o n6 -q >said 2>&1 ||

@@ -299,35 +299,50 @@ X0 <- cbind(1, c(25, 31))
 rms <- function(e) sqrt(sum(e^2) / J)
 expected <- function(X, Y, x) drop(x %*% qr.coef(qr(X), Y))
 leverage <- function(X, x) drop(x %*% solve(crossprod(X), x))
-own <- sapply(1:12, function(i) rms(shapes[i, ] - expected(X[-i, ], shapes[-i, ], X[i, ])) / sqrt(1 + leverage(X[-i, ], X[i, ])))
-particle_p <- function(X, Y, x, y, figures = FALSE) {
+# d coordinates a particle: 3, or the one along its normal.
+particle_p <- function(X, Y, x, y, d, figures = FALSE) {
   e <- y - expected(X, Y, x)
   left <- qr.resid(qr(X), Y)
   nu <- nrow(X) - ncol(X)
   T2 <- sapply(seq_len(J), function(j) {
-    k <- 3 * j - 2:0
-    e[k] %*% solve(crossprod(left[, k]) / nu, e[k]) / (1 + leverage(X, x))
+    k <- d * j - (d - 1):0
+    e[k] %*% solve(crossprod(left[, k, drop = FALSE]) / nu, e[k]) / (1 + leverage(X, x))
   })
-  p <- pf(T2 * (nu - 2) / (3 * nu), 3, nu - 2, lower.tail = FALSE)
+  p <- pf(T2 * (nu - d + 1) / (d * nu), d, nu - d + 1, lower.tail = FALSE)
   if (figures) list(T2 = T2, p = p) else p
 }
-least <- sapply(1:12, function(i) min(particle_p(X[-i, ], shapes[-i, ], X[i, ], shapes[i, ])))
+judge <- function(folder, Y, Y0, d) {
+  own <- sapply(1:12, function(i) rms(Y[i, ] - expected(X[-i, ], Y[-i, ], X[i, ])) / sqrt(1 + leverage(X[-i, ], X[i, ])))
+  least <- sapply(1:12, function(i) min(particle_p(X[-i, ], Y[-i, ], X[i, ], Y[i, ], d)))
+  norms <- read.csv(at(folder, "norm.csv"))
+  text <- strsplit(read_text(at(folder, "norm.json")), '"name": "new[12]"')[[1]][-1]
+  for (k in 1:2) {
+    distance <- rms(Y0[k, ] - expected(X, Y, X0[k, ])) / sqrt(1 + leverage(X, X0[k, ]))
+    near(norms$distance[k], distance, "distance from the norm")
+    near(norms$percentile[k], 100 * mean(own < distance), "percentile", 1e-12)
+    near(c(norms$percentile_low[k], norms$percentile_high[k]), 100 * prop.test(sum(own < distance), 12, correct = FALSE)$conf.int, "Wilson's interval", 1e-6)
+    near(figure(text[k], "p"), (sum(own >= distance) + 1) / 13, "p of a shape", 1e-12)
+    near(figure(text[k], "z"), (log(distance) - mean(log(own))) / sd(log(own)), "z of a shape")
+    particles <- read.csv(at(folder, paste0(norms$name[k], "_norm.csv")))
+    want <- particle_p(X, Y, X0[k, ], Y0[k, ], d, TRUE)
+    near(particles$standardised, sqrt(want$T2), "T of particles")
+    near(particles$p, want$p, "p of particles", 1e-7)
+    near(particles$q, p.adjust(want$p, "BH"), "q of particles", 1e-7)
+    near(figure(text[k], "p_particles"), (sum(least <= min(want$p)) + 1) / 13, "p of the most unusual particle", 1e-12)
+  }
+}
+judge("n3", shapes, added, 3)
+normals <- sub('(?s).*?"normals": \\[(.*?)\\][\\s]*\\].*', "\\1", read_text(at("n", "norm.json")), perl = TRUE)
+normals <- matrix(as.numeric(regmatches(normals, gregexpr("[-0-9.e+]+", normals))[[1]]), ncol = 3, byrow = TRUE)
+along <- function(Y) sapply(seq_len(J), function(j) Y[, 3 * j - 2:0] %*% normals[j, ])
+judge("n", along(shapes), along(added), 1)
+# The mean is nearly an ellipsoid about its centre: outward normals are those of its quadric.
+half <- apply(m$mean, 2, function(x) diff(range(x)) / 2)
+outward <- sweep(sweep(m$mean, 2, colMeans(m$mean)), 2, half^2, "/")
+near(rowSums(normals^2), rep(1, J), "length of the normals", 1e-6)
+stopifnot(rowSums(normals * outward) / sqrt(rowSums(outward^2)) > 0.9)
 norms <- read.csv(at("n", "norm.csv"))
 text <- strsplit(read_text(at("n", "norm.json")), '"name": "new[12]"')[[1]][-1]
-for (k in 1:2) {
-  distance <- rms(added[k, ] - expected(X, shapes, X0[k, ])) / sqrt(1 + leverage(X, X0[k, ]))
-  near(norms$distance[k], distance, "distance from the norm")
-  near(norms$percentile[k], 100 * mean(own < distance), "percentile", 1e-12)
-  near(c(norms$percentile_low[k], norms$percentile_high[k]), 100 * prop.test(sum(own < distance), 12, correct = FALSE)$conf.int, "Wilson's interval", 1e-6)
-  near(figure(text[k], "p"), (sum(own >= distance) + 1) / 13, "p of a shape", 1e-12)
-  near(figure(text[k], "z"), (log(distance) - mean(log(own))) / sd(log(own)), "z of a shape")
-  particles <- read.csv(at("n", paste0(norms$name[k], "_norm.csv")))
-  want <- particle_p(X, shapes, X0[k, ], added[k, ], TRUE)
-  near(particles$standardised, sqrt(want$T2), "T of particles")
-  near(particles$p, want$p, "p of particles", 1e-7)
-  near(particles$q, p.adjust(want$p, "BH"), "q of particles", 1e-7)
-  near(figure(text[k], "p_particles"), (sum(least <= min(want$p)) + 1) / 13, "p of the most unusual particle", 1e-12)
-}
 modes <- t(apply(m$modes, 3, function(x) as.vector(t(x))))
 scores <- sweep(added, 2, as.vector(t(m$mean))) %*% t(modes)
 fit <- lm(size ~ known$age)

@@ -53,6 +53,8 @@ awk '{ print $1, $2 * 1.1, $3 + (NR == 5) }' "$world/s7_world.particles" >"$fold
 run predict "$folder/model" --of luck --subjects "$folder/table.csv" "$folder/new1_world.particles" "$folder/new2_world.particles" -o "$folder/p"
 (cat "$folder/table.csv" && echo "new1,a,25,d1,,,," && echo "new2,a,31,d1,,,,") >"$folder/all.csv"
 run norm "$folder/model" "$folder/new1_world.particles" "$folder/new2_world.particles" --subjects "$folder/all.csv" --formula '~ age' -o "$folder/n"
+cp -r "$folder/model" "$folder/bare" && rm -r "$folder/bare/meshes" # no normals: in all directions
+run norm "$folder/bare" "$folder/new1_world.particles" "$folder/new2_world.particles" --subjects "$folder/all.csv" --formula '~ age' -o "$folder/n3"
 cat >"$folder/define.json" <<'JSON'
 {"measurements": [{"name": "across", "kind": "distance", "points": [0, 7]},
  {"name": "bend", "kind": "angle", "points": [0, 3, 7]}, {"name": "turn", "kind": "angle", "points": [0, 3, 7, 11]},

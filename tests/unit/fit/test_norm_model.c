@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "core/random.h"
-#include "fit/norm_model.h"
+#include "fit/norm_job.h"
 
 enum { N = 24, J = 7, V = 3 * J, Q = 3 };
 
@@ -31,7 +31,7 @@ static void left_out_is_as_new(void **state)
     double X[N * Q], Y[N * V], X1[N * Q], Y1[N * V], own[J], new[J];
     norm_model all, others;
     data(0, N, X, Y);
-    assert_ok(norm_model_make(NULL, &(norm_data){ N, 0, Q, V, X, Y, Y }, &all));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 0, Q, 3, V, X, Y, Y }, &all));
     for (size_t i = 0; i < N; i += 5) {
         size_t n = 0;
         for (size_t k = 0; k < N; k++) {
@@ -40,7 +40,7 @@ static void left_out_is_as_new(void **state)
             memcpy(Y1 + n++ * V, Y + k * V, V * sizeof *Y);
         }
         memcpy(X1 + n * Q, X + i * Q, Q * sizeof *X);
-        assert_ok(norm_model_make(NULL, &(norm_data){ n, 1, Q, V, X1, Y1, Y + i * V }, &others));
+        assert_ok(norm_model_make(NULL, &(norm_data){ n, 1, Q, 3, V, X1, Y1, Y + i * V }, &others));
         assert_true(fabs(norm_distance_own(&all, i) / norm_distance_new(&others, 0) - 1) < 1e-12);
         norm_particles_own(&all, i, own);
         norm_particles_new(&others, 0, NULL, new);
@@ -61,7 +61,7 @@ static void level_is_kept(void **state)
         double X[(N + 1) * Q], Y[(N + 1) * V], p[J];
         norm_model m;
         data(10 + k, N + 1, X, Y);
-        assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
+        assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, 3, V, X, Y, Y + N * V }, &m));
         norm_particles_new(&m, 0, NULL, p);
         for (size_t j = 0; j < J; j++) particles += p[j] < 0.05;
         for (size_t v = 0; v < V; v++) t += fabs(norm_t(&m, 0, v)) > 2.0796138447; /* 21 degrees */
@@ -81,28 +81,41 @@ static void planted_bump_is_found(void **state)
     norm_model m;
     data(1000, N + 1, X, Y);
     Y[N * V + 3 * 4] += 30;
-    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, 3, V, X, Y, Y + N * V }, &m));
     norm_particles_new(&m, 0, T2, p);
     for (size_t j = 0; j < J; j++) assert_true(j == 4 ? p[j] < 1e-6 : p[j] > 1e-3);
     for (size_t j = 0; j < J; j++) assert_true(j == 4 || T2[j] < T2[4] / 5);
     norm_model_free(&m);
 }
 
-/* Along an axis t is that of the coordinate; turned about, it changes its sign. */
-static void along_normals_is_as_coordinates(void **state)
+/* With one coordinate a particle p is that of its t, and shapes that were left out are as new. */
+static void one_coordinate_is_students(void **state)
 {
     (void)state;
-    double X[(N + 1) * Q], Y[(N + 1) * V], normal[V] = { 0 }, t[J];
-    norm_model m;
+    double X[(N + 1) * Q], Y[(N + 1) * V], X1[N * Q], Y1[N * V], own[V], new[V], T2[V];
+    norm_model all, others;
     data(5, N + 1, X, Y);
-    for (size_t j = 0; j < J; j++) normal[3 * j + j % 3] = j % 2 ? -1 : 1;
-    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, V, X, Y, Y + N * V }, &m));
-    norm_t_along(&m, 0, normal, t);
-    for (size_t j = 0; j < J; j++) {
-        const double one = norm_t(&m, 0, 3 * j + j % 3);
-        assert_true(fabs(t[j] - (j % 2 ? -one : one)) < 1e-12 * (1 + fabs(one)));
+    assert_ok(norm_model_make(NULL, &(norm_data){ N, 1, Q, 1, V, X, Y, Y + N * V }, &all));
+    norm_particles_new(&all, 0, T2, new);
+    for (size_t v = 0; v < V; v++) {
+        const double t = norm_t(&all, 0, v), nu = N - Q;
+        assert_true(fabs(T2[v] - t * t) < 1e-9 * (1 + t * t));
+        assert_true(fabs(new[v] - 2 * norm_student(-fabs(t), nu)) < 1e-12);
     }
-    norm_model_free(&m);
+    for (size_t i = 0; i < N; i += 7) {
+        memcpy(X1, X, sizeof X1);
+        memcpy(Y1, Y, sizeof Y1);
+        memcpy(X1 + i * Q, X1 + (N - 1) * Q, Q * sizeof *X);
+        memcpy(Y1 + i * V, Y1 + (N - 1) * V, V * sizeof *Y);
+        memcpy(X1 + (N - 1) * Q, X + i * Q, Q * sizeof *X);
+        const norm_data data = { N - 1, 1, Q, 1, V, X1, Y1, Y + i * V };
+        assert_ok(norm_model_make(NULL, &data, &others));
+        norm_particles_own(&all, i, own);
+        norm_particles_new(&others, 0, NULL, new);
+        for (size_t v = 0; v < V; v++) assert_true(fabs(own[v] - new[v]) < 1e-10);
+        norm_model_free(&others);
+    }
+    norm_model_free(&all);
 }
 
 int main(void)
@@ -110,6 +123,6 @@ int main(void)
     const struct CMUnitTest tests[] = { cmocka_unit_test(left_out_is_as_new),
                                         cmocka_unit_test(level_is_kept),
                                         cmocka_unit_test(planted_bump_is_found),
-                                        cmocka_unit_test(along_normals_is_as_coordinates) };
+                                        cmocka_unit_test(one_coordinate_is_students) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
