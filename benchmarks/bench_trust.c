@@ -519,7 +519,8 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                "\"mismatched\": %.4f, \"swaps\": %zu, \"folds\": %zu, \"t_evidence\": %.3f, "
                "\"m_evidence\": %.3f, "
                "\"reasons\": %u, \"doubts\": "
-               "%u, \"s_evidence\": %.3f, \"true_slip\": %.3f}\n",
+               "%u, \"s_evidence\": %.3f, \"true_slip\": %.3f, "
+               "\"parts\": [%.3f, %.2f, %.3f, %.3f, %.2f, %.3f, %.3f, %.2f, %.3f]}\n",
                planted->name, planted->size, b->name[i], b->planted[i], i == b->t,
                isfinite(b->wrong[i]) ? b->wrong[i] : -1.0, f->agreement,
                fmax(f->turn[0].agreement, -9), f->turn[0].fit, fmax(f->turn[1].agreement, -9),
@@ -529,7 +530,9 @@ static void tell(const bench *b, const fault *planted, const cohort_certificate 
                (double)own->lost / (double)own->J, (double)own->mismatched / (double)own->J,
                own->swaps, own->folds, fmin(f->turn[0].evidence, 99), fmin(f->turn[1].evidence, 99),
                own->reasons, c->doubts[i], fmin(f->turn[1].staying, 99),
-               isfinite(b->slipped[i]) ? b->slipped[i] : -1.0);
+               isfinite(b->slipped[i]) ? b->slipped[i] : -1.0, f->part[0].times, f->part[0].excess,
+               f->part[0].size, f->part[1].times, f->part[1].excess, f->part[1].size,
+               f->part[2].times, f->part[2].excess, f->part[2].size);
     }
 }
 

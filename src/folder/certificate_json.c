@@ -78,8 +78,13 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
     const bool slipped = c->doubts[i] & (1u << APSM_DOUBT_SLIP);
     const double unknown = g->looks > 0 ? 0.0 : NAN;
     const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
+    const bool unlike = c->doubts[i] & (1u << APSM_DOUBT_PART);
+    const double *departs = g->departs + i * g->J;
+    const apsm_verdict_options options = apsm_verdict_defaults();
+    const apsm_departure *part = apsm_verdict_part(f, &options);
     return json_pack(
-        "{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f}",
+        "{s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:o, s:f, s:f, s:f, s:o, s:o, s:f, s:f, s:f, "
+        "s:f, s:f, s:f, s:o}",
         "agreement", json_agreement(f->agreement), "agreement_turned",
         json_agreement(f->turn[0].agreement), "agreement_mirrored",
         json_agreement(f->turn[1].agreement), "evidence_pose", json_known(f->turn[0].evidence),
@@ -88,7 +93,9 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
         json_where(g->J, slip, 0.5 * slip[f->slip_at], slipped), "reach_excess", f->reach_excess,
         "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
-        f->size, "off", f->off, "off_excess", f->off_excess);
+        f->size, "off", f->off, "off_excess", f->off_excess, "part_times", part->times,
+        "part_excess", part->excess, "part", part->size, "unlike",
+        json_where(g->J, departs, 0.5 * departs[part->at], unlike));
 }
 
 static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
@@ -112,13 +119,15 @@ static json_t *json_thresholds(void)
 {
     const apsm_certificate_options o = apsm_certificate_defaults();
     const apsm_verdict_options v = apsm_verdict_defaults();
-    return json_pack(
-        "{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:i}",
-        "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface", o.off_surface,
-        "coincident", o.coincident, "slip_times", v.slip, "slip_size", v.slip_size, "reach_excess",
-        v.reach_excess, "reach", v.reach_size, "farthest", v.farthest, "off", v.off, "off_excess",
-        v.off_excess, "size", v.size, "size_excess", v.size_excess, "evidence_against", v.against,
-        "evidence_told", v.told, "least_shapes", (int)APSM_LEAST_JUDGED);
+    return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, "
+                     "s:f, s:f, s:f, s:i}",
+                     "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
+                     o.off_surface, "coincident", o.coincident, "slip_times", v.slip, "slip_size",
+                     v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size, "farthest",
+                     v.farthest, "off", v.off, "off_excess", v.off_excess, "size", v.size,
+                     "size_excess", v.size_excess, "part_times", v.part, "part_excess",
+                     v.part_excess, "part", v.part_size, "evidence_against", v.against,
+                     "evidence_told", v.told, "least_shapes", (int)APSM_LEAST_JUDGED);
 }
 
 static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certificate *c)

@@ -198,7 +198,7 @@ apsm_status dicom_read_segments(apsm_context *ctx, dicom_stack *k, image *m)
     if (!place) return apsm_fail(ctx, APSM_ERR_MEMORY, "%s: out of memory", k->folder);
     painting p = { .volume = &m->volume, .place = place };
     apsm_status status = find_places(ctx, k, m->n[2], gap, step, place);
-    dicom_grid(k, step, m);
+    dicom_grid(ctx, k, step, m);
     if (status == APSM_OK) status = image_place(ctx, k->folder, m);
     if (status == APSM_OK) status = fill(ctx, k, m, &p);
     free(p.frame);

@@ -14,6 +14,7 @@
 static const double largest_deviation = 0.1; /* of the gap between slices */
 /* Of products of directions that are written with three decimals: 2 sqrt(3) half units. */
 static const double plane_rounding = 2e-3;
+static const double coarse_rounding = 2e-2; /* with two decimals */
 
 /* ---- slices ---- */
 
@@ -63,7 +64,7 @@ static void normal_of(const double o[6], double n[3])
 }
 
 /* Directions of rows and columns, but for their rounding. */
-static bool is_plane(const double o[6])
+static bool is_plane(const double o[6], double rounding)
 {
     double product[3] = { 0 }; /* rows, columns, and rows with columns */
     for (int c = 0; c < 3; c++) {
@@ -71,8 +72,40 @@ static bool is_plane(const double o[6])
         product[1] += o[3 + c] * o[3 + c];
         product[2] += o[c] * o[3 + c];
     }
-    return fabs(product[0] - 1.0) <= plane_rounding && fabs(product[1] - 1.0) <= plane_rounding &&
-           fabs(product[2]) <= plane_rounding;
+    return fabs(product[0] - 1.0) <= rounding && fabs(product[1] - 1.0) <= rounding &&
+           fabs(product[2]) <= rounding;
+}
+
+/* What two decimals, and no more, leave of such directions. */
+static bool is_coarse_plane(const double o[6])
+{
+    for (int c = 0; c < 6; c++)
+        if (fabs(100.0 * o[c] - round(100.0 * o[c])) > 1e-9) return false;
+    return is_plane(o, coarse_rounding);
+}
+
+static void bisect(const double u[3], double sign, const double v[3], double half[3])
+{
+    double square = 0.0;
+    for (int c = 0; c < 3; c++) {
+        half[c] = u[c] + sign * v[c];
+        square += half[c] * half[c];
+    }
+    for (int c = 0; c < 3; c++) half[c] /= sqrt(2.0 * square);
+}
+
+/* o <- two directions of length 1 at right angles, as far from the row's as from the column's. */
+static void straighten(double o[6])
+{
+    double length[2] = { 0 }, unit[6], between[3], across[3];
+    for (int c = 0; c < 6; c++) length[c / 3] += o[c] * o[c];
+    for (int c = 0; c < 6; c++) unit[c] = o[c] / sqrt(length[c / 3]);
+    bisect(unit, 1.0, unit + 3, between);
+    bisect(unit, -1.0, unit + 3, across);
+    for (int c = 0; c < 3; c++) {
+        o[c] = between[c] + across[c];
+        o[3 + c] = between[c] - across[c];
+    }
 }
 
 static apsm_status check_image(apsm_context *ctx, const char *path, const dicom *d)
@@ -96,7 +129,7 @@ static apsm_status check_image(apsm_context *ctx, const char *path, const dicom 
                          path,
                          d->has_orientation ? "PixelSpacing (0028,0030)"
                                             : "ImageOrientationPatient (0020,0037)");
-    if (!is_plane(d->orientation))
+    if (!is_plane(d->orientation, plane_rounding) && !is_coarse_plane(d->orientation))
         return apsm_fail(ctx, APSM_ERR_FORMAT,
                          "%s: its ImageOrientationPatient (0020,0037) is not two directions at "
                          "right angles, of length 1; convert the series to NRRD or NIfTI",
@@ -276,14 +309,23 @@ static apsm_status check_stack(apsm_context *ctx, const dicom_stack *k, double s
 
 /* ---- the volume ---- */
 
-void dicom_grid(const dicom_stack *k, const double step[3], image *m)
+void dicom_grid(apsm_context *ctx, const dicom_stack *k, const double step[3], image *m)
 {
     const dicom *const d = &k->shared;
+    double o[6];
+    memcpy(o, d->orientation, sizeof o);
+    if (!is_plane(o, plane_rounding)) {
+        scan s = { .ctx = ctx, .path = k->folder };
+        straighten(o);
+        image_note(&s, m,
+                   "its ImageOrientationPatient (0020,0037) has two decimals; brought to right "
+                   "angles and length 1, it may be off by half a degree");
+    }
     m->n[0] = (size_t)d->columns;
     m->n[1] = (size_t)d->rows;
     for (int r = 0; r < 3; r++) {
-        m->step[3 * r] = d->orientation[r] * d->between[1];
-        m->step[3 * r + 1] = d->orientation[3 + r] * d->between[0];
+        m->step[3 * r] = o[r] * d->between[1];
+        m->step[3 * r + 1] = o[3 + r] * d->between[0];
         m->step[3 * r + 2] = step[r];
         m->origin[r] = k->slice[0].position[r];
     }
@@ -328,7 +370,7 @@ static apsm_status read_images(apsm_context *ctx, dicom_stack *k, image *m)
         return apsm_fail(ctx, APSM_ERR_FORMAT,
                          "%s: holds a single slice; give the folder of the whole stack", k->folder);
     APSM_TRY(check_stack(ctx, k, step));
-    dicom_grid(k, step, m);
+    dicom_grid(ctx, k, step, m);
     m->n[2] = k->n;
     APSM_TRY(image_place(ctx, k->folder, m));
     m->volume.layers = 1;

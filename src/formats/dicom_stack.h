@@ -27,7 +27,7 @@ const char *dicom_slice_name(const dicom_stack *k, size_t i); /* of its file, wi
 bool dicom_on_line(const double first[3], const double step[3], double i, double gap,
                    const double position[3]);
 /* m (out): all of the grid but the number of slices. */
-void dicom_grid(const dicom_stack *k, const double step[3], image *m);
+void dicom_grid(apsm_context *ctx, const dicom_stack *k, const double step[3], image *m);
 
 /* Calls fn for each slice i with its parsed file; files are read once. */
 typedef void (*dicom_slice_fn)(scan *s, const dicom *d, const dicom_stack *k, size_t i, void *user);

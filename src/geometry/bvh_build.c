@@ -1,9 +1,10 @@
 /* Makes the tree of bvh.c.
  *
  * A binary tree from the top: by the surface-area heuristic in 16 bins (Wald, "On fast construction
- * of SAH-based bounding volume hierarchies", 2007), from FEW triangles on by halves along the
- * longest side, down to leaves of LEAF triangles, as many full ones as there can be.  Then every
- * node takes in its largest children until it has four.  The boxes of siblings lie side by side in
+ * of SAH-based bounding volume hierarchies", 2007) along the longest side, or along each if that
+ * gains little; from FEW triangles on by halves along the longest side, down to leaves of LEAF
+ * triangles, as many full ones as there can be.  Then every node takes in its largest children
+ * until it has four.  The boxes of siblings lie side by side in
  * float32, so that one node is four box distances at once in SSE registers; so do the triangles of
  * a leaf.
  *
@@ -21,6 +22,8 @@
 
 enum { BINS = 16, FEW = 32, DEEP = 40 };
 #define PAD 0x1p-21f
+/* Halves that meet nowhere cost half of the whole, those of a sphere .63. */
+#define GOOD_CUT 0.8f
 
 /* ---- the binary tree ------------------------------------------------------------------------ */
 
@@ -46,34 +49,33 @@ static float box_area(const box *b)
     return x >= 0.0f ? x * y + y * z + z * x : 0.0f;
 }
 
-/* A node of the binary tree: leaf if count > 0. */
+/* A node of the binary tree: leaf if count > 0.  Its left child is the next node. */
 typedef struct binary {
     box bounds;
-    uint32_t first, count, left, right;
+    uint32_t first, count, right;
+    uint32_t side; /* of the two arrays that hold its faces */
 } binary;
 
-/* Faces in the order of the leaves, and their boxes with them. */
+/* Faces in the order of the leaves, and their boxes with them, in one of two arrays each. */
 typedef struct builder {
-    box *boxes, *spare_boxes;      /* nf */
-    uint32_t *order, *spare_order; /* nf: face numbers */
-    binary *tree;                  /* 2 nf */
+    box *boxes[2];      /* nf */
+    uint32_t *order[2]; /* nf: face numbers */
+    binary *tree;       /* 2 nf */
     uint32_t used;
 } builder;
 
-/* Cut across an axis: bins 0..bin go left. */
+/* Cut across an axis: what is in bins 0..bin goes left. */
 typedef struct split {
     int axis; /* -1: none */
-    float from[4], per_bin[4], cost;
     int bin;
+    float from, per_bin, cost;
+    box left, right; /* bounds */
 } split;
 
-/* The bin of the middle of b along each axis. */
-static inline void bins_of(const split *s, const box *b, int bin[4])
+/* In which bin the middle of b is, before rounding down; the last one has what is beyond. */
+static inline float place_of(const split *s, const box *b)
 {
-    for (int c = 0; c < 4; c++) {
-        const float at = (b->lo[c] + b->hi[c] - s->from[c]) * s->per_bin[c];
-        bin[c] = at < (float)(BINS - 1) ? (int)at : BINS - 1;
-    }
+    return (b->lo[s->axis] + b->hi[s->axis] - s->from) * s->per_bin;
 }
 
 /* What lies in the bins of an axis. */
@@ -82,89 +84,40 @@ typedef struct axis_bins {
     uint32_t count[BINS];
 } axis_bins;
 
-/* Best of the BINS - 1 cuts across one axis, if cheaper than *best. */
-static void try_axis(const axis_bins *a, uint32_t count, int axis, split *best)
+static void fill_bins(const box *boxes, uint32_t count, const split *s, axis_bins *bins)
 {
-    box left = empty_box, right = empty_box;
-    float right_cost[BINS];
+    for (int k = 0; k < BINS; k++) bins->bounds[k] = empty_box;
+    memset(bins->count, 0, sizeof bins->count);
+    for (uint32_t i = 0; i < count; i++) {
+        const float place = place_of(s, &boxes[i]);
+        const int bin = place < (float)(BINS - 1) ? (int)place : BINS - 1;
+        bins->count[bin]++;
+        box_grow(&bins->bounds[bin], &boxes[i]);
+    }
+}
+
+/* Puts the best of the BINS - 1 cuts across an axis into *best, if cheaper; range: of twice the
+ * boxes' middles. */
+static void try_axis(const box *boxes, uint32_t count, const box *range, int axis, split *best)
+{
+    axis_bins bins;
+    const float size = range->hi[axis] - range->lo[axis], per_bin = (float)BINS / size;
+    split s = { .axis = axis, .from = range->lo[axis], .per_bin = per_bin, .left = empty_box };
+    if (!(size > 0.0f) || !isfinite(per_bin)) return;
+    fill_bins(boxes, count, &s, &bins);
+    box right[BINS]; /* bounds of bins k.. */
+    right[BINS - 1] = bins.bounds[BINS - 1];
+    for (int k = BINS - 2; k > 0; k--) {
+        right[k] = bins.bounds[k];
+        box_grow(&right[k], &right[k + 1]);
+    }
     uint32_t seen = 0;
-    for (int k = BINS - 1; k > 0; k--) {
-        box_grow(&right, &a->bounds[k]);
-        seen += a->count[k];
-        right_cost[k - 1] = box_area(&right) * (float)seen;
-    }
-    seen = 0;
-    for (int k = 0; k < BINS - 1; k++) {
-        box_grow(&left, &a->bounds[k]);
-        seen += a->count[k];
-        const float cost = box_area(&left) * (float)seen + right_cost[k];
-        if (seen == 0 || seen == count || !(cost < best->cost)) continue;
-        best->cost = cost;
-        best->axis = axis;
-        best->bin = k;
-    }
-}
-
-/* middles: bounds of twice the boxes' middles. */
-static split find_split(const builder *t, uint32_t first, uint32_t count, const box *middles)
-{
-    axis_bins bins[3];
-    split s = { .axis = -1, .cost = INFINITY };
-    for (int c = 0; c < 3; c++) {
-        const float size = middles->hi[c] - middles->lo[c], per_bin = (float)BINS / size;
-        s.from[c] = middles->lo[c];
-        s.per_bin[c] = size > 0.0f && isfinite(per_bin) ? per_bin : 0.0f;
-        for (int k = 0; k < BINS; k++) bins[c].bounds[k] = empty_box;
-        memset(bins[c].count, 0, sizeof bins[c].count);
-    }
-    for (uint32_t i = first; i < first + count; i++) {
-        int bin[4];
-        bins_of(&s, &t->boxes[i], bin);
-        for (int c = 0; c < 3; c++) {
-            bins[c].count[bin[c]]++;
-            box_grow(&bins[c].bounds[bin[c]], &t->boxes[i]);
-        }
-    }
-    for (int c = 0; c < 3; c++) try_axis(&bins[c], count, c, &s);
-    return s;
-}
-
-/* Stable; returns how many went left. */
-static uint32_t partition(const builder *t, uint32_t first, uint32_t count, const split *s)
-{
-    uint32_t left = 0, right = 0;
-    for (uint32_t i = first; i < first + count; i++) {
-        const box b = t->boxes[i];
-        const uint32_t face = t->order[i];
-        int bin[4];
-        bins_of(s, &b, bin);
-        const bool goes_left = bin[s->axis] <= s->bin;
-        box *boxes = goes_left ? &t->boxes[first + left] : &t->spare_boxes[right];
-        uint32_t *order = goes_left ? &t->order[first + left] : &t->spare_order[right];
-        *boxes = b;
-        *order = face;
-        left += goes_left;
-        right += !goes_left;
-    }
-    memcpy(t->boxes + first + left, t->spare_boxes, right * sizeof *t->boxes);
-    memcpy(t->order + first + left, t->spare_order, right * sizeof *t->order);
-    return left;
-}
-
-/* Sorts a few boxes by their middles along the axis; stable. */
-static void sort_along(const builder *t, uint32_t first, uint32_t count, int axis)
-{
-    for (uint32_t i = first + 1; i < first + count; i++) {
-        const box b = t->boxes[i];
-        const uint32_t face = t->order[i];
-        const float key = b.lo[axis] + b.hi[axis];
-        uint32_t k = i;
-        for (; k > first && key < t->boxes[k - 1].lo[axis] + t->boxes[k - 1].hi[axis]; k--) {
-            t->boxes[k] = t->boxes[k - 1];
-            t->order[k] = t->order[k - 1];
-        }
-        t->boxes[k] = b;
-        t->order[k] = face;
+    for (s.bin = 0; s.bin < BINS - 1; s.bin++) {
+        box_grow(&s.left, &bins.bounds[s.bin]);
+        seen += bins.count[s.bin];
+        s.right = right[s.bin + 1];
+        s.cost = box_area(&s.left) * (float)seen + box_area(&s.right) * (float)(count - seen);
+        if (seen > 0 && seen < count && s.cost < best->cost) *best = s;
     }
 }
 
@@ -176,39 +129,115 @@ static int longest_axis(const box *b)
     return axis;
 }
 
-/* Orders the faces so that those of the left child come first, and says how many they are.  Below
- * DEEP levels, or where all middles coincide, any half will do: the depth stays under DEEP + 32. */
-static uint32_t divide(const builder *t, uint32_t first, uint32_t count, int depth,
-                       const box *middles)
+/* Bounds, and those of twice the middles. */
+static box bounds_of(const box *boxes, uint32_t count)
 {
-    if (count > FEW && depth < DEEP) {
-        const split s = find_split(t, first, count, middles);
-        if (s.axis >= 0) return partition(t, first, count, &s);
+    box b = empty_box;
+    for (uint32_t i = 0; i < count; i++) box_grow(&b, &boxes[i]);
+    return b;
+}
+static box middles_of(const box *boxes, uint32_t count)
+{
+    box b = empty_box, middle;
+    for (uint32_t i = 0; i < count; i++) {
+        for (int c = 0; c < 4; c++) middle.lo[c] = middle.hi[c] = boxes[i].lo[c] + boxes[i].hi[c];
+        box_grow(&b, &middle);
     }
-    if (count <= FEW) sort_along(t, first, count, longest_axis(middles));
-    const uint32_t leaves = (count + LEAF - 1) / LEAF;
-    return LEAF * (leaves / 2);
+    return b;
 }
 
-static uint32_t build_binary(builder *t, uint32_t first, uint32_t count, int depth)
+/* Most surfaces are best cut across the longest side of their box, where middles are all over.
+ * Large triangles among small ones, or needles side by side, want another axis or a range of their
+ * own. */
+static split find_split(const box *boxes, uint32_t count, const box *bounds)
 {
-    const uint32_t self = t->used++;
-    binary *b = &t->tree[self];
-    box bounds = empty_box, middles = empty_box;
-    for (uint32_t i = first; i < first + count; i++) {
-        box middle;
-        for (int c = 0; c < 4; c++)
-            middle.lo[c] = middle.hi[c] = t->boxes[i].lo[c] + t->boxes[i].hi[c];
-        box_grow(&bounds, &t->boxes[i]);
-        box_grow(&middles, &middle);
+    split s = { .axis = -1, .cost = INFINITY };
+    box range;
+    for (int c = 0; c < 4; c++) {
+        range.lo[c] = 2.0f * bounds->lo[c];
+        range.hi[c] = 2.0f * bounds->hi[c];
     }
-    *b = (binary){ .bounds = bounds, .first = first, .count = count };
-    if (count <= LEAF) return self;
-    const uint32_t left = divide(t, first, count, depth, &middles);
+    try_axis(boxes, count, &range, longest_axis(bounds), &s);
+    if (s.cost <= GOOD_CUT * box_area(bounds) * (float)count) return s;
+    range = middles_of(boxes, count);
+    for (int c = 0; c < 3; c++) try_axis(boxes, count, &range, c, &s);
+    return s;
+}
+
+/* Into the other arrays: what goes left from the front, what goes right from behind.  Returns how
+ * many went left. */
+static uint32_t partition(const builder *t, uint32_t side, uint32_t first, uint32_t count,
+                          const split *s)
+{
+    const box *boxes = t->boxes[side] + first;
+    const uint32_t *order = t->order[side] + first;
+    box *to_boxes = t->boxes[!side] + first;
+    uint32_t *to_order = t->order[!side] + first;
+    uint32_t left = 0, right = count;
+    const split cut = *s;
+    for (uint32_t i = 0; i < count; i++) {
+        const bool goes_left = place_of(&cut, &boxes[i]) < (float)(cut.bin + 1);
+        right -= !goes_left;
+        const uint32_t to = goes_left ? left : right;
+        to_boxes[to] = boxes[i];
+        to_order[to] = order[i];
+        left += goes_left;
+    }
+    return left;
+}
+
+/* Sorts a few boxes by their middles along the axis; stable. */
+static void sort_along(box *boxes, uint32_t *order, uint32_t count, int axis)
+{
+    for (uint32_t i = 1; i < count; i++) {
+        const box b = boxes[i];
+        const uint32_t face = order[i];
+        const float key = b.lo[axis] + b.hi[axis];
+        uint32_t k = i;
+        for (; k > 0 && key < boxes[k - 1].lo[axis] + boxes[k - 1].hi[axis]; k--) {
+            boxes[k] = boxes[k - 1];
+            order[k] = order[k - 1];
+        }
+        boxes[k] = b;
+        order[k] = face;
+    }
+}
+
+/* Orders the faces of *b so that those of the left child come first, returns how many they are, and
+ * sets the children's bounds.  Below DEEP levels, or where all middles coincide, any half will do:
+ * the depth stays under DEEP + 32. */
+static uint32_t divide(const builder *t, binary *b, int depth, split *s)
+{
+    const uint32_t first = b->first, count = b->count;
+    box *boxes = t->boxes[b->side] + first;
+    if (count > FEW && depth < DEEP) {
+        *s = find_split(boxes, count, &b->bounds);
+        if (s->axis >= 0) {
+            const uint32_t left = partition(t, b->side, first, count, s);
+            b->side = !b->side;
+            return left;
+        }
+    }
+    if (count <= FEW) sort_along(boxes, t->order[b->side] + first, count, longest_axis(&b->bounds));
+    const uint32_t left = LEAF * ((count + LEAF - 1) / LEAF / 2);
+    s->left = bounds_of(boxes, left);
+    s->right = bounds_of(boxes + left, count - left);
+    return left;
+}
+
+/* The node whose bounds, faces and side are given, and all below it. */
+static void build_binary(builder *t, binary given, int depth)
+{
+    binary *b = &t->tree[t->used++];
+    *b = given;
+    if (given.count <= LEAF) return;
+    split s;
+    const uint32_t left = divide(t, b, depth, &s);
     b->count = 0;
-    b->left = build_binary(t, first, left, depth + 1);
-    b->right = build_binary(t, first + left, count - left, depth + 1);
-    return self;
+    build_binary(t, (binary){ s.left, given.first, left, 0, b->side }, depth + 1);
+    b->right = t->used;
+    build_binary(t, (binary){ s.right, given.first + left, given.count - left, 0, b->side },
+                 depth + 1);
 }
 
 /* Up to WIDTH descendants of binary node b: the one with the largest box is opened first. */
@@ -227,7 +256,7 @@ static int gather_children(const binary *tree, uint32_t b, uint32_t child[WIDTH]
         }
         if (open < 0) break;
         const binary *c = &tree[child[open]];
-        child[open] = c->left;
+        child[open]++;
         child[n++] = c->right;
     }
     return n;
@@ -402,7 +431,7 @@ static void build_wide(apsm_bvh *bvh, const builder *t, uint32_t b)
         const binary *c = &tree[child[k]];
         out->ref[k] = make_ref(c->count > 0 ? bvh->leaf_count : bvh->node_count, c->count);
         if (c->count > 0)
-            add_leaf(bvh, t->order + c->first, c->count);
+            add_leaf(bvh, t->order[c->side] + c->first, c->count);
         else
             build_wide(bvh, t, child[k]);
     }
@@ -448,24 +477,24 @@ static apsm_status alloc_wide(apsm_bvh *bvh, size_t leaves)
 static apsm_status build_tree(apsm_bvh *bvh)
 {
     const size_t nf = bvh->mesh->nf;
-    builder t = { .boxes = malloc(2 * nf * sizeof *t.boxes),
-                  .order = malloc(2 * nf * sizeof *t.order),
-                  .tree = malloc(2 * nf * sizeof *t.tree) };
+    box *boxes = malloc(2 * nf * sizeof *boxes);
+    uint32_t *order = malloc(2 * nf * sizeof *order);
+    binary *tree = malloc(2 * nf * sizeof *tree);
     apsm_status status = APSM_ERR_MEMORY;
-    if (t.boxes && t.order && t.tree) {
-        t.spare_boxes = t.boxes + nf;
-        t.spare_order = t.order + nf;
+    if (boxes && order && tree) {
+        builder t = { { boxes, boxes + nf }, { order, order + nf }, tree, 0 };
         for (size_t f = 0; f < nf; f++) {
-            t.boxes[f] = face_box(bvh, f);
-            t.order[f] = (uint32_t)f;
+            boxes[f] = face_box(bvh, f);
+            order[f] = (uint32_t)f;
         }
-        build_binary(&t, 0, (uint32_t)nf, 0);
+        const uint32_t n = (uint32_t)nf;
+        build_binary(&t, (binary){ bounds_of(boxes, n), 0, n, 0, 0 }, 0);
         status = alloc_wide(bvh, (t.used + 1) / 2);
         if (status == APSM_OK) build_wide(bvh, &t, 0);
     }
-    free(t.boxes);
-    free(t.order);
-    free(t.tree);
+    free(boxes);
+    free(order);
+    free(tree);
     return status;
 }
 

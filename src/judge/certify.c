@@ -308,7 +308,10 @@ static apsm_status judge_by_others(apsm_context *ctx, const judging *g)
     c->judged = true;
     for (size_t i = 0; i < c->I; i++) {
         apsm_verdict_options own = options;
-        if (i == g->cohort->template_index) own.slip *= of_template;
+        if (i == g->cohort->template_index) {
+            own.slip *= of_template;
+            own.part *= of_template;
+        }
         c->doubts[i] = apsm_verdict_doubts(&c->judgement.shape[i], &own);
     }
     return APSM_OK;

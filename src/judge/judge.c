@@ -40,6 +40,7 @@ typedef struct judging {
     double *usually; /* x APSM_SLIP_LOOKS */
     double *reach, *usual_reach;
     double *agreed; /* length of the median of the others' normals */
+    apsm_departs departs;
     double *figure; /* FIGURES x I */
     apsm_judgement *out;
 } judging;
@@ -104,19 +105,36 @@ static size_t at_look(const judging *g, size_t i, size_t k)
     return (APSM_SLIP_LOOKS * i + k) * g->J;
 }
 
+/* Where the others say that the particles of shape i are: r is what they do not explain, and
+ * becomes that. */
+static apsm_status say_where(const judging *g, size_t i, double *r)
+{
+    double back[16];
+    for (size_t k = 0; k < 3 * g->J; k++) r[k] = g->Q[3 * g->J * i + k] - r[k];
+    APSM_TRY(apsm_affine_invert(g->M + 16 * i, back));
+    apsm_affine_apply(back, g->J, r, r);
+    return APSM_OK;
+}
+
 static apsm_status predict_shape(apsm_context *ctx, size_t i, int worker, void *user)
 {
     (void)ctx, (void)worker;
     judging *g = user;
     const size_t J = g->J;
-    double *work = malloc((3 * J + apsm_slip_work_size(J)) * sizeof *work), sum = 0.0;
+    const size_t slip = apsm_slip_work_size(J), depart = apsm_depart_work_size(&g->departs);
+    const size_t size = slip > depart ? slip : depart;
+    double *work = malloc((3 * J + size) * sizeof *work), sum = 0.0;
     if (!work) return APSM_ERR_MEMORY;
-    double *r = work + apsm_slip_work_size(J);
-    const apsm_status status = apsm_left_out_residual(g->I, J, g->Q, i, r, work);
+    double *r = work + size;
+    apsm_status status = apsm_left_out_residual(g->I, J, g->Q, i, r, work);
     for (size_t k = 0; k < 3 * J && status == APSM_OK; k++) sum += r[k] * r[k];
     g->figure[OFF * g->I + i] = 0.5 * log(sum / (double)J / (g->h * g->h) + 1e-12);
     const apsm_slip_cohort all = { g->I, J, g->Q, g->h, g->patch };
     apsm_slip_look(&all, i, g->N + 3 * J * i, g->slipped + at_look(g, i, 0), work);
+    if (status == APSM_OK) status = say_where(g, i, r);
+    if (status == APSM_OK)
+        apsm_depart_look(&g->departs, i, &g->cohort->shape[i], g->P + 3 * J * i, r,
+                         g->h / cbrt(apsm_affine_det(g->M + 16 * i)), work);
     free(work);
     return status;
 }
@@ -166,6 +184,14 @@ static void find_reach(judging *g, size_t i)
     }
     f->reach = most;
     g->figure[REACH * g->I + i] = log(fmax(most, 0.05));
+}
+
+static void take_departures(judging *g)
+{
+    for (size_t k = 0; k < APSM_DEPART_LOOKS && g->departs.n > 0; k++) {
+        apsm_depart_compare(&g->departs, k, g->out->departs);
+        for (size_t i = 0; i < g->I; i++) g->out->shape[i].part[k] = g->departs.found[i];
+    }
 }
 
 /* Whether no place near along the surface looks the way `usual` (common frame), from
@@ -293,14 +319,16 @@ static apsm_status look_at_all(apsm_context *ctx, judging *g)
 
 static apsm_status predict_all(apsm_context *ctx, judging *g)
 {
-    const apsm_shared_loop loop = {
-        .kind = "predict",
-        .n = g->I,
-        .fn = predict_shape,
-        .user = g,
-        .decides = true,
-        .made = { { g->slipped, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped }, made_figure(g, OFF) }
-    };
+    apsm_shared_loop loop = { .kind = "predict",
+                              .n = g->I,
+                              .fn = predict_shape,
+                              .user = g,
+                              .decides = true,
+                              .made = { { g->slipped, APSM_SLIP_LOOKS * g->J * sizeof *g->slipped },
+                                        made_figure(g, OFF) } };
+    for (size_t k = 0; k < APSM_DEPART_LOOKS && g->departs.n > 0; k++)
+        loop.made[2 + k] =
+            (apsm_made){ g->departs.distance[k], g->departs.n * sizeof *g->departs.distance[k] };
     return apsm_shared_for(ctx, &loop);
 }
 
@@ -354,6 +382,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column)
     find_spread(g, column);
     robust_left_out_medians(I, J, g->reach, g->usual_reach, column);
     APSM_TRY(make_patches(g));
+    APSM_TRY(apsm_departs_make(ctx, g->cohort, J, g->P, &g->departs));
     APSM_TRY(predict_all(ctx, g));
     robust_left_out_medians(I, APSM_SLIP_LOOKS * J, g->slipped, g->usually, column);
     for (size_t i = 0; i < I; i++) {
@@ -361,6 +390,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column)
         find_reach(g, i);
     }
     APSM_TRY(compare_all(ctx, g));
+    take_departures(g);
     return weigh_figures(g);
 }
 
@@ -386,12 +416,13 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
     out->shape = calloc(I, sizeof *out->shape);
     out->slip = calloc(n, sizeof *out->slip);
     out->uncovered = malloc(n * sizeof *out->uncovered);
+    out->departs = calloc(n, sizeof *out->departs);
     out->opposed = calloc(n, sizeof *out->opposed);
     double *all = malloc(doubles * sizeof *all);
     judging g = { .cohort = cohort, .I = I, .J = J, .P = P, .out = out };
     g.N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6);
     apsm_status status = APSM_ERR_MEMORY;
-    if (out->shape && out->slip && out->uncovered && out->opposed && all && g.N6) {
+    if (out->shape && out->slip && out->uncovered && out->departs && out->opposed && all && g.N6) {
         g.Q = all;
         g.N = g.Q + 3 * n;
         g.X = g.N + 3 * n;
@@ -412,6 +443,7 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
         out->h = g.h;
     }
     for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) apsm_patches_free(&g.patch[k]);
+    apsm_departs_free(&g.departs);
     free(all);
     free(g.N6);
     if (status != APSM_OK) apsm_judgement_free(out);
@@ -423,6 +455,7 @@ void apsm_judgement_free(apsm_judgement *judgement)
     free(judgement->shape);
     free(judgement->slip);
     free(judgement->uncovered);
+    free(judgement->departs);
     free(judgement->opposed);
     *judgement = (apsm_judgement){ 0 };
 }

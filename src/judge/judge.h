@@ -5,6 +5,7 @@
 #define APSM_JUDGE_JUDGE_H
 
 #include "initialize/cohort.h"
+#include "judge/depart.h"
 #include "judge/turns.h"
 
 /* What was found of one shape.  "Excess": standard deviations above the median of the others. */
@@ -28,6 +29,7 @@ typedef struct apsm_findings {
     size_t opposed;                  /* particles that look the other way than all others there */
     double off; /* root mean square distance from where the others say, over the others' */
     double off_excess;
+    apsm_departure part[APSM_DEPART_LOOKS]; /* of its surface that is unlike the others' */
 } apsm_findings;
 
 typedef struct apsm_judgement {
@@ -37,6 +39,7 @@ typedef struct apsm_judgement {
     apsm_findings *shape; /* I */
     double *slip;         /* I x J: of the patch around each particle, over what is usual there */
     double *uncovered;    /* I x J: how far the surface reaches beyond, in h beyond what is usual */
+    double *departs;      /* I x J: of the surface around each particle, over what is usual there */
     bool *opposed;        /* I x J */
 } apsm_judgement;
 

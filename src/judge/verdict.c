@@ -46,12 +46,30 @@ apsm_verdict_options apsm_verdict_defaults(void)
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
-                                   .off = 2.5,
+                                   .off = 2.25,
                                    .off_excess = 5.0,
                                    .size = 1.4,
                                    .size_excess = 6.0,
+                                   .part = 2.25,
+                                   .part_excess = 4.0,
+                                   .part_size = 0.2,
                                    .against = 0.2,
                                    .told = 0.3 };
+}
+
+static bool is_unlike(const apsm_departure *part, const apsm_verdict_options *o)
+{
+    return part->times > o->part && part->excess > o->part_excess && part->size > o->part_size;
+}
+
+const apsm_departure *apsm_verdict_part(const apsm_findings *f, const apsm_verdict_options *o)
+{
+    const apsm_departure *part = f->part;
+    for (size_t k = 1; k < APSM_DEPART_LOOKS; k++) {
+        const bool unlike = is_unlike(&f->part[k], o), before = is_unlike(part, o);
+        if (unlike != before ? unlike : f->part[k].times > part->times) part = &f->part[k];
+    }
+    return part;
 }
 
 /* What does not belong slips, and has no pose, as well: that is not told then. */
@@ -64,6 +82,7 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     if (doubts) return doubts;
     doubts |= (unsigned)(f->turn[0].evidence < -o->against) << APSM_DOUBT_TURNED;
     doubts |= (unsigned)(f->turn[1].evidence < -o->against) << APSM_DOUBT_MIRRORED;
+    if (!doubts && is_unlike(apsm_verdict_part(f, o), o)) doubts |= 1u << APSM_DOUBT_PART;
     if (f->slip > o->slip && f->slip_size > o->slip_size) doubts |= 1u << APSM_DOUBT_SLIP;
     if ((f->reach_excess > o->reach_excess && f->reach > o->reach_size) ||
         f->farthest > o->farthest)

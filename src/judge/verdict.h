@@ -41,7 +41,10 @@ const char *apsm_aspect_name(apsm_aspect aspect); /* constant string */
       "--exclude if it does not belong")                                                           \
     X(APSM_DOUBT_SIZE, APSM_ASPECT_BELONGING,                                                      \
       "its size is unlike the others'; leave it out with "                                         \
-      "--exclude if it does not belong")
+      "--exclude if it does not belong")                                                           \
+    X(APSM_DOUBT_PART, APSM_ASPECT_BELONGING,                                                      \
+      "a part of its surface is unlike the others': missing, grown, or joined to something; "      \
+      "correct it, or leave the shape out with --exclude")
 #define APSM_DOUBT_ENUM(name, aspect, text) name,
 typedef enum apsm_doubt { APSM_DOUBT_LIST(APSM_DOUBT_ENUM) APSM_DOUBT_COUNT } apsm_doubt;
 #undef APSM_DOUBT_ENUM
@@ -54,8 +57,10 @@ typedef struct apsm_verdict_options {
     double slip, slip_size;          /* both: 2.25 times the others', 0.01 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
-    double off, off_excess;          /* both: 2.5 times the others', 5 */
+    double off, off_excess;          /* both: 2.25 times the others', 5 */
     double size, size_excess;        /* both: 1.4 times the others' or less than that part, 6 */
+    double part, part_excess;        /* all three: 2.25 times the others' worst, 4, */
+    double part_size;                /* 0.2 h */
     double against; /* evidence against a pose or hand from where it is taken for wrong: 0.2 */
     double told;    /* evidence for it below which the surface cannot tell: 0.3 */
 } apsm_verdict_options;
@@ -63,6 +68,10 @@ apsm_verdict_options apsm_verdict_defaults(void);
 
 /* The doubts about a shape of which this was found. */
 unsigned apsm_verdict_doubts(const apsm_findings *findings, const apsm_verdict_options *options);
+
+/* The part of the surface that is unlike the others' the most: one that is doubted, if any is. */
+const apsm_departure *apsm_verdict_part(const apsm_findings *findings,
+                                        const apsm_verdict_options *options);
 
 /* Whether what the surface looks like decides between the shape as it lies and other ways to lay it
  * (APSM_ASPECT_POSE), or its mirror image (APSM_ASPECT_HAND): nearly symmetric surfaces do not. */

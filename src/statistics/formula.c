@@ -56,7 +56,7 @@ static apsm_status take_name(parsing *p, const apsm_column **column)
     if (n == 0) return refuse(p, "a name is missing");
     *column = apsm_table_find(p->table, name);
     skip_blanks(p);
-    return *column ? apsm_column_check(p->ctx, *column) : unknown_column(p, name);
+    return *column ? apsm_column_check(p->ctx, p->table->I, *column) : unknown_column(p, name);
 }
 
 static bool same_term(const apsm_term *a, const apsm_term *b)

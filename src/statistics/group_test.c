@@ -32,7 +32,7 @@ static apsm_status find_response(group_test *t)
     if (t->on != ON_COLUMN) return APSM_OK;
     t->response = apsm_table_find(&t->table, t->s->on);
     if (t->response && !t->response->category) return APSM_OK;
-    if (t->response) APSM_TRY(apsm_column_check(t->ctx, t->response));
+    if (t->response) APSM_TRY(apsm_column_check(t->ctx, t->table.I, t->response));
     return apsm_fail(t->ctx, APSM_ERR_ARG,
                      "--on '%s': give form, shape, size or modes, or a column of numbers",
                      t->s->on);

@@ -212,6 +212,12 @@ static const char *own_shape(const model_folder *m, const char *sha256)
     return NULL;
 }
 
+static apsm_status tell_own(apsm_context *ctx, const char *own, size_t k, particle_files *files)
+{
+    return particle_files_note(
+        ctx, files, k, "is the model's own %s: the model knows it, so this is no test of it", own);
+}
+
 /* Of file k, what the fit.json says of it. */
 static apsm_status tell_shape(apsm_context *ctx, const json_t *shape, const model_folder *m,
                               size_t k, particle_files *files)
@@ -223,9 +229,7 @@ static apsm_status tell_shape(apsm_context *ctx, const json_t *shape, const mode
     if (strcmp(verdict, "needs review") == 0)
         APSM_TRY(
             particle_files_note(ctx, files, k, "its fit needs review: %s", reason ? reason : ""));
-    if (!own) return APSM_OK;
-    return particle_files_note(
-        ctx, files, k, "is the model's own %s: the model knows it, so this is no test of it", own);
+    return own ? tell_own(ctx, own, k, files) : APSM_OK;
 }
 
 /* Of the shapes of the fit.json that are among those read from file `first` on. */
@@ -240,6 +244,18 @@ static apsm_status tell_shapes(apsm_context *ctx, const json_t *root, const mode
         for (size_t i = first; name && i < files->n; i++)
             if (strcmp(files->name[i], name) == 0) APSM_TRY(tell_shape(ctx, shape, m, i, files));
     }
+    return APSM_OK;
+}
+
+/* Of files from `first` on, which are the model's own particles. */
+static apsm_status tell_own_particles(apsm_context *ctx, const model_folder *m, size_t first,
+                                      particle_files *files)
+{
+    const size_t V = 3 * m->J;
+    for (size_t k = first; k < files->n; k++)
+        for (size_t i = 0; i < m->I; i++)
+            if (memcmp(files->P + k * V, m->P + i * V, V * sizeof *m->P) == 0)
+                APSM_TRY(tell_own(ctx, m->names[i], k, files));
     return APSM_OK;
 }
 
@@ -263,6 +279,7 @@ apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *
         status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
                                           : add_file(ctx, paths[k], m->J, files);
         if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files, &fits);
+        if (status == APSM_OK) status = tell_own_particles(ctx, m, first, files);
     }
     known_fits_free(&fits);
     if (status != APSM_OK) particle_files_free(files);

@@ -51,7 +51,7 @@ static apsm_status find_column(predicting *w)
                          "--of '%s': the table of subjects has no such column; give --subjects, or "
                          "another name",
                          w->s->of);
-    APSM_TRY(apsm_column_check(w->ctx, w->of));
+    APSM_TRY(apsm_column_check(w->ctx, w->table.I, w->of));
     if (!w->of->category || w->of->levels == 2) return APSM_OK;
     return apsm_fail(w->ctx, APSM_ERR_ARG,
                      "--of '%s': is a column of %zu words; numbers and two groups can be predicted",

@@ -174,44 +174,6 @@ static apsm_status add_texts(apsm_table *table, const char *name, char *const *t
     return fill_column(table->I, text, c);
 }
 
-static bool is_number_with_comma(const char *text)
-{
-    char copy[64];
-    const size_t n = strlen(text);
-    double value;
-    if (n >= sizeof copy || !strchr(text, ',')) return false;
-    for (size_t k = 0; k <= n; k++) copy[k] = text[k] == ',' ? '.' : text[k];
-    return apsm_parse_number(copy, n, &value);
-}
-
-const char *apsm_column_spoilt_by(const apsm_column *c)
-{
-    size_t all = 0, numbers = 0, commas = 0, odd = 0; /* shapes, and a level */
-    for (size_t k = 0; k < c->levels; k++) {
-        double value;
-        const bool comma = is_number_with_comma(c->level[k]);
-        const bool number = apsm_parse_number(c->level[k], strlen(c->level[k]), &value);
-        all += c->shapes[k];
-        if (number) numbers += c->shapes[k];
-        if (comma) commas += c->shapes[k];
-        if (comma || (!number && commas == 0)) odd = k;
-    }
-    const bool mostly = 2 * (numbers + commas) >= all && numbers < all;
-    return mostly ? c->level[odd] : NULL;
-}
-
-apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c)
-{
-    const char *const odd = apsm_column_spoilt_by(c);
-    if (!odd) return APSM_OK;
-    return apsm_fail(ctx, APSM_ERR_ARG,
-                     is_number_with_comma(odd)
-                         ? "column '%s': '%s' is written with a comma; write numbers with a point"
-                         : "column '%s': '%s' is no number, though most of the column are; mend it "
-                           "or leave it empty (for groups, let all names begin with a letter)",
-                     c->name, odd);
-}
-
 apsm_status apsm_table_categorize(apsm_table *table, const char *name)
 {
     for (size_t k = 0; k < table->n; k++) {
@@ -337,10 +299,15 @@ static size_t count_fields(char *line, char separator)
     }
 }
 
+static void pass_ends_of_lines(sheet *s)
+{
+    while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
+}
+
 /* The fields of the next line that has any into cell; *there: false, no more. */
 static apsm_status next_line(sheet *s, char **cell, bool *there)
 {
-    while (*s->at == '\n' || *s->at == '\r') s->line += *s->at++ == '\n';
+    pass_ends_of_lines(s);
     *there = *s->at != '\0';
     if (!*there) return APSM_OK;
     s->line++;
@@ -399,6 +366,14 @@ static apsm_status unknown_name(const sheet *s, size_t I, const char *const *nam
         s->path, s->line, s->cell[0], names[best]);
 }
 
+/* As spreadsheets leave below their last line. */
+static bool is_empty_line(const sheet *s)
+{
+    for (size_t k = 0; k < s->columns; k++)
+        if (*s->cell[k]) return false;
+    return true;
+}
+
 /* text (columns x I) <- the cells of every shape. */
 static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char **text)
 {
@@ -406,6 +381,7 @@ static apsm_status read_rows(sheet *s, size_t I, const char *const *names, char 
         size_t i = 0;
         APSM_TRY(next_line(s, s->cell, &there));
         if (!there) return APSM_OK;
+        if (is_empty_line(s)) continue;
         while (i < I && strcmp(names[i], s->cell[0]) != 0) i++;
         if (i == I && s->kept) continue;
         if (i == I) return unknown_name(s, I, names);
@@ -443,6 +419,19 @@ static apsm_status read_sheet(sheet *s, size_t I, const char *const *names, apsm
     return status;
 }
 
+/* From the header, or from the line "sep=;" that spreadsheets may put above it. */
+static void find_separator(sheet *s)
+{
+    static const char told[] = "sep=";
+    pass_ends_of_lines(s);
+    const size_t head = strcspn(s->at, "\n"), n = sizeof told - 1;
+    s->separator = memchr(s->at, '\t', head) ? '\t' : memchr(s->at, ';', head) ? ';' : ',';
+    if (strncasecmp(s->at, told, n) != 0 || !s->at[n] || !strchr("\r\n", s->at[n + 1])) return;
+    s->separator = s->at[n];
+    s->at += n + 1;
+    pass_ends_of_lines(s);
+}
+
 static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, size_t I,
                               const char *const *names, apsm_table *table)
 {
@@ -455,8 +444,7 @@ static apsm_status read_table(apsm_context *ctx, const char *path, bool kept, si
         return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: is no text in UTF-8; save it as UTF-8", path);
     }
     sheet s = { .ctx = ctx, .path = path, .at = data, .kept = kept };
-    const size_t head = strcspn(s.at, "\n");
-    s.separator = memchr(s.at, '\t', head) ? '\t' : memchr(s.at, ';', head) ? ';' : ',';
+    find_separator(&s);
     s.columns = count_fields(s.at, s.separator);
     s.title = calloc(s.columns + 1, sizeof *s.title);
     s.cell = calloc(s.columns + 1, sizeof *s.cell);

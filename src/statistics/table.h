@@ -33,11 +33,12 @@ apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *proje
                                     apsm_table *table) APSM_NODISCARD;
 
 /* Adds the columns of a .csv or .tsv file: a header, then a line a subject, whose first field is
- * the name of a shape.  A column of numbers only is one of numbers; empty fields and "NA" are
- * unknown. A column of the table that has the same name is replaced.  Refused, with file and line:
- * a name that is none of the I shapes (the nearest is named), a name twice, a line with another
- * number of fields, a column without a name or named twice; and a file that is no UTF-8, which
- * results could not name.  Shapes without a line are logged. */
+ * the name of a shape (lines of empty fields are passed over, and a first line "sep=;" followed).
+ * A column of numbers only is one of numbers; empty fields and "NA" are unknown. A column of the
+ * table that has the same name is replaced.  Refused, with file and line: a name that is none of
+ * the I shapes (the nearest is named), a name twice, a line with another number of fields, a column
+ * without a name or named twice; and a file that is no UTF-8, which results could not name.  Shapes
+ * without a line are logged. */
 apsm_status apsm_table_read(apsm_context *ctx, const char *path, size_t I, const char *const *names,
                             apsm_table *table) APSM_NODISCARD;
 
@@ -66,11 +67,12 @@ apsm_status apsm_table_add(apsm_table *table, const char *name, const double *va
 /* Makes room for more shapes (I in all), of which nothing is known. */
 apsm_status apsm_table_widen(apsm_table *table, size_t I) APSM_NODISCARD;
 
-/* Of a category that most shapes have a number in, what keeps it from being a column of numbers: a
- * number with a decimal comma, or a remark; else NULL. */
+/* Of a category that most shapes have a number or a date in, what keeps it from being a column of
+ * numbers: a decimal comma, a percent sign, a date, a unit or a remark; else NULL.  Numbers with a
+ * word behind them count only where most differ: 1.5T and 3T are groups. */
 const char *apsm_column_spoilt_by(const apsm_column *c);
-/* Refuses such a column. */
-apsm_status apsm_column_check(apsm_context *ctx, const apsm_column *c) APSM_NODISCARD;
+/* Refuses such a column, of I shapes, and one of numbers beyond all reckoning. */
+apsm_status apsm_column_check(apsm_context *ctx, size_t I, const apsm_column *c) APSM_NODISCARD;
 /* Makes a column of numbers that were read, if there is one of that name, one of categories by
  * their texts: numbers that say who or which. */
 apsm_status apsm_table_categorize(apsm_table *table, const char *name) APSM_NODISCARD;

@@ -83,6 +83,16 @@ refuse 1 "no-such.csv" model --subjects no-such.csv --formula '~ group'
 sed '2,10s/,[0-9]*$/,/' table.csv >few.csv
 refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
 
+# As spreadsheets save it: the separator above, empty fields below.
+{
+    printf 'sep=;\r\n'
+    tr , ';' <table.csv | sed 's/$/\r/'
+    printf ';;\r\n;;\r\n'
+} >sheet.csv
+"$apsm" test model --subjects sheet.csv --formula '~ group + age' --on size -o sheet -q || fail "a spreadsheet's table"
+"$apsm" test model --subjects table.csv --formula '~ group + age' --on size -o plain -q || fail "a plain table"
+cmp sheet/group_size.csv plain/group_size.csv || fail "a spreadsheet's table has other results"
+
 # Columns that were meant to be numbers are not taken as groups without a word.
 sed '4s/[0-9]*$/about 30/' table.csv >odd.csv
 refuse 2 "column 'age': 'about 30' is no number" model --subjects odd.csv --formula '~ group + age'
@@ -91,7 +101,11 @@ refuse 2 "column 'age': '31,5' is written with a comma" model --subjects comma.c
 refuse 2 "is written with a comma" model --subjects comma.csv --formula '~ group' --on age
 refuse_verb predict 2 "is written with a comma" model --subjects comma.csv --of age
 sed '2,$s/$/ years/' table.csv >words.csv
-refuse 2 "('age' holds texts such as '20 years', 12 groups)" model --subjects words.csv --formula '~ age'
+refuse 2 "'31 years' is no number, though it begins like one" model --subjects words.csv --formula '~ age'
+sed '2,$s/,\([0-9]*\)$/,at \1/' table.csv >words.csv
+refuse 2 "('age' holds texts such as 'at 20', 12 groups)" model --subjects words.csv --formula '~ age'
+sed '2,$s/$/e300/' table.csv >huge.csv
+refuse 2 "is beyond what can be reckoned with" model --subjects huge.csv --formula '~ group + age'
 awk -F, '{ print NR - 1 "," $0 }' table.csv >rows.csv
 refuse 2 "put column 'name' first" model --subjects rows.csv --formula '~ group'
 printf 'name,group,gr\366\337e\ns0,big,1\n' >latin.csv
@@ -286,6 +300,8 @@ tail -n 1 m3/measurements_files.csv | grep -qF "is the model's own s4" || fail "
 sed -i '0,/"verdict": "good"/s//"verdict": "needs review"/' fits/fit.json
 "$apsm" predict model --of reach --subjects reach.csv -o p3 -q fits/particles/guest_world.particles >said 2>&1
 grep -qF "guest: its fit needs review" said || fail "a doubtful fit is not told: $(cat said)"
+"$apsm" predict model --of reach --subjects reach.csv -o p4 -q model/particles/s3_world.particles >said 2>&1
+grep -q "\"note\": \"is the model's own s3" p4/reach_prediction.json || fail "particles of the model are new to it: $(cat said)"
 grep -q "\"note\": \"its fit needs review: .*; is the model's own s4" p3/reach_prediction.json || fail "a doubtful fit is not in the prediction"
 tail -n 1 p3/reach_prediction.csv | grep -qF "its fit needs review" || fail "a doubtful fit is not in the prediction's table"
 sed -i '0,/"sha256": "...../s//"sha256": "00000/' fits/fit.json

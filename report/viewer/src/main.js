@@ -689,6 +689,7 @@ function trouble(c) {
     ["swapped", c.swaps?.map((s) => [s[0], s.join("\u2194")])],
     ["folded", c.folds?.map((f) => [f[0], f.join("-")])],
     ["slipped", c.judged?.slipped?.map((j) => [j, String(j)])],
+    ["unlike the others", c.judged?.unlike?.map((j) => [j, String(j)])],
     ["surface beyond", c.judged?.beyond?.map((j) => [j, String(j)])],
     ["on the other side", c.judged?.opposed?.map((j) => [j, String(j)])],
   ].filter(([, list]) => list?.length > 0);

@@ -263,6 +263,33 @@ static void orientations_are_directions(void **state)
     apsm_volume_free(&v);
 }
 
+/* Two decimals are brought to right angles, with a word; more decimals of the same are wrong. */
+static void coarse_orientations_are_straightened(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    variant o = plain;
+    double M[16], product = 0, length[2] = { 0 };
+    o.orientation = "0.87\\0.4\\0.3\\-0.5\\0.69\\0.52";
+    write_variants(f->folder, &o);
+    if (apsm_read_dicom(f->ctx, f->folder, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    apsm_volume_index_to_lps(&v, M);
+    for (int r = 0; r < 3; r++) {
+        length[0] += M[4 * r] * M[4 * r];
+        length[1] += M[4 * r + 1] * M[4 * r + 1];
+        product += M[4 * r] * M[4 * r + 1];
+    }
+    assert_true(fabs(product) < 1e-6 && fabs(sqrt(length[0]) - v.spacing[0]) < 1e-6 &&
+                fabs(sqrt(length[1]) - v.spacing[1]) < 1e-6);
+    assert_true(fabs(M[0] / v.spacing[0] - 0.87) < 0.01 && fabs(M[1] / v.spacing[1] + 0.5) < 0.01);
+    assert_non_null(strstr(v.notes, "two decimals"));
+    apsm_volume_free(&v);
+    o.orientation = "0.874\\0.4\\0.3\\-0.5\\0.69\\0.52";
+    write_variants(f->folder, &o);
+    expect_failure(f->ctx, apsm_read_dicom(f->ctx, f->folder, &v), APSM_ERR_FORMAT,
+                   "ImageOrientationPatient", "right angles");
+}
+
 /* What the size of a deviation is, not its presence, decides: a hundredth of the gap is the
  * rounding of someone's decimals, half of it a slice out of its place. */
 static void positions_need_not_be_exact(void **state)
@@ -457,6 +484,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(an_oblique_series_is_read, setup, teardown),
         cmocka_unit_test_setup_teardown(bad_series_are_refused, setup, teardown),
         cmocka_unit_test_setup_teardown(orientations_are_directions, setup, teardown),
+        cmocka_unit_test_setup_teardown(coarse_orientations_are_straightened, setup, teardown),
         cmocka_unit_test_setup_teardown(positions_need_not_be_exact, setup, teardown),
         cmocka_unit_test_setup_teardown(a_tilted_gantry_is_a_shear, setup, teardown),
         cmocka_unit_test_setup_teardown(other_encodings_are_read, setup, teardown),

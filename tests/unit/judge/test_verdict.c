@@ -9,6 +9,7 @@
 #include "core/robust.h"
 #include "geometry/affine.h"
 #include "geometry/form.h"
+#include "geometry/vec3.h"
 #include "judge/certify.h"
 #include "judge/left_out.h"
 #include "judge/slip.h"
@@ -292,6 +293,34 @@ static void other_side_is_found_beyond_edges(void **state)
     (void)state;
     assert_true(is_found_on_the_other_side(J / 8));
     assert_false(is_found_on_the_other_side(J / 2 - 5)); /* next to the edge */
+}
+
+/* A pin on shape 3, or a dent in it, narrower than the particles are apart, where none is. */
+static double pin_height;
+static void pinned(size_t i, const double u[3], double x[3])
+{
+    double between[3], first[3], second[3], r = 0;
+    spiral(J / 2, first);
+    spiral(J / 2 + 13, second); /* beside it */
+    for (size_t c = 0; c < 3; c++) between[c] = first[c] + second[c];
+    const double norm = sqrt(vec3_dot(between, between));
+    for (size_t c = 0; c < 3; c++) r += (u[c] - between[c] / norm) * (u[c] - between[c] / norm);
+    body(i, u, x);
+    if (i != 3) return;
+    const double high = 1 + pin_height * exp(-0.5 * r / (0.1 * 0.1));
+    for (size_t c = 0; c < 3; c++) x[c] *= high;
+}
+
+static void parts_unlike_the_others_are_found(void **state)
+{
+    (void)state;
+    static scene s;
+    static const double height[2] = { 0.5, -0.6 };
+    for (int k = 0; k < 2; k++) {
+        pin_height = height[k];
+        open_scene_of(&s, pinned);
+        only_shape_3(&s, 1u << APSM_DOUBT_PART);
+    }
 }
 
 static void size_of_a_stranger_is_found(void **state)
@@ -578,6 +607,7 @@ int main(void)
         cmocka_unit_test(ends_missed_by_all_are_found),
         cmocka_unit_test(missed_end_is_found),
         cmocka_unit_test(other_side_is_found_beyond_edges),
+        cmocka_unit_test(parts_unlike_the_others_are_found),
         cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(probability_follows_form),

@@ -76,6 +76,40 @@ static void what_most_shapes_have_is_meant(void **state)
     apsm_table_free(&t);
 }
 
+/* What is written like a number, and is none, with the word that the refusal has for it. */
+static void columns_like_numbers_are_refused(void **state)
+{
+    static const struct {
+        const char *value[I], *words; /* words: NULL, groups */
+    } tried[] = {
+        { { "12 %", "13%", "9.5 %", "12 %", "40%", "NA" }, "percent" },
+        { { "12", "13", "9.5", "12%", "40", "" }, "percent" },
+        { { "2019-03-01", "2019-03-02", "1970-01-01", "", "2019-03-01", "2019-03-01" }, "a date" },
+        { { "1.3.2019", "01.12.2019", "2.3.19", "3.4.19", "5.5.2020", "1.1.20" }, "a date" },
+        { { "3/4/19", "3/4/19 12:30", "2019/3/4", "2020-01-02T10:00", "NA", "3/4/19" }, "a date" },
+        { { "12 kg", "13 kg", "9.5 kg", "14 kg", "40 kg", "41 kg" }, "begins like one" },
+        { { "1", "2", "-1e101", "4", "5", "6" }, "another unit" },
+        { { "1", "2", "1e-101", "4", "5", "6" }, "another unit" },
+        { { "0", "-0", "1e99", "-1e-99", "5", "6" }, NULL },
+        { { "1.5T", "3T", "3T", "1.5T", "3T", "3T" }, NULL },
+        { { "20-30", "30-40", "20-30", "30-40", "20-30", "30-40" }, NULL },
+        { { "1.2.3.4", "1.2.3.4", "1.2.3.5", "1.2.3.5", "192-168-1", "192-168-1" }, NULL },
+        { { "%", "%", "1-1-", "-1-1", "%", "1-1-1-1" }, NULL },
+    };
+    apsm_context *ctx = apsm_context_new();
+    (void)state;
+    for (size_t k = 0; k < sizeof tried / sizeof *tried; k++) {
+        apsm_table t;
+        const apsm_column *c = column_of(tried[k].value, &t);
+        const bool taken = apsm_column_check(ctx, I, c) == APSM_OK;
+        if (taken != !tried[k].words) fail_msg("%s: wrongly judged", tried[k].value[0]);
+        if (!taken && !strstr(apsm_error_text(ctx), tried[k].words))
+            fail_msg("'%s' does not say '%s'", apsm_error_text(ctx), tried[k].words);
+        apsm_table_free(&t);
+    }
+    apsm_context_free(ctx);
+}
+
 /* Numbers that say who are told apart by their texts, where a double does not tell them. */
 static void numbers_made_categories_are_texts(void **state)
 {
@@ -182,6 +216,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = { cmocka_unit_test(columns_have_types),
                                         cmocka_unit_test(what_most_shapes_have_is_meant),
+                                        cmocka_unit_test(columns_like_numbers_are_refused),
                                         cmocka_unit_test(numbers_made_categories_are_texts),
                                         cmocka_unit_test(bad_tables),
                                         cmocka_unit_test(formulas),
