@@ -23,10 +23,11 @@ extern "C" {
     REAL(S, contact, 30, 0, 1000,                                                                  \
          "of a joint: weight of the penalty on rebuilt surfaces that go into the subject's other " \
          "parts, against what the surfaces have to say; grows to this over the rounds; 0: none")   \
-    FIXED(S, double, prior, 165.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
+    FIXED(S, double, prior, 190.0, "weight of the prior at F = 1/2 and a doubt of 1")              \
     FIXED(S, double, recall, 80.0, "of the pull to where the stage began, at the same")            \
     FIXED(S, double, stay, 0.005, "lambda in (12): that pull where nothing is left open")          \
-    FIXED(S, double, smooth, 1.0, "mu in (12): displacements from the mean are smooth")            \
+    FIXED(S, double, smooth, 0.7, "mu in (12): displacements are smooth")                          \
+    FIXED(S, double, common, 0.5, "from where: this share of the way from mean to template")       \
     FIXED(S, double, order, 16.0, "nu in (12): neighbours of the template stay neighbours")        \
     FIXED(S, long, iterations, 1, "most Gauss-Newton steps of a shape in a round")                 \
     FIXED(S, double, floor, 0.05, "distances below this count as squares, in h")                   \

@@ -1,12 +1,13 @@
 /* The objective of the fidelity stage for one shape, equation (12), lengths in h:
  *
- *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 mu e' Q e + 1/2 kappa e' S e
+ *   sum_v rho(|y_v - q_v|) + sum_u rho(|y_u - u|) + 1/2 mu d' Q d + 1/2 kappa e' S e
  *       + 1/2 nu sum_jk max(0, |x_jk| - b |x_jl|)^2 + landmarks (fidelity_landmarks.c)
  *       + joint spaces (fidelity_contacts.c)
  *
  *   y = W p     the template's vertices, warped;  q_v  the closest point of the shape
  *   u, y_u      vertex of the shape, and the closest point on the warped template
  *   e = p - mean  displacement from the mean of the other shapes
+ *   d           displacement from a place between that mean and the template's particles
  *   Q           what of it is not smooth (fidelity_smooth.c)
  *   rho(d)      d between a floor and a ceiling; d^2 / (2 s) + s / 2 with s = floor below, ceiling
  *               above: tips that are not reached count for more than their few vertices
@@ -285,12 +286,15 @@ void fidelity_follow(const apsm_fidelity *f, size_t i, const fidelity_state *fro
 
 /* ---- the objective ---- */
 
-/* e = p - mean in h; Se = Q e. */
+/* e = p - (1 - s) mean - s t in h, t the template and s its share; Se = Q e.  From the mean alone,
+ * what all shapes share would cost next to nothing, while all their distances speak for it. */
 static void roughness(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
                       fidelity_work *w)
 {
     const size_t J = f->J;
-    for (size_t x = 0; x < 3 * J; x++) w->e[x] = P[x] / f->h - q->mean[x];
+    const double s = f->o.common;
+    for (size_t x = 0; x < 3 * J; x++)
+        w->e[x] = (P[x] - s * f->T[x]) / f->h - (1 - s) * q->mean[x];
     if (w->sparse) /* BLAS takes three times as long for three columns, which few do not feel */
         fidelity_roughness(J, f->Q, w->e, w->row, w->Se);
     else

@@ -272,6 +272,31 @@ static void test_gradient(void **state)
     free_prior_scene(&p);
 }
 
+/* What is smooth is the way from half-way between the other shapes' mean and the template: at that
+ * place it costs nothing, at the mean and on the template as much as half of what is between. */
+static void test_smooth_from(void **state)
+{
+    (void)state;
+    prior_scene p;
+    make_prior_scene(&p);
+    const apsm_fidelity *f = p.f;
+    fidelity_weights q = some_weights(&p.prior, 3, p.s.P);
+    double value[3];
+    q.stay = q.prior = q.order = 0;
+    p.w.a.n = p.w.a.contacts = 0;
+    for (int k = 0; k < 3; k++) {
+        for (size_t x = 0; x < 3 * J; x++)
+            p.w.a.P[x] = (1 - k / 2.0) * f->h * q.mean[x] + k / 2.0 * f->T[x];
+        fidelity_value(f, &q, &p.w.a, &p.w);
+        value[k] = p.w.a.value;
+    }
+    assert_near(f->o.common, 0.5, 0);
+    assert_true(value[0] > 1e-6);
+    assert_near(value[1], 0, 1e-9 * value[0]);
+    assert_near(value[2], value[0], 1e-9 * value[0]);
+    free_prior_scene(&p);
+}
+
 /* A ball whose surface just touches that of shape i at vertex v, from outside. */
 static void put_ball(scene *s, size_t i, size_t v, double radius)
 {
@@ -1057,6 +1082,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_follows),
         cmocka_unit_test(test_gradient),
+        cmocka_unit_test(test_smooth_from),
         cmocka_unit_test(test_contacts),
         cmocka_unit_test(test_far_obstacles),
         cmocka_unit_test(test_sides_of_sheets),
