@@ -293,8 +293,7 @@ static void roughness(const apsm_fidelity *f, const fidelity_weights *q, const d
 {
     const size_t J = f->J;
     const double s = f->o.common;
-    for (size_t x = 0; x < 3 * J; x++)
-        w->e[x] = (P[x] - s * f->T[x]) / f->h - (1 - s) * q->mean[x];
+    for (size_t x = 0; x < 3 * J; x++) w->e[x] = (P[x] - s * f->T[x]) / f->h - (1 - s) * q->mean[x];
     if (w->sparse) /* BLAS takes three times as long for three columns, which few do not feel */
         fidelity_roughness(J, f->Q, w->e, w->row, w->Se);
     else
