@@ -188,12 +188,12 @@ static double pass_seconds(double J)
     return 2.5e-3 + 8e-6 * J;
 }
 
-/* Normal equations in 2J unknowns, where they are many of what is near; and the surfaces that are
- * looked up. */
+/* Normal equations in 2J unknowns, where they are many by products with what is near; and the
+ * surfaces that are looked up. */
 static double round_seconds(const apsm_options *o, double J)
 {
     const double unknowns = 2 * J;
-    if (unknowns > (double)o->optimize.fidelity.dense) return 0.008 + 1.18e-8 * unknowns * unknowns;
+    if (unknowns > (double)o->optimize.fidelity.dense) return 0.006 + 2.5e-9 * unknowns * unknowns;
     return 0.005 + (double)o->optimize.fidelity.fidelity_points * unknowns * unknowns * 4e-11;
 }
 
