@@ -120,14 +120,17 @@ static json_t *json_thresholds(void)
     const apsm_certificate_options o = apsm_certificate_defaults();
     const apsm_verdict_options v = apsm_verdict_defaults();
     return json_pack("{s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, s:f, "
+                     "s:f, s:f, s:f, s:f, "
                      "s:f, s:f, s:f, s:i}",
                      "mismatched_share", o.mismatched, "stretch", o.stretch, "off_surface",
                      o.off_surface, "coincident", o.coincident, "slip_times", v.slip, "slip_size",
                      v.slip_size, "reach_excess", v.reach_excess, "reach", v.reach_size, "farthest",
                      v.farthest, "off", v.off, "off_excess", v.off_excess, "size", v.size,
                      "size_excess", v.size_excess, "part_times", v.part, "part_excess",
-                     v.part_excess, "part", v.part_size, "evidence_against", v.against,
-                     "evidence_told", v.told, "least_shapes", (int)APSM_LEAST_JUDGED);
+                     v.part_excess, "part", v.part_size, "clear_slip_times", v.clear_slip,
+                     "clear_slip_size", v.clear_size, "large_part_excess", v.large_excess,
+                     "large_part", v.large_size, "evidence_against", v.against, "evidence_told",
+                     v.told, "least_shapes", (int)APSM_LEAST_JUDGED);
 }
 
 static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certificate *c)

@@ -310,6 +310,7 @@ static apsm_status judge_by_others(apsm_context *ctx, const judging *g)
         apsm_verdict_options own = options;
         if (i == g->cohort->template_index) {
             own.slip *= of_template;
+            own.clear_slip *= of_template;
             own.part *= of_template;
         }
         c->doubts[i] = apsm_verdict_doubts(&c->judgement.shape[i], &own);
@@ -396,6 +397,38 @@ static apsm_status add_notes(const apsm_cohort *cohort, json_t *notes, cohort_ce
     return APSM_OK;
 }
 
+static bool is_same_file(json_t *notes, const char *shape)
+{
+    size_t k;
+    json_t *note;
+    json_array_foreach(notes, k, note)
+    {
+        const char *text = json_string_value(json_object_get(note, "text"));
+        if (has(note, "shape", shape) && text && strncmp(text, "the same file", 13) == 0)
+            return true;
+    }
+    return false;
+}
+
+/* Shapes that are nearly the same, where grooming has not seen that it is one file. */
+static apsm_status note_twins(const apsm_cohort *cohort, cohort_certificate *c)
+{
+    json_t *all = c->notes ? json_copy(c->notes) : json_array();
+    int failed = !all;
+    for (size_t i = 0; i < c->I && c->judged && !failed; i++) {
+        const char *name = cohort->shape[i].name;
+        char text[400];
+        if (c->judgement.twin[i] == i || is_same_file(c->notes, name)) continue;
+        snprintf(text, sizeof text, "nearly the same shape as %.300s: a subject twice?",
+                 cohort->shape[c->judgement.twin[i]].name);
+        failed = json_array_append_new(
+            all, json_pack("{s:s, s:s, s:s}", "shape", name, "aspect", "input", "text", text));
+    }
+    json_decref(c->notes);
+    c->notes = all;
+    return failed ? APSM_ERR_MEMORY : APSM_OK;
+}
+
 apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
                            json_t *notes, cohort_certificate *certificate)
 {
@@ -414,6 +447,7 @@ apsm_status certify_cohort(apsm_context *ctx, const apsm_cohort *cohort, size_t 
     certificate->reference = g.t;
     certificate->h = g.h; /* of that shape */
     if (status == APSM_OK) status = add_notes(cohort, notes, certificate);
+    if (status == APSM_OK) status = note_twins(cohort, certificate);
     apsm_neighbourhoods_free(&g.reference);
     free(g.TN);
     free(g.N6);

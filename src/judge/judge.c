@@ -12,6 +12,7 @@
 #include "judge/coverage.h"
 #include "judge/left_out.h"
 #include "judge/slip.h"
+#include "judge/twins.h"
 #include "model/procrustes.h"
 #include "optimize/correspondence_loss.h"
 
@@ -391,6 +392,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column)
     }
     APSM_TRY(compare_all(ctx, g));
     take_departures(g);
+    apsm_twins_find(I, J, g->Q, g->X, g->figure + AREA * I, g->out->twin, column);
     return weigh_figures(g);
 }
 
@@ -418,11 +420,13 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
     out->uncovered = malloc(n * sizeof *out->uncovered);
     out->departs = calloc(n, sizeof *out->departs);
     out->opposed = calloc(n, sizeof *out->opposed);
+    out->twin = calloc(I, sizeof *out->twin);
     double *all = malloc(doubles * sizeof *all);
     judging g = { .cohort = cohort, .I = I, .J = J, .P = P, .out = out };
     g.N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6);
     apsm_status status = APSM_ERR_MEMORY;
-    if (out->shape && out->slip && out->uncovered && out->departs && out->opposed && all && g.N6) {
+    if (out->shape && out->slip && out->uncovered && out->departs && out->opposed && out->twin &&
+        all && g.N6) {
         g.Q = all;
         g.N = g.Q + 3 * n;
         g.X = g.N + 3 * n;
@@ -457,5 +461,6 @@ void apsm_judgement_free(apsm_judgement *judgement)
     free(judgement->uncovered);
     free(judgement->departs);
     free(judgement->opposed);
+    free(judgement->twin);
     *judgement = (apsm_judgement){ 0 };
 }

@@ -41,6 +41,7 @@ typedef struct apsm_judgement {
     double *uncovered;    /* I x J: how far the surface reaches beyond, in h beyond what is usual */
     double *departs;      /* I x J: of the surface around each particle, over what is usual there */
     bool *opposed;        /* I x J */
+    uint32_t *twin;       /* I: a shape before it that is nearly the same; or itself */
 } apsm_judgement;
 
 /* Judges particles P (I x J x 3, world frame) of I >= 3 shapes. */

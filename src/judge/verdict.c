@@ -42,7 +42,9 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt)
 apsm_verdict_options apsm_verdict_defaults(void)
 {
     return (apsm_verdict_options){ .slip = 2.25,
-                                   .slip_size = 0.01,
+                                   .slip_size = 0.03,
+                                   .clear_slip = 3.5,
+                                   .clear_size = 0.01,
                                    .reach_excess = 4.5,
                                    .reach_size = 0.35,
                                    .farthest = 1.4,
@@ -53,13 +55,17 @@ apsm_verdict_options apsm_verdict_defaults(void)
                                    .part = 2.25,
                                    .part_excess = 4.0,
                                    .part_size = 0.2,
+                                   .large_excess = 2.5,
+                                   .large_size = 0.4,
                                    .against = 0.2,
                                    .told = 0.3 };
 }
 
 static bool is_unlike(const apsm_departure *part, const apsm_verdict_options *o)
 {
-    return part->times > o->part && part->excess > o->part_excess && part->size > o->part_size;
+    const bool large = part->size > o->large_size;
+    return part->times > o->part && part->size > o->part_size &&
+           part->excess > (large ? o->large_excess : o->part_excess);
 }
 
 const apsm_departure *apsm_verdict_part(const apsm_findings *f, const apsm_verdict_options *o)
@@ -70,6 +76,12 @@ const apsm_departure *apsm_verdict_part(const apsm_findings *f, const apsm_verdi
         if (unlike != before ? unlike : f->part[k].times > part->times) part = &f->part[k];
     }
     return part;
+}
+
+static bool has_slipped(const apsm_findings *f, const apsm_verdict_options *o)
+{
+    return (f->slip > o->slip && f->slip_size > o->slip_size) ||
+           (f->slip > o->clear_slip && f->slip_size > o->clear_size);
 }
 
 /* What does not belong slips, and has no pose, as well: that is not told then. */
@@ -83,7 +95,7 @@ unsigned apsm_verdict_doubts(const apsm_findings *f, const apsm_verdict_options 
     doubts |= (unsigned)(f->turn[0].evidence < -o->against) << APSM_DOUBT_TURNED;
     doubts |= (unsigned)(f->turn[1].evidence < -o->against) << APSM_DOUBT_MIRRORED;
     if (!doubts && is_unlike(apsm_verdict_part(f, o), o)) doubts |= 1u << APSM_DOUBT_PART;
-    if (f->slip > o->slip && f->slip_size > o->slip_size) doubts |= 1u << APSM_DOUBT_SLIP;
+    if (has_slipped(f, o)) doubts |= 1u << APSM_DOUBT_SLIP;
     if ((f->reach_excess > o->reach_excess && f->reach > o->reach_size) ||
         f->farthest > o->farthest)
         doubts |= 1u << APSM_DOUBT_ENDS;

@@ -54,13 +54,15 @@ apsm_aspect apsm_doubt_aspect(apsm_doubt doubt);
 /* From where on a shape needs review.  Excesses are in standard deviations above the others'
  * median, as in judge.h. */
 typedef struct apsm_verdict_options {
-    double slip, slip_size;          /* both: 2.25 times the others', 0.01 h */
+    double slip, slip_size;          /* both: 2.25 times the others', 0.03 h */
+    double clear_slip, clear_size;   /* or both: 3.5 times, 0.01 h */
     double reach_excess, reach_size; /* both: 4.5, 0.35 h */
     double farthest;                 /* or this, whatever is usual: 1.4 h */
     double off, off_excess;          /* both: 2.25 times the others', 5 */
     double size, size_excess;        /* both: 1.4 times the others' or less than that part, 6 */
     double part, part_excess;        /* all three: 2.25 times the others' worst, 4, */
-    double part_size;                /* 0.2 h */
+    double part_size;                /* 0.2 h; */
+    double large_excess, large_size; /* or part and these: 2.5, 0.4 h */
     double against; /* evidence against a pose or hand from where it is taken for wrong: 0.2 */
     double told;    /* evidence for it below which the surface cannot tell: 0.3 */
 } apsm_verdict_options;

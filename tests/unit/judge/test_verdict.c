@@ -323,6 +323,29 @@ static void parts_unlike_the_others_are_found(void **state)
     }
 }
 
+/* Shape 5 is shape 2 again, its particles a little elsewhere. */
+static void repeated(size_t i, const double u[3], double x[3])
+{
+    const size_t subject = i == 5 ? 2 : i;
+    apsm_random rng = apsm_random_stream(13, APSM_STREAM_TEST, subject, 0);
+    body(subject, u, x);
+    for (size_t c = 0; c < 9; c++)
+        x[c % 3] += apsm_random_normal(&rng) * sin(3 * u[c / 3] + (double)c);
+    for (size_t c = 0; c < 3 && i == 5; c++) x[c] += 0.1 * sin(40 * u[c]);
+}
+
+static void twins_are_found(void **state)
+{
+    (void)state;
+    static scene s;
+    apsm_judgement g;
+    open_scene_of(&s, repeated);
+    assert_int_equal(apsm_judge(s.ctx, &s.cohort, J, s.P, &g), APSM_OK);
+    for (size_t i = 0; i < I; i++) assert_int_equal(g.twin[i], i == 5 ? 2 : i);
+    apsm_judgement_free(&g);
+    close_scene(&s);
+}
+
 static void size_of_a_stranger_is_found(void **state)
 {
     (void)state;
@@ -608,6 +631,7 @@ int main(void)
         cmocka_unit_test(missed_end_is_found),
         cmocka_unit_test(other_side_is_found_beyond_edges),
         cmocka_unit_test(parts_unlike_the_others_are_found),
+        cmocka_unit_test(twins_are_found),
         cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(probability_follows_form),
