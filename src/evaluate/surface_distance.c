@@ -392,10 +392,10 @@ void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, siz
 
 /* ---- other templates ---- */
 
-/* Every stride-th shape of a cohort. */
+/* Every stride-th shape of a cohort, from one on. */
 typedef struct selection {
     const apsm_mesh_source *all;
-    size_t stride, n, J;
+    size_t first, stride, n, J;
     double *P;                       /* n x J x 3 */
     apsm_surface_distance *distance; /* n */
 } selection;
@@ -404,13 +404,13 @@ static apsm_status get_selected(apsm_context *ctx, size_t i, const apsm_mesh **m
                                 const apsm_bvh **bvh, void *user)
 {
     const selection *s = user;
-    return s->all->get(ctx, i * s->stride, mesh, bvh, s->all->user);
+    return s->all->get(ctx, s->first + i * s->stride, mesh, bvh, s->all->user);
 }
 
 static void release_selected(size_t i, const apsm_mesh *mesh, const apsm_bvh *bvh, void *user)
 {
     const selection *s = user;
-    if (s->all->release) s->all->release(i * s->stride, mesh, bvh, s->all->user);
+    if (s->all->release) s->all->release(s->first + i * s->stride, mesh, bvh, s->all->user);
 }
 
 /* Those of a mesh with particles p in the template's place, warped to the selected shapes. */
@@ -433,37 +433,46 @@ static apsm_status judge_by(apsm_context *ctx, size_t t, const double *p, select
     const apsm_mesh *mesh = NULL;
     const apsm_bvh *bvh = NULL;
     const apsm_mesh_source source = { get_selected, release_selected, s };
-    char kind[48];
-    apsm_print(kind, sizeof kind, "surface by template %zu", t);
+    char kind[96];
+    apsm_print(kind, sizeof kind, "surface by template %zu, shapes %zu + %zu k", t, s->first,
+               s->stride);
     APSM_TRY(s->all->get(ctx, t, &mesh, &bvh, s->all->user));
     const apsm_status status = measure_by(ctx, kind, mesh, p, &source, s);
     if (status == APSM_OK)
         *result = aggregate(s->n, s->distance, offsetof(apsm_surface_distance, two_way),
-                            t % s->stride == 0 ? t / s->stride : SIZE_MAX);
+                            t % s->stride == s->first ? t / s->stride : SIZE_MAX);
     if (s->all->release) s->all->release(t, mesh, bvh, s->all->user);
     return status;
+}
+
+/* Templates share the cohort: the k-th judges every stride-th shape from number k on. */
+static void select_shapes(size_t k, size_t I, const double *P, selection *s)
+{
+    const size_t D = 3 * s->J;
+    s->first = k % s->stride;
+    s->n = (I - s->first + s->stride - 1) / s->stride;
+    for (size_t i = 0; i < s->n; i++)
+        memcpy(s->P + i * D, P + (s->first + i * s->stride) * D, D * sizeof *P);
 }
 
 apsm_status apsm_other_templates(apsm_context *ctx, size_t I, size_t J, const double *P,
                                  const apsm_mesh_source *shape, size_t template_index,
                                  size_t others, apsm_surface_aggregate *mean)
 {
-    enum { MOST = 32 };
+    enum { MOST = 12 }; /* shapes a template */
     selection s = { .all = shape, .stride = (I + MOST - 1) / MOST, .J = J };
     *mean = (apsm_surface_aggregate){ 0 };
     if (others + 1 > I) others = I > 0 ? I - 1 : 0;
     if (others == 0) return APSM_OK;
-    s.n = (I + s.stride - 1) / s.stride;
-    s.P = malloc(s.n * 3 * J * sizeof *s.P);
-    s.distance = calloc(s.n, sizeof *s.distance);
+    s.P = malloc(MOST * 3 * J * sizeof *s.P);
+    s.distance = calloc(MOST, sizeof *s.distance);
     apsm_status status =
         s.P && s.distance ? APSM_OK
                           : apsm_fail(ctx, APSM_ERR_MEMORY, "out of memory for surface distances");
-    for (size_t k = 0; status == APSM_OK && k < s.n; k++)
-        memcpy(s.P + k * 3 * J, P + k * s.stride * 3 * J, 3 * J * sizeof *P);
     for (size_t k = 0; status == APSM_OK && k < others; k++) {
         const size_t t = (template_index + 1 + k * (I - 1) / others) % I;
         apsm_surface_aggregate a = { 0 };
+        select_shapes(k, I, P, &s);
         status = judge_by(ctx, t, P + t * 3 * J, &s, &a);
         mean->mean += a.mean / (double)others;
         mean->mean_max += a.mean_max / (double)others;

@@ -63,8 +63,8 @@ void apsm_surface_summarize(size_t I, const apsm_surface_distance *distance, siz
 
 /* Two-way distances with other shapes in the template's place, which nothing was fitted to:
  * `others` of them (at most I - 1; 0: nothing is measured), evenly taken after the template, each
- * warped to at most 32 shapes, evenly taken, without itself.  mean: of the aggregates; its `max`
- * the largest. others warps, and distances of as many times the shapes. */
+ * warped to at most 12 shapes, evenly taken, others for each, without itself.  mean: of the
+ * aggregates; its `max` the largest. others warps, and distances of as many times the shapes. */
 apsm_status apsm_other_templates(apsm_context *ctx, size_t I, size_t J, const double *P,
                                  const apsm_mesh_source *shape, size_t template_index,
                                  size_t others, apsm_surface_aggregate *mean) APSM_NODISCARD;

@@ -220,6 +220,30 @@ static void cohorts_are_measured(void **state)
     free(P);
 }
 
+/* Three templates share 26 shapes: one of them, that of shapes 1, 4, 7 ..., meets the one shape
+ * that is larger than its particles say. */
+static void other_templates_share_the_shapes(void **state)
+{
+    (void)state;
+    enum { I = 26, LARGER = 4, SHARE = 9 };
+    apsm_mesh mesh[I];
+    apsm_surface_aggregate a;
+    for (size_t i = 0; i < I; i++) mesh[i] = shape_ellipsoid(2, 10 + (double)i, 8, 6);
+    const size_t J = mesh[0].nv / 5;
+    double *P = malloc(I * 3 * J * sizeof *P);
+    assert_non_null(P);
+    for (size_t i = 0; i < I; i++)
+        for (size_t j = 0; j < J; j++)
+            memcpy(P + 3 * (i * J + j), mesh[i].V + 15 * j, 3 * sizeof *P);
+    for (size_t k = 0; k < 3 * mesh[LARGER].nv; k++) mesh[LARGER].V[k] *= 1.05;
+    const apsm_mesh_source source = apsm_mesh_source_array(mesh);
+    assert_int_equal(apsm_other_templates(ctx, I, J, P, &source, 0, 3, &a), APSM_OK);
+    assert_true(a.max > 0.3);
+    golden_close("shared", 1, &a.mean_max, &(double){ a.max / (3 * SHARE) }, 1e-6);
+    for (size_t i = 0; i < I; i++) apsm_mesh_free(&mesh[i]);
+    free(P);
+}
+
 static void refuses_empty_and_infinite_meshes(void **state)
 {
     (void)state;
@@ -243,6 +267,7 @@ int main(void)
         cmocka_unit_test(push_sees_what_pull_cannot),
         cmocka_unit_test(push_does_not_depend_on_the_triangles),
         cmocka_unit_test(cohorts_are_measured),
+        cmocka_unit_test(other_templates_share_the_shapes),
         cmocka_unit_test(refuses_empty_and_infinite_meshes),
     };
     return cmocka_run_group_tests_name("surface_distance", tests, set_up, tear_down);
