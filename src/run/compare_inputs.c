@@ -7,12 +7,16 @@
 
 #include "core/number.h"
 
+enum { LEAST_MASKS = 5 };
+
 /* No organ varies by so much: a unit does. */
 static const double other_unit = 5, other_voxels = 4;
+/* Images that all have the same slices but for one: of which share, and from which factor on. */
+static const double same_slices = 0.8, equal = 1.01, unequal = 1.05;
 
 typedef struct comparing {
     const groom_inputs *in;
-    void (*tell)(void *user, const char *line);
+    unlike_shape tell;
     void *user;
     double *value;  /* n: of each shape, 0: unknown */
     double *sorted; /* n */
@@ -47,9 +51,15 @@ apsm_status compare_files(const groom_inputs *in, same_file tell, void *user)
     return APSM_OK;
 }
 
+/* Whom a line is told. */
+typedef struct listener {
+    void (*tell)(void *user, const char *line);
+    void *user;
+} listener;
+
 static void tell_same(void *user, const apsm_input_case *first, const apsm_input_case *again)
 {
-    const comparing *c = user;
+    const listener *c = user;
     char line[1024];
     snprintf(line, sizeof line, "%s: the same file as %s, byte for byte (%.400s); a shape twice?",
              again->name, first->name, again->path);
@@ -94,14 +104,34 @@ static void compare_values(const comparing *c, double limit, const char *larger,
         const double ratio = c->value[i] / middle;
         if (!(c->value[i] > 0) || (ratio < limit && ratio > 1 / limit)) continue;
         const double factor = rounded(ratio > 1 ? ratio : 1 / ratio);
-        apsm_print(line, sizeof line, "%s: about %.*f times %s than the others%s",
-                   c->in->list.cases[i].name, factor < 100 ? 1 : 0, factor,
-                   ratio > 1 ? larger : smaller, remark);
-        c->tell(c->user, line);
+        apsm_print(line, sizeof line, "about %.*f times %s than the others%s", factor < 100 ? 1 : 0,
+                   factor, ratio > 1 ? larger : smaller, remark);
+        c->tell(c->user, c->in->list.cases[i].name, line);
     }
 }
 
-static void compare_sizes(const comparing *c)
+/* Where nearly all images have the same slices, one that has others may have a wrong header. */
+static void compare_slices(const comparing *c)
+{
+    const double middle = median(c);
+    size_t masks = 0, same = 0;
+    for (size_t i = 0; i < c->in->list.n; i++) {
+        masks += c->value[i] > 0;
+        same += c->value[i] > 0 && fabs(log(c->value[i] / middle)) < log(equal);
+    }
+    if (masks < LEAST_MASKS || (double)same < same_slices * (double)masks) return;
+    for (size_t i = 0; i < c->in->list.n; i++) {
+        char line[256];
+        if (!(c->value[i] > 0) || fabs(log(c->value[i] / middle)) < log(unequal)) continue;
+        apsm_print(line, sizeof line,
+                   "its slices are %.3g pixels apart, those of the others %.3g: is the spacing in "
+                   "its header right?",
+                   c->value[i], middle);
+        c->tell(c->user, c->in->list.cases[i].name, line);
+    }
+}
+
+static void compare_all_sizes(const comparing *c)
 {
     for (size_t i = 0; i < c->in->list.n; i++) {
         const bool good = c->in->status[i] == APSM_OK && c->in->mesh[i].nv > 0;
@@ -111,17 +141,33 @@ static void compare_sizes(const comparing *c)
     compare_values(c, other_unit, "larger", "smaller", ": another unit?");
     for (size_t i = 0; i < c->in->list.n; i++) c->value[i] = c->in->voxel[i];
     compare_values(c, other_voxels, "coarser in its voxels", "finer in its voxels", "");
+    for (size_t i = 0; i < c->in->list.n; i++) c->value[i] = c->in->slices[i];
+    compare_slices(c);
 }
 
-apsm_status compare_inputs(const groom_inputs *in, void (*tell)(void *user, const char *line),
-                           void *user)
+apsm_status compare_sizes(const groom_inputs *in, unlike_shape tell, void *user)
 {
     comparing c = { .in = in, .tell = tell, .user = user };
     c.value = calloc(2 * in->list.n + 1, sizeof *c.value);
     if (!c.value) return APSM_ERR_MEMORY;
     c.sorted = c.value + in->list.n;
-    const apsm_status status = compare_files(in, tell_same, &c);
-    if (status == APSM_OK) compare_sizes(&c);
+    compare_all_sizes(&c);
     free(c.value);
-    return status;
+    return APSM_OK;
+}
+
+static void tell_unlike(void *user, const char *shape, const char *text)
+{
+    const listener *l = user;
+    char line[1024];
+    snprintf(line, sizeof line, "%s: %s", shape, text);
+    l->tell(l->user, line);
+}
+
+apsm_status compare_inputs(const groom_inputs *in, void (*tell)(void *user, const char *line),
+                           void *user)
+{
+    listener l = { tell, user };
+    APSM_TRY(compare_files(in, tell_same, &l));
+    return compare_sizes(in, tell_unlike, &l);
 }

@@ -139,6 +139,7 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     in->is_mask[i] = !shape.is_mesh;
     const double *s = shape.volume.spacing;
     in->voxel[i] = shape.is_mesh ? 0 : cbrt(fabs(s[0] * s[1] * s[2]));
+    in->slices[i] = shape.is_mesh ? 0 : fabs(s[2]) / sqrt(fabs(s[0] * s[1]));
     apsm_input_shape_free(&shape);
     return status;
 }
@@ -216,14 +217,15 @@ static apsm_status take_or_groom(apsm_context *ctx, const groom_task *t, size_t 
     in->report[i] = groomed.report;
     in->is_mask[i] = groomed.is_mask;
     in->voxel[i] = groomed.voxel;
+    in->slices[i] = groomed.slices;
     free(in->notes[i]);
     free(in->picked[i]);
     in->notes[i] = groomed.notes;
     in->picked[i] = groomed.picked;
     if (*lost != APSM_OK || in->recalled[i]) return *lost;
     APSM_TRY(read_and_groom(ctx, t->run, in, i));
-    groomed =
-        (kept_groomed){ in->report[i], in->is_mask[i], in->voxel[i], in->notes[i], in->picked[i] };
+    groomed = (kept_groomed){ in->report[i], in->is_mask[i], in->voxel[i],
+                              in->slices[i], in->notes[i],   in->picked[i] };
     return *lost = kept_add_mesh(ctx, t->run, c, key, &in->mesh[i], &groomed);
 }
 
@@ -360,12 +362,13 @@ apsm_status groom_inputs_read(apsm_run *run, groom_inputs *in)
     in->picked = calloc(n, sizeof *in->picked);
     in->recalled = calloc(n, sizeof *in->recalled);
     in->voxel = calloc(n, sizeof *in->voxel);
+    in->slices = calloc(n, sizeof *in->slices);
     in->report = calloc(n, sizeof *in->report);
     in->is_mask = calloc(n, sizeof *in->is_mask);
     in->cropped = calloc(n, sizeof *in->cropped);
     if (!in->mesh || !in->reflection || !in->reflected || !in->sha256 || !in->status ||
-        !in->problem || !in->notes || !in->picked || !in->recalled || !in->voxel || !in->report ||
-        !in->is_mask || !in->cropped)
+        !in->problem || !in->notes || !in->picked || !in->recalled || !in->voxel || !in->slices ||
+        !in->report || !in->is_mask || !in->cropped)
         return APSM_ERR_MEMORY;
     groom_task t = { run, in };
     apsm_status status = apsm_dealt_for(run->ctx, n, groom_case, &t, "groom");
@@ -436,6 +439,7 @@ void groom_inputs_free(groom_inputs *in)
     free(in->recalled);
     free(in->again);
     free(in->voxel);
+    free(in->slices);
     free(in->report);
     free(in->is_mask);
     free(in->cropped);

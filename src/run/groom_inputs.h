@@ -36,6 +36,7 @@ typedef struct groom_inputs {
     bool *recalled; /* groomed before an interruption */
     bool *again;    /* NULL, or: what is groomed another time, with the options as they are now */
     double *voxel;  /* mean edge of a voxel; 0: a mesh */
+    double *slices; /* how far these are apart, over the edge of a pixel; 0: a mesh */
     double *turn;   /* n x 9: how shapes are turned, by others (turned.h); NULL: nobody knows */
 } groom_inputs;
 

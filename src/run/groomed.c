@@ -192,6 +192,12 @@ static void note_same(void *user, const apsm_input_case *first, const apsm_input
     n->failed |= groomed_note_same(n->notes, again->name, first->name);
 }
 
+static void note_unlike(void *user, const char *shape, const char *text)
+{
+    noting *n = user;
+    n->failed |= add_note(n->notes, shape, text);
+}
+
 int groomed_note_same(json_t *notes, const char *shape, const char *as)
 {
     char text[400];
@@ -203,6 +209,7 @@ int groomed_add_notes(const groom_inputs *in, json_t *notes)
 {
     noting same = { notes, 0 };
     if (compare_files(in, note_same, &same) != APSM_OK) return -1;
+    if (compare_sizes(in, note_unlike, &same) != APSM_OK) return -1;
     int failed = same.failed;
     for (size_t i = 0; i < in->list.n && !failed; i++) {
         char text[160];

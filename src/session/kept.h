@@ -44,7 +44,8 @@ apsm_status kept_end_share(apsm_run *run, apsm_status status);
 typedef struct kept_groomed {
     apsm_groom_report report;
     bool is_mask;
-    double voxel;         /* groom_inputs.voxel, .notes, .picked; texts may be NULL, and are the */
+    double voxel,
+        slices; /* groom_inputs.voxel ..., .notes, .picked; texts may be NULL, and are the */
     char *notes, *picked; /* caller's to free if they were found */
 } kept_groomed;
 
