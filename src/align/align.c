@@ -25,8 +25,10 @@
 #include "geometry/vec3.h"
 
 enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
-/* Relative step at which the last registration ends. */
+/* What the last registration may leave, relative to the radius. */
 static const double at_rest = 3e-5;
+/* Share of the sum of squares that no step of a pair of the medoid's need lower. */
+static const double enough_for_pairs = 1e-2;
 /* 1 + 2 cos of 10 degrees: poses that are turned by less are one. */
 static const double same_rotation = 2.97;
 
@@ -60,7 +62,7 @@ typedef struct aligner {
     apsm_medoid_plan *plan; /* while the medoid is looked for, and what goes with it: */
     size_t part;            /* of the plan's shapes, or all of them */
     double *R;              /* plan's candidates x shapes */
-    apsm_cloud dense;       /* of the template */
+    apsm_cloud resting[2];  /* of the template: some vertices, and all */
 } aligner;
 
 apsm_align_options apsm_align_defaults(void)
@@ -157,6 +159,7 @@ static apsm_icp_options icp_options(const aligner *a)
 static void roughly(apsm_icp_options *icp)
 {
     icp->points = ROUGH_POINTS;
+    icp->near = true;
     icp->tolerance = 1e-3;
     icp->enough = 2e-3;
 }
@@ -185,13 +188,14 @@ static void enter(const apsm_pose *pose, size_t hand, pose_ballot *ballot)
 static void search(const aligner *a, const apsm_surface *moving, double *work, pose_ballot *ballot)
 {
     const apsm_surface fixed = { a->bvh[a->base], &a->cloud[a->base] };
-    const apsm_icp_options icp = search_options(a, moving, &fixed);
+    apsm_icp_options icp = search_options(a, moving, &fixed);
     apsm_pose pose;
     memset(ballot, 0, sizeof *ballot);
     for (size_t k = 0; k < POSE_OPTIONS; k++) ballot->residual[1][k] = INFINITY;
     apsm_pose_search(moving, &fixed, false, &icp, &pose, work);
     enter(&pose, 0, ballot);
     if (a->opt->mirror_check == APSM_MIRROR_OFF) return;
+    icp.rival = pose.residual;
     apsm_pose_search(moving, &fixed, true, &icp, &pose, work);
     enter(&pose, 1, ballot);
 }
@@ -282,6 +286,7 @@ static apsm_status try_given_task(apsm_context *ctx, size_t i, int worker, void 
     APSM_TRY(open_surface(ctx, a, i, &own, &moving));
     apsm_icp_options icp = search_options(a, &moving, &fixed);
     icp.usual = a->common;
+    icp.near = false;
     apsm_pose_from(&moving, &fixed, a->common, &icp, &pose, scratch(a, worker));
     apsm_bvh_free(own);
     a->fits[i] =
@@ -562,6 +567,7 @@ static apsm_status pair_task(apsm_context *ctx, size_t k, int worker, void *user
     apsm_icp_options icp = icp_options(a);
     double M[16], U[9], residual;
     roughly(&icp);
+    icp.enough = enough_for_pairs;
     icp.usual = usual_between(a, j, i, U);
     between(a, j, i, M);
     apsm_icp(&moving, &fixed, &icp, M, &residual, scratch(a, worker));
@@ -611,29 +617,56 @@ static void to_world(const aligner *a, double M[16])
     for (size_t r = 0; r < 3; r++) M[4 * r + 3] -= c[r];
 }
 
-/* Registers shape i to the template from M: on the sample, then on all vertices until it rests, so
- * that the pose is that of the surfaces and not of the points drawn or the way there. */
+static void close_resting(apsm_cloud cloud[2])
+{
+    for (size_t k = 0; k < 2; k++) apsm_cloud_free(&cloud[k]);
+}
+
+/* The clouds by which a shape comes to rest: some of its vertices, and all. */
+static apsm_status open_resting(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                apsm_cloud cloud[2])
+{
+    APSM_TRY(apsm_cloud_of_some_vertices(mesh, sample, &cloud[0]));
+    const apsm_status status = apsm_cloud_of_vertices(mesh, sample, &cloud[1]);
+    if (status != APSM_OK) apsm_cloud_free(&cloud[0]);
+    return status;
+}
+
+/* Brings shape i to rest from M. */
+static apsm_status let_rest(const aligner *a, const apsm_surface *moving, const apsm_surface *fixed,
+                            size_t i, const apsm_icp_options *icp, double M[16], double *residual,
+                            double *work)
+{
+    apsm_cloud own[2];
+    APSM_TRY(open_resting(a->mesh[i], moving->cloud, own));
+    const apsm_surface from[2] = { { moving->bvh, &own[0] }, { moving->bvh, &own[1] } };
+    const apsm_surface to[2] = { { fixed->bvh, &a->resting[0] }, { fixed->bvh, &a->resting[1] } };
+    /* of meshes whose clouds are thinned anyway, some are not fewer than all */
+    const size_t first = own[0].n + a->resting[0].n > (own[1].n + a->resting[1].n) / 2;
+    apsm_icp_to_rest(2 - first, from + first, to + first, icp, M, residual, work);
+    close_resting(own);
+    return APSM_OK;
+}
+
+/* Registers shape i to the template from M: on the sample, then on some vertices and on all until
+ * it rests, so that the pose is that of the surfaces and not of the points drawn or the way there.
+ */
 static apsm_status register_shape(const aligner *a, const apsm_surface *moving, size_t i, bool size,
                                   double M[16], double *residual, double *work)
 {
     const apsm_surface fixed = { a->bvh[a->out->template_index],
                                  &a->cloud[a->out->template_index] };
     apsm_icp_options icp = icp_options(a);
-    apsm_cloud dense;
     icp.scale |= size;
     double U[9];
     roughly(&icp);
     icp.usual = usual_between(a, i, a->out->template_index, U);
-    APSM_TRY(apsm_cloud_of_vertices(a->mesh[i], moving->cloud, &dense));
     apsm_icp(moving, &fixed, &icp, M, residual, work);
     icp.points = 0;
     icp.tolerance = at_rest;
     icp.enough = 0.0;
     if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
-    apsm_icp_to_rest(&(apsm_surface){ moving->bvh, &dense },
-                     &(apsm_surface){ fixed.bvh, &a->dense }, &icp, M, residual, work);
-    apsm_cloud_free(&dense);
-    return APSM_OK;
+    return let_rest(a, moving, &fixed, i, &icp, M, residual, work);
 }
 
 /* What the registration of one shape finds; doubles only, since it is kept as bytes. */
@@ -814,7 +847,7 @@ static void release(aligner *a)
         if (a->bvh) apsm_bvh_free(a->bvh[i]);
         if (a->heights) free(a->heights[i]);
     }
-    apsm_cloud_free(&a->dense);
+    close_resting(a->resting);
     free(a->cloud);
     free(a->bvh);
     free(a->area);
@@ -847,7 +880,7 @@ static apsm_status align(apsm_context *ctx, aligner *a)
     for (size_t i = 0; i < a->n; i++) a->any_cut |= a->cloud[i].cuts > 0;
     if (!given) APSM_TRY(find_medoid(ctx, a, &a->out->template_index));
     const size_t t = a->out->template_index;
-    APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
+    APSM_TRY(open_resting(a->mesh[t], &a->cloud[t], a->resting));
     APSM_TRY(apsm_dealt_for(ctx, a->n, register_task, a, "poses"));
     tell_cuts(a);
     report(ctx, a);
@@ -863,7 +896,7 @@ static apsm_status align_again(apsm_context *ctx, aligner *a, const double *M)
     APSM_TRY(apsm_parallel_for(ctx, a->n, sample_task, a, NULL));
     for (size_t i = 0; i < a->n; i++) a->cloud[i].cuts = 0;
     APSM_TRY(hold_trees(ctx, a, 1, &t));
-    APSM_TRY(apsm_cloud_of_vertices(a->mesh[t], &a->cloud[t], &a->dense));
+    APSM_TRY(open_resting(a->mesh[t], &a->cloud[t], a->resting));
     return apsm_parallel_for(ctx, a->n, register_task, a, "poses");
 }
 

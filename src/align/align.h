@@ -36,6 +36,8 @@ typedef struct apsm_icp_options {
     int max_iterations; /* >= 0; 0 only measures the residual */
     double tolerance;   /* stop when a step moves the points by less, relative to the radius */
     double enough;      /* or when one near Newton's lowers the sum of squares by a smaller share */
+    bool near;          /* begin with steps near Newton's, since the pose is near its end */
+    double rival;       /* of a search: residual of a pose that is known, 0: none */
     double trim;        /* share of each direction's farthest pairs to ignore, in [0, 1): for cut
                            bones about the share of surface that only one of the two has */
     const double *usual; /* rotation (9) that is to be expected: of turns about which the surfaces
@@ -68,7 +70,9 @@ typedef struct apsm_pose {
 /* Registers moving to fixed whatever their poses: ICP from a fixed grid of rotations between
  * their principal frames, on few points first, most starts being dropped on the way.  mirrored:
  * registers the mirror image of moving; det M < 0.  opt applies to the last round; its
- * tolerance, scale and trim to all.  work of apsm_icp_work_size.  About 40,000 closest points. */
+ * tolerance, scale and trim to all.  Poses that fit twice as badly as the best, or as opt->rival,
+ * are left as the rounds before the last find them.  work of apsm_icp_work_size.  About 40,000
+ * closest points. */
 void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, bool mirrored,
                       const apsm_icp_options *opt, apsm_pose *pose, double *work);
 

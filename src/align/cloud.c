@@ -11,6 +11,7 @@
 #include "core/random.h"
 #include "geometry/affine.h"
 #include "geometry/face.h"
+#include "geometry/topology.h"
 
 enum {
     DRAWN = 8, /* points drawn per point kept */
@@ -196,6 +197,91 @@ apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *samp
     for (size_t h = 0; h < 3 * mesh->nf; h++)
         if (mesh->F[h] % every == 0) cloud->w[mesh->F[h] / every] += face_area(mesh, h / 3);
     return APSM_OK;
+}
+
+/* ---- vertices of which no two are neighbours ---- */
+
+/* next (3 nf): the corners of each vertex as lists; first (nv): their beginnings. */
+static void list_corners(const apsm_mesh *mesh, uint32_t *first, uint32_t *next)
+{
+    for (size_t v = 0; v < mesh->nv; v++) first[v] = APSM_NONE;
+    for (size_t h = 3 * mesh->nf; h-- > 0;) {
+        next[h] = first[mesh->F[h]];
+        first[mesh->F[h]] = (uint32_t)h;
+    }
+}
+
+/* taken[v] <- whether v is taken, by which no vertex beside it is.  Returns how many are. */
+static size_t take_apart(const apsm_mesh *mesh, const uint32_t *first, const uint32_t *next,
+                         unsigned char *taken)
+{
+    size_t n = 0;
+    for (size_t v = 0; v < mesh->nv; v++) {
+        bool beside = first[v] == APSM_NONE;
+        for (uint32_t h = first[v]; h != APSM_NONE && !beside; h = next[h]) {
+            const uint32_t *F = mesh->F + 3 * (h / 3);
+            beside = taken[F[0]] || taken[F[1]] || taken[F[2]];
+        }
+        taken[v] = !beside;
+        n += !beside;
+    }
+    return n;
+}
+
+/* The areas of the faces around the vertices go to those taken, those of the others in equal parts
+ * for every corner beside them. */
+static void share_areas(const apsm_mesh *mesh, const uint32_t *first, const uint32_t *next,
+                        const unsigned char *taken, double *w)
+{
+    for (size_t v = 0; v < mesh->nv; v++) {
+        double area = 0.0, beside = 0.0;
+        for (uint32_t h = first[v]; h != APSM_NONE; h = next[h]) {
+            const uint32_t *F = mesh->F + 3 * (h / 3);
+            area += face_area(mesh, h / 3);
+            for (size_t c = 0; c < 3; c++) beside += taken[F[c]];
+        }
+        for (uint32_t h = first[v]; h != APSM_NONE && beside > 0.0; h = next[h])
+            for (size_t c = 0; c < 3; c++) {
+                const uint32_t u = mesh->F[3 * (h / 3) + c];
+                if (taken[u]) w[u] += area / beside;
+            }
+    }
+}
+
+/* taken, w, first, next: scratch as above. */
+static apsm_status choose_some(const apsm_mesh *mesh, uint32_t *first, uint32_t *next,
+                               unsigned char *taken, double *w, apsm_cloud *cloud)
+{
+    list_corners(mesh, first, next);
+    const size_t n = take_apart(mesh, first, next, taken);
+    share_areas(mesh, first, next, taken, w);
+    cloud->x = malloc(3 * n * sizeof *cloud->x);
+    cloud->w = malloc(n * sizeof *cloud->w);
+    if (!cloud->x || !cloud->w) return APSM_ERR_MEMORY;
+    for (size_t v = 0; v < mesh->nv; v++) {
+        if (!taken[v]) continue;
+        memcpy(cloud->x + 3 * cloud->n, mesh->V + 3 * v, 3 * sizeof *cloud->x);
+        cloud->w[cloud->n++] = w[v];
+    }
+    return APSM_OK;
+}
+
+apsm_status apsm_cloud_of_some_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                        apsm_cloud *cloud)
+{
+    uint32_t *corners = malloc((mesh->nv + 3 * mesh->nf) * sizeof *corners);
+    unsigned char *taken = calloc(mesh->nv, sizeof *taken);
+    double *w = calloc(mesh->nv, sizeof *w);
+    *cloud = *sample;
+    cloud->n = 0;
+    cloud->x = cloud->w = cloud->normal = NULL;
+    apsm_status status = corners && taken && w ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = choose_some(mesh, corners, corners + mesh->nv, taken, w, cloud);
+    if (status != APSM_OK) apsm_cloud_free(cloud);
+    free(corners);
+    free(taken);
+    free(w);
+    return status;
 }
 
 /* ---- spread over the vertices ---- */

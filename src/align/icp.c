@@ -44,6 +44,9 @@ static const double least_shared = 0.25; /* of the points */
 static const double kappa = 1.0;         /* rad^-2 */
 static const double largest_turn = 0.7;  /* rad: linearisation is no use beyond */
 
+static const double shrinks_least = 0.15; /* a step to the one before */
+static const double roughly = 10.0;       /* tolerances: what the first clouds may leave */
+
 /* The pairs of one pose; m = n + n_fixed pairs, those of moving points first. */
 typedef struct pairs {
     double *p, *y, *normal; /* m x 3 */
@@ -63,7 +66,7 @@ typedef struct icp_job {
     double *work;      /* 6 times the larger number */
 } icp_job;
 
-enum { DOUBLES_PER_PAIR = 14, DEPTH = 7 };
+enum { DOUBLES_PER_PAIR = 14, DEPTH = 6 };
 
 size_t apsm_icp_work_size(size_t n)
 {
@@ -468,7 +471,7 @@ static double icp_run(icp_job *job, double M[16], double *work)
     const apsm_icp_options *opt = job->opt;
     pairs now, next;
     open_job(job, work, &now, &next);
-    double lambda = 1.0;
+    double lambda = opt->near ? lambda_least : 1.0;
     match(job, M, NULL, &now);
     for (int i = 0; i < opt->max_iterations; i++) {
         double D[16], trial[16];
@@ -493,11 +496,20 @@ static double icp_run(icp_job *job, double M[16], double *work)
 
 /* ---- To rest: (13) of docs/method.md ---- */
 
-/* The last poses, as sums of steps, and the steps that were proposed there. */
+/* Where the sum of steps is, the step that is proposed there, and how both have changed from one
+ * pose to the next; change k of all is at k % DEPTH. */
 typedef struct trail {
-    size_t n; /* how many are known; the last is at (n - 1) % DEPTH */
-    double x[DEPTH][7], z[DEPTH][7];
+    size_t n;       /* changes */
+    double shrinks; /* the last step relative to the one before */
+    double at[7], z[7], dx[DEPTH][7], dz[DEPTH][7];
 } trail;
+
+static double dot7(const double a[7], const double b[7])
+{
+    double sum = 0.0;
+    for (size_t k = 0; k < 7; k++) sum += a[k] * b[k];
+    return sum;
+}
 
 /* Anderson's extrapolation (J. ACM 12, 1965): of the affine combinations of the poses on the trail
  * the one whose steps cancel best, and one step on from there.  Newton's step with normals alone
@@ -505,28 +517,19 @@ typedef struct trail {
  * steps to go to. */
 static void extrapolate(const trail *t, double next[7])
 {
-    const size_t known = t->n < DEPTH ? t->n : DEPTH, last = (t->n - 1) % DEPTH;
-    double A[(DEPTH - 1) * (DEPTH - 1)], b[DEPTH - 1], most = 0.0;
-    for (size_t a = 0; a < 7; a++) next[a] = t->x[last][a] + t->z[last][a];
-    size_t n = 0, of[DEPTH - 1];
-    for (size_t k = 0; k < known; k++)
-        if (k != last) of[n++] = k;
+    const size_t n = t->n < DEPTH ? t->n : DEPTH;
+    double A[DEPTH * DEPTH], b[DEPTH], most = 0.0;
+    for (size_t a = 0; a < 7; a++) next[a] = t->at[a] + t->z[a];
     for (size_t k = 0; k < n; k++) {
-        b[k] = 0.0;
-        for (size_t a = 0; a < 7; a++) b[k] += (t->z[last][a] - t->z[of[k]][a]) * t->z[last][a];
-        for (size_t l = 0; l < n; l++) {
-            A[n * k + l] = 0.0;
-            for (size_t a = 0; a < 7; a++)
-                A[n * k + l] += (t->z[last][a] - t->z[of[k]][a]) * (t->z[last][a] - t->z[of[l]][a]);
-        }
+        b[k] = dot7(t->dz[k], t->z);
+        for (size_t l = 0; l < n; l++) A[n * k + l] = dot7(t->dz[k], t->dz[l]);
         most = fmax(most, A[n * k + k]);
     }
     for (size_t k = 0; k < n; k++) A[n * k + k] += 1e-10 * most;
     if (n == 0 || apsm_cholesky(n, A) != APSM_OK) return;
     apsm_cholesky_solve(n, A, 1, b);
     for (size_t k = 0; k < n; k++)
-        for (size_t a = 0; a < 7; a++)
-            next[a] -= b[k] * (t->x[last][a] - t->x[of[k]][a] + t->z[last][a] - t->z[of[k]][a]);
+        for (size_t a = 0; a < 7; a++) next[a] -= b[k] * (t->dx[k][a] + t->dz[k][a]);
 }
 
 /* The best pose so far. */
@@ -542,26 +545,41 @@ static void note(const pairs *q, const double M[16], best_pose *best)
     memcpy(best->M, M, sizeof best->M);
 }
 
-/* From M on along the trail; true if that comes to rest. */
-static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], best_pose *best)
+/* Notes the change of the steps since the last pose, and goes on to the next. */
+static void go_on(const icp_job *job, bool first, const double z[7], trail *t, double M[16])
 {
-    trail t = { 0 };
-    double at[7] = { 0 };
+    double next[7], D[16], moved[16], *dz = t->dz[t->n % DEPTH];
+    if (!first) {
+        for (size_t a = 0; a < 7; a++) dz[a] = z[a] - t->z[a];
+        t->n++;
+    }
+    memcpy(t->z, z, sizeof t->z);
+    extrapolate(t, next);
+    double *step = t->dx[t->n % DEPTH];
+    for (size_t a = 0; a < 7; a++) step[a] = next[a] - t->at[a];
+    memcpy(t->at, next, sizeof t->at);
+    map_of_step(job, step, D);
+    apsm_affine_multiply(D, M, moved);
+    memcpy(M, moved, sizeof moved);
+}
+
+/* From M on along the trail, to where less than `enough` is left if steps go on to shrink as they
+ * did; the last is taken, but not looked at.  True if that comes to rest. */
+static bool rest(const icp_job *job, double enough, pairs *now, pairs *before, double M[16],
+                 trail *t, best_pose *best)
+{
+    double last = 0.0;
     match(job, M, NULL, now);
     note(now, M, best);
     for (int i = 0; i < job->opt->max_iterations; i++) {
-        double next[7], step[7], D[16], moved[16], *z = t.z[t.n % DEPTH];
-        memcpy(t.x[t.n % DEPTH], at, sizeof at);
+        double z[7], D[16];
         if (!newton_step(job, now, lambda_least, z)) return false;
-        t.n++;
         map_of_step(job, z, D);
-        if (step_length(job, now, D) < job->opt->tolerance) return true;
-        extrapolate(&t, next);
-        for (size_t a = 0; a < 7; a++) step[a] = next[a] - at[a];
-        memcpy(at, next, sizeof at);
-        map_of_step(job, step, D);
-        apsm_affine_multiply(D, M, moved);
-        memcpy(M, moved, sizeof moved);
+        const double length = step_length(job, now, D);
+        if (i > 0) t->shrinks = fmin(fmax(length / last, shrinks_least), 1.0);
+        go_on(job, i == 0, z, t, M);
+        if (t->shrinks * length < enough) return true;
+        last = length;
         swap_pairs(now, before);
         match(job, M, before, now);
         note(now, M, best);
@@ -569,16 +587,21 @@ static bool rest(const icp_job *job, pairs *now, pairs *before, double M[16], be
     return false;
 }
 
-void apsm_icp_to_rest(const apsm_surface *moving, const apsm_surface *fixed,
+void apsm_icp_to_rest(size_t levels, const apsm_surface *moving, const apsm_surface *fixed,
                       const apsm_icp_options *opt, double M[16], double *residual, double *work)
 {
-    icp_job job = { .moving = moving, .fixed = fixed, .opt = opt, .along = true };
-    best_pose best = { .E = INFINITY };
-    pairs now, before;
-    open_job(&job, work, &now, &before);
-    const bool rests = rest(&job, &now, &before, M, &best) && now.E <= best.E * (1.0 + 1e-9);
-    if (!rests) memcpy(M, best.M, sizeof best.M);
-    *residual = rests ? now.residual : best.residual;
+    trail t = { .shrinks = 1.0 };
+    for (size_t k = 0; k < levels; k++) {
+        icp_job job = { .moving = &moving[k], .fixed = &fixed[k], .opt = opt, .along = true };
+        const double enough = k + 1 < levels ? roughly * opt->tolerance : opt->tolerance;
+        best_pose best = { .E = INFINITY };
+        pairs now, before;
+        open_job(&job, work, &now, &before);
+        const bool rests =
+            rest(&job, enough, &now, &before, M, &t, &best) && now.E <= best.E * (1.0 + 1e-9);
+        if (!rests) memcpy(M, best.M, sizeof best.M);
+        *residual = rests ? now.residual : best.residual;
+    }
 }
 
 void apsm_icp(const apsm_surface *moving, const apsm_surface *fixed, const apsm_icp_options *opt,

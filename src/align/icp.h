@@ -23,13 +23,19 @@ size_t apsm_cloud_vertices(const apsm_mesh *mesh);
 apsm_status apsm_cloud_of_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
                                    apsm_cloud *cloud) APSM_NODISCARD;
 
+/* The same of vertices of which no two are neighbours, a quarter of all, which stand for the areas
+ * beside them, too. */
+apsm_status apsm_cloud_of_some_vertices(const apsm_mesh *mesh, const apsm_cloud *sample,
+                                        apsm_cloud *cloud) APSM_NODISCARD;
+
 /* The pose that is reached from the rotation R, centres (or whole ends) brought together. */
 void apsm_pose_from(const apsm_surface *moving, const apsm_surface *fixed, const double R[9],
                     const apsm_icp_options *opt, apsm_pose *pose, double *work);
 
-/* As apsm_icp, but from a pose near the end, to where steps are smaller than the tolerance, which
- * may be far below what apsm_icp can tell by the sum of squares. */
-void apsm_icp_to_rest(const apsm_surface *moving, const apsm_surface *fixed,
+/* As apsm_icp, but from a pose near the end, to where what is left is smaller than the tolerance,
+ * which may be far below what apsm_icp can tell by the sum of squares.  moving, fixed: the same
+ * surfaces `levels` times, by few points first. */
+void apsm_icp_to_rest(size_t levels, const apsm_surface *moving, const apsm_surface *fixed,
                       const apsm_icp_options *opt, double M[16], double *residual, double *work);
 
 /* As apsm_icp, but with closest cloud points for closest points: rough and fast, for clouds of

@@ -29,7 +29,8 @@ typedef struct search_round {
 static const search_round rounds[ROUNDS] = { { true, 64, 2, 32 },
                                              { true, 128, 4, 6 },
                                              { false, 64, 4, 3 } };
-static const double rough = 1e-3; /* tolerance until the best is known */
+static const double rough = 1e-3;   /* tolerance until the best is known */
+static const double hopeless = 2.0; /* times the least residual */
 /* Poses that differ by less than this root mean square distance, relative to the radius, count as
  * one. */
 static const double same_pose = 0.15;
@@ -157,6 +158,15 @@ static void run_round(const apsm_surface *moving, const apsm_surface *fixed,
             apsm_icp(moving, fixed, opt, c[k].M, &c[k].residual, work);
 }
 
+/* How many of the sorted candidates fit about as well as the best or the rival; the best does. */
+static size_t count_hopeful(const candidate *c, size_t n, double rival)
+{
+    const double least = rival > 0.0 ? fmin(rival, c[0].residual) : c[0].residual;
+    size_t hopeful = 1;
+    while (hopeful < n && c[hopeful].residual <= hopeless * least) hopeful++;
+    return hopeful;
+}
+
 void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, bool mirrored,
                       const apsm_icp_options *opt, apsm_pose *pose, double *work)
 {
@@ -165,6 +175,7 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
     const double near = same_pose * fixed->cloud->radius;
     apsm_icp_options quick = *opt;
     quick.tolerance = fmax(opt->tolerance, rough);
+    quick.near = false;
     for (size_t k = 0; k < n; k++) {
         start_pose(moving->cloud, fixed->cloud, k, mirrored, opt->scale, c[k].M);
         match_whole_ends(moving->cloud, fixed->cloud, c[k].M);
@@ -176,8 +187,9 @@ void apsm_pose_search(const apsm_surface *moving, const apsm_surface *fixed, boo
         n = keep_distinct(moving, near, rounds[r].keep, n, c);
     }
     quick.points = opt->points;
+    quick.near = opt->near;
     quick.max_iterations = opt->max_iterations;
-    run_round(moving, fixed, &quick, false, n, c, work);
+    run_round(moving, fixed, &quick, false, count_hopeful(c, n, opt->rival), c, work);
     n = keep_distinct(moving, near, APSM_POSE_OPTIONS, n, c);
     pose->runner_up = n > 1 ? c[1].residual : INFINITY;
     if (opt->tolerance < rough) run_round(moving, fixed, opt, false, 1, c, work);

@@ -144,7 +144,7 @@ static void register_to_rest(search *s, fit_pose *out)
     icp.points = 0;
     icp.tolerance = at_rest;
     if (icp.max_iterations > RESTING) icp.max_iterations = RESTING;
-    apsm_icp_to_rest(&(apsm_surface){ s->moving.bvh, &s->dense },
+    apsm_icp_to_rest(1, &(apsm_surface){ s->moving.bvh, &s->dense },
                      &(apsm_surface){ s->fixed.bvh, &s->m->dense }, &icp, out->M, &residual,
                      s->work);
 }

@@ -10,7 +10,6 @@
 #include "apsm/particles.h"
 #include "files/files.h"
 #include "folder/model_json.h"
-#include "folder/names.h"
 
 static const char particles_folder[] = "particles";
 
@@ -183,22 +182,6 @@ static apsm_status check_model(apsm_context *ctx, const model_folder *m, known_f
                      fits->path, named ? named : "unknown", m->path);
 }
 
-/* Where particles of parts lie, the frame is the joint's, and theirs in no model of a part. */
-static apsm_status refuse_joint(apsm_context *ctx, const char *fit_json)
-{
-    char *folder = apsm_path_folder(fit_json);
-    bool joint = false;
-    apsm_status status =
-        folder ? apsm_folder_holds(folder, FOLDER_JOINT_FITS, &joint) : APSM_ERR_MEMORY;
-    if (joint)
-        status = apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
-                           "%s: these are fits of the parts of a joint, which are not taken here; "
-                           "fit a part to its own model (parts/PART of the joint's) and give that",
-                           folder);
-    free(folder);
-    return status;
-}
-
 /* fits <- those of the fit.json at `path`, which it takes over, if they are not known already. */
 static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *m, known_fits *fits)
 {
@@ -210,7 +193,7 @@ static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *
     json_decref(fits->root);
     fits->path = path;
     fits->root = NULL;
-    if (!apsm_file_exists(path)) return refuse_joint(ctx, path);
+    if (!apsm_file_exists(path)) return APSM_OK;
     APSM_TRY(apsm_json_read(ctx, path, &fits->root));
     return check_model(ctx, m, fits);
 }
@@ -276,11 +259,13 @@ static apsm_status tell_own_particles(apsm_context *ctx, const model_folder *m, 
     return APSM_OK;
 }
 
-static apsm_status look_for_fits(apsm_context *ctx, const char *given, const model_folder *m,
-                                 known_fits *fits)
+static apsm_status check_fits(apsm_context *ctx, const char *given, const model_folder *m,
+                              size_t first, particle_files *files, known_fits *fits)
 {
     char *path = fit_json_of(given);
-    return path ? know_fits(ctx, path, m, fits) : APSM_ERR_MEMORY;
+    if (!path) return APSM_ERR_MEMORY;
+    APSM_TRY(know_fits(ctx, path, m, fits));
+    return tell_shapes(ctx, fits->root, m, first, files);
 }
 
 apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
@@ -291,11 +276,9 @@ apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *
     *files = (particle_files){ 0 };
     for (size_t k = 0; k < n && status == APSM_OK; k++) {
         const size_t first = files->n;
-        status = look_for_fits(ctx, paths[k], m, &fits);
-        if (status == APSM_OK)
-            status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
-                                              : add_file(ctx, paths[k], m->J, files);
-        if (status == APSM_OK) status = tell_shapes(ctx, fits.root, m, first, files);
+        status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
+                                          : add_file(ctx, paths[k], m->J, files);
+        if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files, &fits);
         if (status == APSM_OK) status = tell_own_particles(ctx, m, first, files);
     }
     known_fits_free(&fits);

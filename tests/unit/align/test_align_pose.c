@@ -1,7 +1,9 @@
 /* Registration of two surfaces: clouds, ICP, pose search. */
 #include "align_shapes.h"
 
+#include "align/icp.h"
 #include "align/pose_choice.h"
+#include "geometry/vec3.h"
 
 enum { POINTS = 300 };
 
@@ -138,6 +140,56 @@ static void few_vertices_are_all_taken(void **state)
     for (size_t k = 0; k < 3 * mesh.nv; k++) mesh.V[k] = 0.0;
     assert_int_equal(apsm_cloud_spread(&mesh, POINTS, &cloud), APSM_ERR_GEOMETRY);
     apsm_mesh_free(&mesh);
+}
+
+/* Which vertices a cloud of some, in their order, holds. */
+static void mark_taken(const apsm_mesh *mesh, const apsm_cloud *cloud, bool *taken)
+{
+    size_t k = 0;
+    for (size_t v = 0; v < mesh->nv; v++) {
+        taken[v] =
+            k < cloud->n && memcmp(cloud->x + 3 * k, mesh->V + 3 * v, 3 * sizeof *cloud->x) == 0;
+        k += taken[v];
+    }
+    assert_int_equal(k, cloud->n);
+}
+
+/* Of a face one vertex at most is taken, every vertex is or has one beside it, and the weighted
+ * points are where the surface is, nearly as all vertices say. */
+static void some_vertices_stand_for_all(void **state)
+{
+    (void)state;
+    align_surface s;
+    apsm_cloud some, all;
+    double sum[2] = { 0 }, mean[2][3] = { { 0 } };
+    align_open(&s, align_bone(0.2, 0.3), POINTS);
+    bool *taken = calloc(2 * s.mesh.nv, sizeof *taken), *near = taken + s.mesh.nv;
+    assert_non_null(taken);
+    assert_int_equal(apsm_cloud_of_some_vertices(&s.mesh, &s.cloud, &some), APSM_OK);
+    assert_int_equal(apsm_cloud_of_vertices(&s.mesh, &s.cloud, &all), APSM_OK);
+    mark_taken(&s.mesh, &some, taken);
+    for (size_t f = 0; f < s.mesh.nf; f++) {
+        const uint32_t *F = s.mesh.F + 3 * f;
+        const int n = taken[F[0]] + taken[F[1]] + taken[F[2]];
+        assert_true(n <= 1);
+        for (size_t c = 0; c < 3; c++) near[F[c]] |= n > 0;
+    }
+    for (size_t v = 0; v < s.mesh.nv; v++) assert_true(near[v]);
+    for (size_t of = 0; of < 2; of++) {
+        const apsm_cloud *cloud = of == 0 ? &some : &all;
+        for (size_t k = 0; k < cloud->n; k++) {
+            sum[of] += cloud->w[k];
+            vec3_add_scaled(mean[of], cloud->w[k], cloud->x + 3 * k);
+        }
+    }
+    assert_true(fabs(sum[0] - sum[1]) < 1e-9 * sum[1]);
+    for (size_t c = 0; c < 3; c++)
+        if (!(fabs(mean[0][c] - mean[1][c]) < 2e-3 * s.cloud.radius * sum[1]))
+            fail_msg("mean %g of some, %g of all", mean[0][c] / sum[0], mean[1][c] / sum[1]);
+    apsm_cloud_free(&some);
+    apsm_cloud_free(&all);
+    free(taken);
+    align_close(&s);
 }
 
 static void mesh_without_area_is_refused(void **state)
@@ -485,6 +537,7 @@ int main(void)
         cmocka_unit_test(moved_mesh_gets_the_moved_cloud),
         cmocka_unit_test(spread_points_do_not_depend_on_unit_or_order),
         cmocka_unit_test(few_vertices_are_all_taken),
+        cmocka_unit_test(some_vertices_stand_for_all),
         cmocka_unit_test(mesh_without_area_is_refused),
         cmocka_unit_test(residual_of_spheres_is_known),
         cmocka_unit_test(error_never_grows),
