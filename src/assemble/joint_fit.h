@@ -7,8 +7,9 @@
 #include "fit/outputs.h"
 #include "fit/posterior.h"
 #include "fit/reading.h"
+#include "folder/names.h"
 
-#define JOINT_FIT_JSON   "joint_fit.json"
+#define JOINT_FIT_JSON   FOLDER_JOINT_FITS
 #define JOINT_FIT_CSV    "joint_fit.csv"
 #define FORMAT_JOINT_FIT "apsm-joint-fit"
 enum { JOINT_FIT_VERSION = 1 };

@@ -176,13 +176,12 @@ static apsm_status make_prior(apsm_fit_model *m)
 /* A finished model has a larger say in one shape's fit than unfinished ones had in the cohort's. */
 static apsm_status make_fidelity(apsm_context *ctx, apsm_fit_model *m)
 {
-    static const double fit_prior = 200, fit_stay = 0.01, fit_smooth = 1;
+    static const double fit_prior = 200, fit_stay = 0.01;
     apsm_fidelity_options o = m->options.optimize.fidelity;
     if (!(o.fidelity > 0)) o.fidelity = apsm_fidelity_defaults().fidelity;
     o.prior = fit_prior;
     o.stay = fit_stay;
-    o.recall = o.common = 0; /* from the mean alone, as measured */
-    o.smooth = fit_smooth;
+    o.recall = 0;
     APSM_TRY(apsm_fidelity_new(ctx, &m->cohort, m->model.J, m->T, &o, &m->fidelity));
     m->h = apsm_fidelity_spacing(m->fidelity);
     return APSM_OK;

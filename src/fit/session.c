@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <unistd.h>
 
 #include "apsm/particles.h"
@@ -48,7 +49,8 @@ static bool holds_names(const char *path)
     const ssize_t n = read(fd, first, sizeof first - 1);
     close(fd);
     if (n < 0) return false; /* whoever reads it says why */
-    return strncmp(first, "name,", 5) == 0 || strncmp(first, "# Markups", 9) == 0;
+    return strncasecmp(first, "name,", 5) == 0 || strncasecmp(first, "label,", 6) == 0 ||
+           strncmp(first, "# Markups", 9) == 0;
 }
 
 /* Points with names, of which nobody has said where they are on the mean: a cloud. */

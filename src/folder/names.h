@@ -15,6 +15,7 @@
 #define FOLDER_FEATURES       "features.csv"
 #define FOLDER_HISTORY        "history.csv"
 #define FOLDER_POSE_SHAPE     "pose_shape.json" /* of a joint */
+#define FOLDER_JOINT_FITS     "joint_fit.json"  /* of fits to a joint */
 #define FOLDER_REPORT         "report.html"
 #define FOLDER_INITIAL        "state/initial.ckpt"
 #define FOLDER_CHECKPOINT     "state/optimize.ckpt"

@@ -1,5 +1,6 @@
 #include "landmarks/landmark_file.h"
 
+#include <ctype.h>
 #include <jansson.h>
 #include <math.h>
 #include <stdio.h>
@@ -73,33 +74,110 @@ apsm_status landmark_list_add(apsm_context *ctx, const char *path, const char *n
     return APSM_OK;
 }
 
+/* What is known of a file while it is read. */
+typedef struct reading {
+    apsm_context *ctx;
+    const char *path;
+    landmark_list *l;
+    bool ras;        /* x and y change their signs */
+    bool known;      /* the frame is one that is */
+    size_t columns;  /* of a .csv, of its header */
+    size_t defined;  /* the column that says whether a point has been placed; 0: none */
+    size_t unplaced; /* points */
+    char first[41];  /* of these */
+} reading;
+
+/* As texts and numbers of 3D Slicer call it. */
+static void take_frame(reading *r, const char *text)
+{
+    static const char *const names[] = { "LPS", "1", "RAS", "0" };
+    r->known = false;
+    for (size_t k = 0; k < 4; k++) {
+        if (strcasecmp(text, names[k]) != 0) continue;
+        r->known = true;
+        r->ras = k > 1;
+    }
+}
+
+static apsm_status check_frame(const reading *r)
+{
+    if (r->known) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                     "%s: its coordinate system is neither LPS nor RAS; save it as one of them",
+                     r->path);
+}
+
+static apsm_status add_placed(reading *r, const char *name, double x[3])
+{
+    for (size_t c = 0; c < 2 && r->ras; c++) x[c] = -x[c];
+    return landmark_list_add(r->ctx, r->path, name, x, r->l);
+}
+
+static void leave_out(reading *r, const char *name)
+{
+    if (r->unplaced++ == 0) snprintf(r->first, sizeof r->first, "%s", name);
+}
+
+static void tell_unplaced(const reading *r)
+{
+    if (r->unplaced > 0)
+        apsm_log(r->ctx, APSM_LOG_WARNING,
+                 "%s: %zu of its points (%s%s) %s not been placed: left out", r->path, r->unplaced,
+                 r->first, r->unplaced > 1 ? ", ..." : "", r->unplaced > 1 ? "have" : "has");
+}
+
 /* ---- .mrk.json ---- */
 
-static apsm_status add_point(apsm_context *ctx, const char *path, const json_t *point, bool ras,
-                             landmark_list *l)
+static apsm_status add_point(reading *r, const json_t *point)
 {
     double x[3];
     const char *status = json_string_value(json_object_get(point, "positionStatus"));
     const char *label = json_string_value(json_object_get(point, "label"));
-    if (status && strcmp(status, "defined") != 0) return APSM_OK;
+    if (!label) label = "";
+    if (status && strcmp(status, "defined") != 0) {
+        leave_out(r, label);
+        return APSM_OK;
+    }
     if (!apsm_json_get_matrix(json_object_get(point, "position"), 3, 0, x))
-        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s: point %zu has no position of three numbers",
-                         path, l->n + 1);
-    for (size_t c = 0; c < 2 && ras; c++) x[c] = -x[c];
-    return landmark_list_add(ctx, path, label ? label : "", x, l);
+        return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s: point %zu has no position of three numbers",
+                         r->path, r->l->n + 1);
+    return add_placed(r, label, x);
 }
 
-static apsm_status read_markups(apsm_context *ctx, const char *path, landmark_list *l)
+/* A text, or one for each axis. */
+static void tell_unit(const reading *r, const json_t *unit)
+{
+    const char *const name =
+        json_string_value(json_is_array(unit) ? json_array_get(unit, 0) : unit);
+    if (name && *name && strcmp(name, "mm") != 0)
+        apsm_log(r->ctx, APSM_LOG_WARNING,
+                 "%s: is in %.20s; its numbers are taken as they are, as if in the unit of the "
+                 "shapes",
+                 r->path, name);
+}
+
+static apsm_status read_points(reading *r, const json_t *list)
+{
+    const json_t *points = json_object_get(list, "controlPoints");
+    const char *const system = json_string_value(json_object_get(list, "coordinateSystem"));
+    r->known = true;
+    r->ras = false;
+    if (system) take_frame(r, system);
+    APSM_TRY(check_frame(r));
+    tell_unit(r, json_object_get(list, "coordinateUnits"));
+    for (size_t k = 0; k < json_array_size(points); k++)
+        APSM_TRY(add_point(r, json_array_get(points, k)));
+    return APSM_OK;
+}
+
+static apsm_status read_markups(reading *r)
 {
     json_t *root = NULL;
-    APSM_TRY(apsm_json_read(ctx, path, &root));
-    const json_t *list = json_array_get(json_object_get(root, "markups"), 0);
-    const json_t *points = json_object_get(list, "controlPoints");
-    const char *system = json_string_value(json_object_get(list, "coordinateSystem"));
-    const bool ras = system && (strcmp(system, "RAS") == 0 || strcmp(system, "0") == 0);
+    APSM_TRY(apsm_json_read(r->ctx, r->path, &root));
+    const json_t *lists = json_object_get(root, "markups");
     apsm_status status = APSM_OK;
-    for (size_t k = 0; k < json_array_size(points) && status == APSM_OK; k++)
-        status = add_point(ctx, path, json_array_get(points, k), ras, l);
+    for (size_t k = 0; k < json_array_size(lists) && status == APSM_OK; k++)
+        status = read_points(r, json_array_get(lists, k));
     json_decref(root);
     return status;
 }
@@ -145,51 +223,80 @@ size_t landmark_cut_fields(char *line, char *field[LANDMARK_FIELDS])
 
 /* Where the columns are: name,x,y,z in a .csv, and others only if the header has them (decimal
  * commas would be columns, too); id,x,y,z,...,label (the 12th) in a .fcsv, whose columns are 0. */
-static apsm_status add_line(apsm_context *ctx, const char *path, size_t number, char *line,
-                            size_t columns, bool ras, landmark_list *l)
+static apsm_status add_line(reading *r, size_t number, char *line)
 {
     char *field[LANDMARK_FIELDS];
     double x[3];
-    const bool slicer = columns == 0;
+    const bool slicer = r->columns == 0;
     const size_t n = landmark_cut_fields(line, field), label = slicer ? 11 : 0;
-    if (n < 4 || label >= n || (!slicer && n > columns))
-        return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: %s", path, number,
-                         slicer ? "is no point of 3D Slicer" : "is not name,x,y,z");
+    if (n < 4 || label >= n || (!slicer && n > r->columns))
+        return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s:%zu: %s", r->path, number,
+                         slicer ? "is no point of 3D Slicer"
+                                : "is not name,x,y,z, with commas between and points in numbers");
+    if (r->defined > 0 && r->defined < n && strcmp(field[r->defined], "0") == 0) {
+        leave_out(r, field[label]);
+        return APSM_OK;
+    }
     for (size_t c = 0; c < 3; c++)
         if (!apsm_parse_number(field[1 + c], strlen(field[1 + c]), &x[c]))
-            return apsm_fail(ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' is no number", path, number,
+            return apsm_fail(r->ctx, APSM_ERR_FORMAT, "%s:%zu: '%s' is no number", r->path, number,
                              field[1 + c]);
-    for (size_t c = 0; c < 2 && ras; c++) x[c] = -x[c];
-    return landmark_list_add(ctx, path, field[label], x, l);
+    return add_placed(r, field[label], x);
 }
 
 /* Comments of a .fcsv say the frame: "# CoordinateSystem = LPS", 0 or RAS. */
-static void read_comment(const char *line, bool *ras)
+static apsm_status read_comment(reading *r, char *line)
 {
-    if (!strstr(line, "CoordinateSystem")) return;
-    const char *value = strchr(line, '=');
-    *ras = value && (strstr(value, "RAS") || strchr(value, '0'));
+    if (!strstr(line, "CoordinateSystem")) return APSM_OK;
+    char *value = strchr(line, '=');
+    value = value ? value + 1 + strspn(value + 1, " \t") : line;
+    value[strcspn(value, " ,\t\r")] = 0;
+    take_frame(r, value);
+    return check_frame(r);
 }
 
-static apsm_status read_table(apsm_context *ctx, const char *path, landmark_list *l)
+/* Whether the line is the header of a .csv, which names the axes: x,y,z (LPS), l,p,s or r,a,s. */
+static bool read_header(reading *r, char *line)
+{
+    static const char *const axes[] = { "xyz", "lps", "ras" };
+    char *field[LANDMARK_FIELDS];
+    if (strncasecmp(line, "name,", 5) != 0 && strncasecmp(line, "label,", 6) != 0) return false;
+    r->columns = landmark_cut_fields(line, field);
+    r->known = false;
+    for (size_t k = 0; k < 3; k++) {
+        bool same = r->columns >= 4;
+        for (size_t c = 0; c < 3 && same; c++)
+            same = tolower((unsigned char)*field[1 + c]) == axes[k][c];
+        if (same) r->known = true, r->ras = k == 2;
+    }
+    for (size_t k = 4; k < r->columns; k++)
+        if (strcasecmp(field[k], "defined") == 0) r->defined = k;
+    return true;
+}
+
+static apsm_status read_line(reading *r, size_t number, char *line)
+{
+    if (*line == '#') return read_comment(r, line);
+    if (number > 1 || r->columns == 0 || !read_header(r, line))
+        return line[strspn(line, " \t\r")] ? add_line(r, number, line) : APSM_OK;
+    if (r->known) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                     "%s:1: its columns are not name,x,y,z (or name,r,a,s); name them so", r->path);
+}
+
+static apsm_status read_table(reading *r)
 {
     char *text = NULL;
-    char *field[LANDMARK_FIELDS];
-    const bool slicer = ends_in(path, ".fcsv");
-    size_t size, number = 0, columns = slicer ? 0 : 4;
-    bool ras = slicer;
-    APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
+    const bool slicer = ends_in(r->path, ".fcsv");
+    size_t size, number = 0;
+    r->columns = slicer ? 0 : 4;
+    r->ras = slicer;
+    APSM_TRY(apsm_read_text(r->ctx, r->path, MOST_BYTES, &text, &size));
     apsm_status status = APSM_OK;
     for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
         next = strchr(at, '\n');
         if (next) *next++ = 0;
-        number++;
-        if (*at == '#')
-            read_comment(at, &ras);
-        else if (number == 1 && !slicer && strncasecmp(at, "name,", 5) == 0)
-            columns = landmark_cut_fields(at, field);
-        else if (at[strspn(at, " \t\r")])
-            status = add_line(ctx, path, number, at, columns, ras, l);
+        status = read_line(r, ++number, at);
     }
     free(text);
     return status;
@@ -207,8 +314,9 @@ static apsm_status finish(apsm_context *ctx, const char *path, apsm_status statu
 apsm_status landmark_list_read(apsm_context *ctx, const char *path, landmark_list *l)
 {
     *l = (landmark_list){ 0 };
-    const apsm_status status =
-        ends_in(path, ".mrk.json") ? read_markups(ctx, path, l) : read_table(ctx, path, l);
+    reading r = { .ctx = ctx, .path = path, .l = l };
+    const apsm_status status = ends_in(path, ".mrk.json") ? read_markups(&r) : read_table(&r);
+    if (status == APSM_OK) tell_unplaced(&r);
     return finish(ctx, path, status, l);
 }
 

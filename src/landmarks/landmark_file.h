@@ -17,8 +17,9 @@ typedef struct landmark_list {
 /* Whether a file of this name has names for its points. */
 bool landmark_is_file(const char *path);
 /* Refused with file and place: no points, a point without a name or of a name that is there
- * already, coordinates that are not finite numbers.  RAS is turned into LPS.  Points that have not
- * been placed are left out. */
+ * already, coordinates that are not finite numbers, another frame than LPS or RAS, which is turned
+ * into LPS.  Points that have not been placed are left out, with a warning.  All lists of a
+ * .mrk.json are taken. */
 apsm_status landmark_list_read(apsm_context *ctx, const char *path,
                                landmark_list *landmarks) APSM_NODISCARD;
 /* The same of points without names, three numbers a line: the k-th gets names[k], beyond the n

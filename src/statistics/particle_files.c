@@ -10,6 +10,7 @@
 #include "apsm/particles.h"
 #include "files/files.h"
 #include "folder/model_json.h"
+#include "folder/names.h"
 
 static const char particles_folder[] = "particles";
 
@@ -182,6 +183,22 @@ static apsm_status check_model(apsm_context *ctx, const model_folder *m, known_f
                      fits->path, named ? named : "unknown", m->path);
 }
 
+/* Where particles of parts lie, the frame is the joint's, and theirs in no model of a part. */
+static apsm_status refuse_joint(apsm_context *ctx, const char *fit_json)
+{
+    char *folder = apsm_path_folder(fit_json);
+    bool joint = false;
+    apsm_status status =
+        folder ? apsm_folder_holds(folder, FOLDER_JOINT_FITS, &joint) : APSM_ERR_MEMORY;
+    if (joint)
+        status = apsm_fail(ctx, APSM_ERR_UNSUPPORTED,
+                           "%s: these are fits of the parts of a joint, which are not taken here; "
+                           "fit a part to its own model (parts/PART of the joint's) and give that",
+                           folder);
+    free(folder);
+    return status;
+}
+
 /* fits <- those of the fit.json at `path`, which it takes over, if they are not known already. */
 static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *m, known_fits *fits)
 {
@@ -193,7 +210,7 @@ static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *
     json_decref(fits->root);
     fits->path = path;
     fits->root = NULL;
-    if (!apsm_file_exists(path)) return APSM_OK;
+    if (!apsm_file_exists(path)) return refuse_joint(ctx, path);
     APSM_TRY(apsm_json_read(ctx, path, &fits->root));
     return check_model(ctx, m, fits);
 }
@@ -259,13 +276,11 @@ static apsm_status tell_own_particles(apsm_context *ctx, const model_folder *m, 
     return APSM_OK;
 }
 
-static apsm_status check_fits(apsm_context *ctx, const char *given, const model_folder *m,
-                              size_t first, particle_files *files, known_fits *fits)
+static apsm_status look_for_fits(apsm_context *ctx, const char *given, const model_folder *m,
+                                 known_fits *fits)
 {
     char *path = fit_json_of(given);
-    if (!path) return APSM_ERR_MEMORY;
-    APSM_TRY(know_fits(ctx, path, m, fits));
-    return tell_shapes(ctx, fits->root, m, first, files);
+    return path ? know_fits(ctx, path, m, fits) : APSM_ERR_MEMORY;
 }
 
 apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
@@ -276,9 +291,11 @@ apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *
     *files = (particle_files){ 0 };
     for (size_t k = 0; k < n && status == APSM_OK; k++) {
         const size_t first = files->n;
-        status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
-                                          : add_file(ctx, paths[k], m->J, files);
-        if (status == APSM_OK) status = check_fits(ctx, paths[k], m, first, files, &fits);
+        status = look_for_fits(ctx, paths[k], m, &fits);
+        if (status == APSM_OK)
+            status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
+                                              : add_file(ctx, paths[k], m->J, files);
+        if (status == APSM_OK) status = tell_shapes(ctx, fits.root, m, first, files);
         if (status == APSM_OK) status = tell_own_particles(ctx, m, first, files);
     }
     known_fits_free(&fits);

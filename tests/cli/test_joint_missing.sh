@@ -17,6 +17,9 @@ cp grown_a.ply new/n_a.ply && cp grown_a.ply both/n_a.ply && cp grown_b.ply both
 expect 0 "s6: has no b; it is in the models of its parts, not in that of the joint" run in -o m --parts a=_a,b=_b -J 24 --faces 800 --stage1-epochs 4 --stage2-epochs 2 --threads 1
 expect 0 "1 of 2 parts are what the others let expect" fit m new -o fit
 expect 0 "" fit m both -o whole
+# Their particles lie in the frame of the joint: no model of a part takes them for its own.
+expect 1 "these are fits of the parts of a joint" norm m/parts/a fit
+expect 1 "these are fits of the parts of a joint" norm m whole/particles/*_a_world.particles
 volume() { "$apsm" info "$1" | sed -n 's/.*volume \([0-9.e+]*\)$/\1/p'; }
 awk -v is="$(volume fit/meshes/n_b_fit.ply)" -v true="$(volume grown_b.ply)" 'BEGIN { exit !(is / true > 0.95 && is / true < 1.05) }' ||
     fail "the completed part has a volume of $(volume fit/meshes/n_b_fit.ply), not $(volume grown_b.ply)"

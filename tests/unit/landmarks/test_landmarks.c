@@ -45,6 +45,12 @@ static void files_of_all_kinds(void **state)
            4);
     expect("a.fcsv", "# CoordinateSystem = 0\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", 1, "tip", -7);
     expect("b.fcsv", "# CoordinateSystem = LPS\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", 1, "tip", 7);
+    expect("c.csv", "label,r,a,s,defined,selected\na,1,2,3,1,1\nb,4,5,6,0,1\n", 1, "a", -1);
+    expect("c.csv", "Name,X (mm),Y (mm),Z (mm)\na,1,2,3\n", 1, "a", 1);
+    expect("c.csv", "name,L,P,S\na,1,2,3\n", 1, "a", 1);
+    refuse("c.csv", "name,z,y,x\na,1,2,3\n", "columns are not name,x,y,z");
+    refuse("c.csv", "name;x;y;z\na;1,5;2;3\n", "commas between");
+    refuse("b.fcsv", "# CoordinateSystem = IJK\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", "neither LPS");
     refuse("c.csv", "name,x,y,z\na,1,2\n", "c.csv:2");
     refuse("c.csv", "name,x,y,z\na,1,2,3\na,1,2,4\n", "two points are called 'a'");
     refuse("c.csv", "name,x,y,z\na,1,2,nan\n", "is no number");
@@ -65,6 +71,21 @@ static void markups_come_back(void **state)
     assert_string_equal(back.name[0], l.name[0]);
     landmark_list_free(&l);
     landmark_list_free(&back);
+}
+
+#define POINT(label, more) "{\"label\": \"" label "\", \"position\": [1, 2, 3]" more "}"
+#define LIST(system, points)                                                                       \
+    "{\"coordinateSystem\": \"" system "\", \"controlPoints\": [" points "]}"
+
+/* Each with its frame; points that wait to be placed are none. */
+static void all_lists_of_markups_are_read(void **state)
+{
+    (void)state;
+    expect("l.mrk.json",
+           "{\"markups\": [" LIST("LPS", POINT("a", "")) "," LIST(
+               "RAS", POINT("b", "") "," POINT("c", ", \"positionStatus\": \"undefined\"")) "]}",
+           2, "b", -1);
+    refuse("l.mrk.json", "{\"markups\": [" LIST("IJK", POINT("a", "")) "]}", "neither LPS");
 }
 
 static void points_without_names(void **state)
@@ -127,6 +148,7 @@ int main(void)
     const struct CMUnitTest tests[] = { cmocka_unit_test(files_of_all_kinds),
                                         cmocka_unit_test(markups_come_back),
                                         cmocka_unit_test(points_without_names),
+                                        cmocka_unit_test(all_lists_of_markups_are_read),
                                         cmocka_unit_test(a_cohort_with_gaps) };
     ctx = apsm_context_new();
     if (!ctx) return 1;
