@@ -557,49 +557,60 @@ static void make_tangents(size_t J, const double *N, double *tangent)
     }
 }
 
-/* part (J) = sum over the corners of weight times the row of W. */
-static const double *particles_in(const apsm_fidelity *f, const fidelity_match *m, bool is_pull,
-                                  double *part)
+/* part (2J): the row of W (J) at a vertex, each number twice. */
+APSM_KERNEL static void part_of_vertex(size_t J, const double *W, double *part)
 {
-    const size_t J = f->J;
-    if (is_pull) return f->warp.W + m->vertex * J;
-    const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
-    const uint32_t *corner = mesh->F + 3 * (size_t)m->on.face;
-    const double *A = f->warp.W + corner[0] * J, *B = f->warp.W + corner[1] * J,
-                 *C = f->warp.W + corner[2] * J;
-    const double a = m->on.weight[0], b = m->on.weight[1], c = m->on.weight[2];
-    for (size_t j = 0; j < J; j++) part[j] = a * A[j] + b * B[j] + c * C[j];
-    return part;
+    for (size_t j = 0; j < J; j++) part[2 * j] = part[2 * j + 1] = W[j];
 }
 
-/* row (2J) = root times the derivative of the match's distance by the tangential moves; adds its
- * part of the gradient to g. */
-APSM_KERNEL static void make_row(size_t J, const double *part, const double direction[3],
-                                 double root, double distance, const double *tangent, double *g,
+/* The same inside a face: the sum over its corners. */
+APSM_KERNEL static void part_of_face(size_t J, const double *const W[3], const double weight[3],
+                                     double *part)
+{
+    const double *A = W[0], *B = W[1], *C = W[2], a = weight[0], b = weight[1], c = weight[2];
+    for (size_t j = 0; j < J; j++) part[2 * j] = part[2 * j + 1] = a * A[j] + b * B[j] + c * C[j];
+}
+
+static void particles_in(const apsm_fidelity *f, const fidelity_match *m, bool is_pull,
+                         double *part)
+{
+    const size_t J = f->J;
+    const double *W[3];
+    if (is_pull) {
+        part_of_vertex(J, f->warp.W + m->vertex * J, part);
+        return;
+    }
+    const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
+    for (size_t k = 0; k < 3; k++) W[k] = f->warp.W + mesh->F[3 * (size_t)m->on.face + k] * J;
+    part_of_face(J, W, m->on.weight, part);
+}
+
+/* row (n) = root times the derivative of the match's distance by the tangential moves, u the
+ * tangents (3 x n, by coordinate); adds its part of the gradient to g. */
+APSM_KERNEL static void make_row(size_t n, const double *part, const double direction[3],
+                                 double root, double distance, const double *u, double *g,
                                  float *row)
 {
+    const double *x = u, *y = u + n, *z = u + 2 * n;
     const double dx = root * direction[0], dy = root * direction[1], dz = root * direction[2];
     const double pull = root * distance;
-    for (size_t j = 0; j < J; j++) {
-        const double *a = tangent + 6 * j, *b = a + 3;
-        const double p = part[j] * (dx * a[0] + dy * a[1] + dz * a[2]);
-        const double q = part[j] * (dx * b[0] + dy * b[1] + dz * b[2]);
-        g[2 * j] += pull * p;
-        g[2 * j + 1] += pull * q;
-        row[2 * j] = (float)p;
-        row[2 * j + 1] = (float)q;
+    for (size_t k = 0; k < n; k++) {
+        const double p = part[k] * (dx * x[k] + dy * y[k] + dz * z[k]);
+        g[k] += pull * p;
+        row[k] = (float)p;
     }
 }
 
-/* Row k of w->rows, and its part of the gradient. */
+/* Row k of w->rows, and its part of the gradient; w->row: the tangents by coordinate, scratch. */
 static void take_row(const apsm_fidelity *f, const fidelity_state *s, size_t first, size_t k,
                      fidelity_work *w)
 {
+    const size_t n = 2 * f->J;
     const fidelity_match *m = &s->match[first + k];
     const double scale = fmin(fmax(m->distance, f->o.floor), f->o.ceiling);
-    const double *part = particles_in(f, m, first + k < s->pulls, w->part);
-    make_row(f->J, part, m->direction, 1 / sqrt(scale), m->distance, w->tangent, w->g,
-             w->rows + k * 2 * f->J);
+    double *part = w->row + 3 * n;
+    particles_in(f, m, first + k < s->pulls, part);
+    make_row(n, part, m->direction, 1 / sqrt(scale), m->distance, w->row, w->g, w->rows + k * n);
 }
 
 /* The surface terms' part of H, of few particles: in single precision, since it shapes the step,
@@ -608,6 +619,7 @@ static void add_rows(const apsm_fidelity *f, const fidelity_state *s, fidelity_w
 {
     const size_t n = 2 * f->J;
     memset(w->H32, 0, n * n * sizeof *w->H32);
+    for (size_t x = 0; x < 3 * n; x++) w->row[x % 3 * n + x / 3] = w->tangent[x];
     for (size_t first = 0; first < s->n; first += FIDELITY_ROWS) {
         const size_t rows = s->n - first < FIDELITY_ROWS ? s->n - first : FIDELITY_ROWS;
         for (size_t k = 0; k < rows; k++) take_row(f, s, first, k, w);
