@@ -42,10 +42,10 @@ static const cli_verb_info verbs[] = {
       .call = apsm_cli_evaluate },
     { CLI_CERTIFY, "certify", "PROJECT|PARTICLES... MESHES...", "the verdict on anyone's particles",
       "Says of every shape whether its particles keep their neighbours, whether it lies as the "
-      "others do and is not a mirror image, whether it belongs, and whether a region has slipped "
-      "or an end was missed: the verdict that evaluate gives, for a project with its meshes, or "
-      "for particle files of any program (aligned) with one mesh each, in the same order and "
-      "frame.",
+      "others do and is not a mirror image, whether it belongs and all parts of its surface do, "
+      "and whether a region has slipped or an end was missed: the verdict that evaluate gives, for "
+      "a project with its meshes, or for particle files of any program (aligned) with one mesh "
+      "each, in the same order and frame.",
       .examples = "  apsm certify other.swproj\n"
                   "  apsm certify *_world.particles *.ply -o verdict.json\n",
       .first = "something to look at", .call = apsm_cli_certify },

@@ -69,6 +69,19 @@ static json_t *json_agreement(double z)
     return isfinite(z) ? json_real(tanh(z)) : json_null();
 }
 
+/* The particles around a part that is unlike the others', the one in its middle first. */
+static json_t *json_unlike(const apsm_judgement *g, size_t i, const apsm_departure *part,
+                           bool wanted)
+{
+    const double *departs = g->departs + i * g->J;
+    json_t *list = json_array();
+    if (wanted) json_array_append_new(list, json_integer(part->at));
+    for (size_t j = 0; wanted && j < g->J; j++)
+        if (j != part->at && departs[j] >= 0.5 * departs[part->at])
+            json_array_append_new(list, json_integer((json_int_t)j));
+    return list;
+}
+
 static json_t *json_judged(const cohort_certificate *c, size_t i)
 {
     if (!c->judged) return json_null();
@@ -79,7 +92,6 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
     const double unknown = g->looks > 0 ? 0.0 : NAN;
     const bool missed = c->doubts[i] & (1u << APSM_DOUBT_ENDS);
     const bool unlike = c->doubts[i] & (1u << APSM_DOUBT_PART);
-    const double *departs = g->departs + i * g->J;
     const apsm_verdict_options options = apsm_verdict_defaults();
     const apsm_departure *part = apsm_verdict_part(f, &options);
     return json_pack(
@@ -94,8 +106,7 @@ static json_t *json_judged(const cohort_certificate *c, size_t i)
         "reach", f->reach, "farthest", f->farthest, "beyond",
         json_where(g->J, uncovered, 0.5 * f->reach, missed), "opposed", json_opposed(g, i), "size",
         f->size, "off", f->off, "off_excess", f->off_excess, "part_times", part->times,
-        "part_excess", part->excess, "part", part->size, "unlike",
-        json_where(g->J, departs, 0.5 * departs[part->at], unlike));
+        "part_excess", part->excess, "part", part->size, "unlike", json_unlike(g, i, part, unlike));
 }
 
 static json_t *json_shape(const cohort_certificate *all, size_t i, const char *name)
