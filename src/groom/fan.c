@@ -2,6 +2,7 @@
  * 0 if flat (Bank).  Area vectors are kept unnormalised where only signs matter. */
 #include "groom/fan.h"
 
+#include <float.h>
 #include <math.h>
 
 #include "geometry/vec3.h"
@@ -18,18 +19,49 @@ static void area_vector(const double a[3], const double b[3], const double c[3],
     vec3_cross(u, v, n);
 }
 
+/* What quality is made of, and enough to compare where it is clear, without roots and quotients. */
+typedef struct measure {
+    double n2, l2; /* squared area vector, sum of squared sides */
+} measure;
+
 /* Of a face with area vector n. */
-static double quality_of(const double a[3], const double b[3], const double c[3], const double n[3])
+static measure measure_of(const double a[3], const double b[3], const double c[3],
+                          const double n[3])
 {
-    const double l2 = vec3_distance2(a, b) + vec3_distance2(b, c) + vec3_distance2(c, a);
-    return l2 > 0.0 ? two_root3 * vec3_norm(n) / l2 : 0.0;
+    return (measure){ vec3_dot(n, n),
+                      vec3_distance2(a, b) + vec3_distance2(b, c) + vec3_distance2(c, a) };
+}
+
+static measure measure_face(const double a[3], const double b[3], const double c[3])
+{
+    double n[3];
+    area_vector(a, b, c, n);
+    return measure_of(a, b, c, n);
+}
+
+static double quality_of(measure m)
+{
+    return m.l2 > 0.0 ? two_root3 * sqrt(m.n2) / m.l2 : 0.0;
 }
 
 static double quality(const double a[3], const double b[3], const double c[3])
 {
-    double n[3];
-    area_vector(a, b, c, n);
-    return quality_of(a, b, c, n);
+    return quality_of(measure_face(a, b, c));
+}
+
+/* Whether quality is above the bound by more than rounding. */
+static bool clearly_above(measure m, double bound)
+{
+    const double b = bound * m.l2 * (1.0 + 1e-9);
+    return two_root3 * two_root3 * m.n2 > b * b;
+}
+
+/* Whether the quality of m is below factor times that of o by more than rounding; false, too, where
+ * the eighth power of a length leaves the range of numbers. */
+static bool clearly_below(measure m, double factor, measure o)
+{
+    const double a = factor * m.l2 * (1.0 - 1e-9), most = o.n2 * (a * a);
+    return m.n2 * (o.l2 * o.l2) < most && most > DBL_MIN / DBL_EPSILON;
 }
 
 void fan_face_normal(const surgery *s, uint32_t h, double n[3])
@@ -59,7 +91,9 @@ static bool keeps_facing(const surgery *s, uint32_t h, const double o[3], const 
     double was[3], is[3];
     area_vector(o, p, q, was);
     area_vector(x, p, q, is);
-    const double before = quality_of(o, p, q, was), after = quality_of(x, p, q, is);
+    const measure old = measure_of(o, p, q, was), new = measure_of(x, p, q, is);
+    const bool clear = clearly_above(old, needle) && clearly_above(new, needle);
+    const double before = clear ? 1.0 : quality_of(old), after = clear ? 1.0 : quality_of(new);
     if (after < needle && after <= before) return false;
     if (before < needle) { /* its own normal means little */
         double fan[3];
@@ -182,9 +216,13 @@ bool fan_flip_gains(const surgery *s, uint32_t h, double factor)
 {
     const double *a = s->V + 3 * he_from(s, h), *b = s->V + 3 * he_to(s, h);
     const double *c = s->V + 3 * he_apex(s, h), *d = s->V + 3 * he_apex(s, s->twin[h]);
-    const double before = fmin(quality(a, b, c), quality(b, a, d));
+    const measure one = measure_face(a, b, c), other = measure_face(b, a, d);
+    double before = NAN;
     for (int k = 0; k < 2; k++) {
-        const double after = k == 0 ? quality(a, d, c) : quality(d, b, c);
+        const measure made = k == 0 ? measure_face(a, d, c) : measure_face(d, b, c);
+        if (clearly_below(made, factor, one) && clearly_below(made, factor, other)) return false;
+        if (k == 0) before = fmin(quality_of(one), quality_of(other));
+        const double after = quality_of(made);
         if (!(before > 0.0 ? after / before > factor : after > 0.0)) return false;
     }
     return true;

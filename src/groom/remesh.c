@@ -62,7 +62,8 @@ static double edge_length2(const surgery *s, uint32_t h)
 
 static double edge_size_at(const job *j, uint32_t h)
 {
-    return j->scale * fmin(j->s.size[he_from(&j->s, h)], j->s.size[he_to(&j->s, h)]);
+    const double a = j->s.size[he_from(&j->s, h)], b = j->s.size[he_to(&j->s, h)];
+    return j->scale * (a < b ? a : b);
 }
 
 /* Projects x, with normal n, to the original; false if nothing within reach faces the same way.
@@ -130,9 +131,10 @@ static apsm_status split_long(job *j)
     frexp(over, &k);
     for (; k >= 0; k--) {
         const uint32_t end = (uint32_t)(3 * s->nf); /* new edges wait for the next round */
+        const double times = ldexp(longest, k);
         for (uint32_t h = 0; h < end; h++) {
             if (!he_real(s, h) || h > s->twin[h]) continue;
-            const double most = ldexp(longest * edge_size_at(j, h), k);
+            const double most = times * edge_size_at(j, h);
             if (edge_length2(s, h) <= most * most) continue;
             if (s->live_f > j->most_faces) return APSM_ERR_GEOMETRY;
             APSM_TRY(split_edge(j, h));
@@ -218,29 +220,45 @@ static bool may_flip(const job *j, uint32_t h)
 }
 
 /* Difference of v's valence from what is regular: six, on a border four and its ghost. */
-static int excess(const surgery *s, uint32_t v)
+static int excess(const surgery *s, const uint32_t *valence, uint32_t v)
 {
-    return (int)surgery_valence(s, v) - (surgery_to_ghost(s, v) == APSM_NONE ? 6 : 5);
+    return (int)valence[v] - (surgery_to_ghost(s, v) == APSM_NONE ? 6 : 5);
 }
 
 /* By how much the sum of squared excesses grows if h is flipped: its ends have a neighbour less,
  * the apexes one more. */
-static int flip_growth(const surgery *s, uint32_t h)
+static int flip_growth(const surgery *s, const uint32_t *valence, uint32_t h)
 {
-    const int ends = excess(s, he_from(s, h)) + excess(s, he_to(s, h));
-    const int apexes = excess(s, he_apex(s, h)) + excess(s, he_apex(s, s->twin[h]));
+    const int ends = excess(s, valence, he_from(s, h)) + excess(s, valence, he_to(s, h));
+    const int apexes =
+        excess(s, valence, he_apex(s, h)) + excess(s, valence, he_apex(s, s->twin[h]));
     return 2 * (apexes - ends) + 4;
 }
 
+static void flip_counted(surgery *s, uint32_t *valence, uint32_t h)
+{
+    valence[he_from(s, h)]--;
+    valence[he_to(s, h)]--;
+    valence[he_apex(s, h)]++;
+    valence[he_apex(s, s->twin[h])]++;
+    surgery_flip(s, h);
+}
+
 /* Step 3a: flips that bring valences nearer to 6 without spoiling the shapes. */
-static void flip_to_valence(job *j)
+static apsm_status flip_to_valence(job *j)
 {
     surgery *s = &j->s;
+    uint32_t *valence = calloc(s->nv + 1, sizeof *valence);
+    if (!valence) return APSM_ERR_MEMORY;
+    for (uint32_t h = 0; h < 3 * s->nf; h++)
+        if (he_live(s, h)) valence[he_from(s, h)]++;
     for (uint32_t h = 0; h < 3 * s->nf; h++) {
         if (!he_real(s, h) || h > s->twin[h] || he_on_border(s, h)) continue;
-        if (flip_growth(s, h) < 0 && fan_flip_gains(s, h, 0.6) && may_flip(j, h))
-            surgery_flip(s, h);
+        if (flip_growth(s, valence, h) < 0 && fan_flip_gains(s, h, 0.6) && may_flip(j, h))
+            flip_counted(s, valence, h);
     }
+    free(valence);
+    return APSM_OK;
 }
 
 /* Step 3b: flips that raise the smaller of the two faces' qualities. */
@@ -381,7 +399,7 @@ static apsm_status iterate(apsm_context *ctx, job *j, size_t faces)
         if (ctx && apsm_interrupted(ctx)) return APSM_ERR_INTERRUPTED;
         APSM_TRY(split_long(j));
         collapse_short(j, INFINITY);
-        if (2 * i < j->opt.iterations) flip_to_valence(j);
+        if (2 * i < j->opt.iterations) APSM_TRY(flip_to_valence(j));
         flip_to_shape(j);
         relax(j);
         /* Meet the number of faces; sizes rest in the last iterations. */
