@@ -190,6 +190,19 @@ APSM_KERNEL static double distances(size_t n, const double *restrict Y, const do
     return smallest;
 }
 
+/* The first of row (n) that is `value`, or the last. */
+APSM_KERNEL static size_t find(size_t n, const double *restrict row, double value)
+{
+    const int count = (int)n;
+    double at = count - 1;
+#pragma omp simd reduction(min : at)
+    for (int l = 0; l < count; l++) {
+        const double here = row[l] == value ? (double)l : (double)(count - 1);
+        at = here < at ? here : at;
+    }
+    return (size_t)at;
+}
+
 /* Both directions at once, by the table of distances between the clouds. */
 static void match_clouds(const icp_job *job, const double M[16], pairs *q)
 {
@@ -202,10 +215,9 @@ static void match_clouds(const icp_job *job, const double M[16], pairs *q)
         for (size_t a = 0; a < 3; a++) Y[a * n + l] = fixed->x[3 * l + a];
     }
     for (size_t k = 0; k < n; k++) {
-        size_t l = 0;
         map(M, moving->x + 3 * k, q->p + 3 * k);
         q->d2[k] = distances(n, Y, q->p + 3 * k, (double)k, row, least, who);
-        while (l + 1 < n && row[l] != q->d2[k]) l++;
+        const size_t l = find(n, row, q->d2[k]);
         memcpy(q->y + 3 * k, fixed->x + 3 * l, 3 * sizeof *q->y);
         memcpy(q->normal + 3 * k, fixed->normal + 3 * l, 3 * sizeof *q->normal);
     }

@@ -257,8 +257,13 @@ static void move_point(const double *U, const double y[3], const double n[3], do
 typedef struct block {
     float x[3][LANES], n[3][LANES];
     float w[LANES], per_w[LANES]; /* and one over it */
-    float centre[3], reach2;      /* points of the shape that are farther are passed over */
 } block;
+
+/* Balls around the blocks' points; points of the shape beyond reach2 of a centre pass a block over.
+ */
+typedef struct balls {
+    float *centre[3], *reach2; /* blocks */
+} balls;
 
 /* Sums of (16), and over k of A_mk and A_mk z_k. */
 typedef struct block_sums {
@@ -278,10 +283,13 @@ typedef struct job {
     double *A, *b, *weighted; /* p x p, p x 3, M x p */
     double *D;                /* M */
     block *block;             /* blocks */
-    block_sums *sums;         /* blocks */
-    float *S;       /* K x blocks x LANES: of the blocks that are near, one after the other */
-    float *reached; /* K: a sum of (16) */
-    uint32_t *near; /* blocks: those that are */
+    balls balls;
+    block_sums *sums; /* blocks */
+    float *S;         /* K x blocks x LANES: of the blocks that are near, one after the other */
+    float *reached;   /* K: a sum of (16) */
+    float *d2;        /* blocks: of a point from the centres of the balls */
+    uint32_t *near;   /* K x blocks: those that are, */
+    size_t *nears;    /* K: so many */
 } job;
 
 static size_t doubles_of(size_t bytes)
@@ -295,7 +303,8 @@ size_t apsm_registration_work_size(const apsm_registration *r, size_t n)
     return 3 * n + 22 * r->M + p * p + 3 * p + r->M * p + doubles_of(blocks * sizeof(block)) +
            doubles_of(blocks * sizeof(block_sums)) +
            doubles_of(n * blocks * LANES * sizeof(float)) + doubles_of(n * sizeof(float)) +
-           doubles_of(blocks * sizeof(uint32_t));
+           5 * doubles_of(blocks * sizeof(float)) + doubles_of(n * blocks * sizeof(uint32_t)) +
+           doubles_of(n * sizeof(size_t));
 }
 
 static void *take(double **work, size_t bytes)
@@ -319,7 +328,11 @@ static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *w
     j.sums = take(&work, blocks * sizeof *j.sums);
     j.S = take(&work, K * blocks * LANES * sizeof *j.S);
     j.reached = take(&work, K * sizeof *j.reached);
-    j.near = take(&work, blocks * sizeof *j.near);
+    for (size_t c = 0; c < 3; c++) j.balls.centre[c] = take(&work, blocks * sizeof(float));
+    j.balls.reach2 = take(&work, blocks * sizeof(float));
+    j.d2 = take(&work, blocks * sizeof *j.d2);
+    j.near = take(&work, K * blocks * sizeof *j.near);
+    j.nears = take(&work, K * sizeof *j.nears);
     memset(j.block, 0, blocks * sizeof *j.block);
     for (size_t k = 0; k < M; k++) {
         block *b = &j.block[k / LANES];
@@ -329,25 +342,24 @@ static job job_in(const apsm_registration *r, const apsm_cloud *shape, double *w
     return j;
 }
 
-/* The ball around a block's points, with the distance beyond which S is negligible. */
-static void enclose(block *b, size_t n, float beyond)
+/* The ball around block i's points, with the distance beyond which S is negligible. */
+static void enclose(const block *b, size_t n, float beyond, size_t i, balls *to)
 {
-    float r2 = 0;
+    float r2 = 0, centre[3];
     for (size_t c = 0; c < 3; c++) {
         float lo = b->x[c][0], hi = lo;
         for (size_t l = 1; l < n; l++) {
             lo = b->x[c][l] < lo ? b->x[c][l] : lo;
             hi = b->x[c][l] > hi ? b->x[c][l] : hi;
         }
-        b->centre[c] = 0.5f * (lo + hi);
+        to->centre[c][i] = centre[c] = 0.5f * (lo + hi);
     }
     for (size_t l = 0; l < n; l++) {
         float d2 = 0;
-        for (size_t c = 0; c < 3; c++)
-            d2 += (b->x[c][l] - b->centre[c]) * (b->x[c][l] - b->centre[c]);
+        for (size_t c = 0; c < 3; c++) d2 += (b->x[c][l] - centre[c]) * (b->x[c][l] - centre[c]);
         r2 = d2 > r2 ? d2 : r2;
     }
-    b->reach2 = (beyond + sqrtf(r2)) * (beyond + sqrtf(r2));
+    to->reach2[i] = (beyond + sqrtf(r2)) * (beyond + sqrtf(r2));
 }
 
 static void move_reference(job *j)
@@ -365,7 +377,7 @@ static void move_reference(job *j)
         }
     }
     for (size_t k = 0; k < j->blocks; k++)
-        enclose(&j->block[k], k + 1 < j->blocks ? LANES : j->M - LANES * k, beyond);
+        enclose(&j->block[k], k + 1 < j->blocks ? LANES : j->M - LANES * k, beyond, k, &j->balls);
 }
 
 /* ---- the two halves of a round ---- */
@@ -385,15 +397,26 @@ static shape_point point_of(const job *j, size_t k)
     return p;
 }
 
-/* The blocks that are near enough to z; returns how many. */
-static size_t find_near(const job *j, const float z[3])
+/* d2 (n) <- squared distances of z from the centres. */
+APSM_KERNEL static void distances(size_t n, const float *restrict x, const float *restrict y,
+                                  const float *restrict z, const float p[3], float *restrict d2)
 {
+#pragma omp simd
+    for (size_t k = 0; k < n; k++) {
+        const float a = x[k] - p[0], b = y[k] - p[1], c = z[k] - p[2];
+        d2[k] = a * a + b * b + c * c;
+    }
+}
+
+/* near <- the blocks that are near enough to z; returns how many. */
+static size_t find_near(const job *j, const float z[3], uint32_t *near)
+{
+    const balls *of = &j->balls;
     size_t n = 0;
+    distances(j->blocks, of->centre[0], of->centre[1], of->centre[2], z, j->d2);
     for (size_t k = 0; k < j->blocks; k++) {
-        const block *b = &j->block[k];
-        const float x = b->centre[0] - z[0], y = b->centre[1] - z[1], t = b->centre[2] - z[2];
-        j->near[n] = (uint32_t)k;
-        n += x * x + y * y + t * t <= b->reach2;
+        near[n] = (uint32_t)k;
+        n += j->d2[k] <= of->reach2[k];
     }
     return n;
 }
@@ -437,8 +460,9 @@ static void match_softly(job *j)
         for (size_t l = 0; l < LANES; l++) j->sums[k].arrived[l] = e;
     for (size_t k = 0; k < j->K; k++) {
         const shape_point p = point_of(j, k);
-        const size_t n = find_near(j, p.z);
-        j->reached[k] = e + soft_row(n, j->near, j->block, &p, steep, kappa,
+        uint32_t *near = j->near + k * j->blocks;
+        j->nears[k] = find_near(j, p.z, near);
+        j->reached[k] = e + soft_row(j->nears[k], near, j->block, &p, steep, kappa,
                                      j->S + k * j->blocks * LANES, j->sums);
     }
 }
@@ -471,8 +495,8 @@ static void find_targets(job *j)
         for (size_t l = 0; l < LANES; l++) j->sums[k].arrived[l] = 1.0f / j->sums[k].arrived[l];
     for (size_t k = 0; k < j->K; k++) {
         const shape_point p = point_of(j, k);
-        const size_t n = find_near(j, p.z);
-        add_row(n, j->near, j->S + k * j->blocks * LANES, 1.0f / j->reached[k], half, p.z, j->sums);
+        add_row(j->nears[k], j->near + k * j->blocks, j->S + k * j->blocks * LANES,
+                1.0f / j->reached[k], half, p.z, j->sums);
     }
     for (size_t k = 0; k < j->M; k++) {
         const block_sums *of = &j->sums[k / LANES];
