@@ -2,20 +2,14 @@
 
 #include <math.h>
 
-#include "geometry/vec3.h"
+#include "geometry/nearest.h"
 
-void apsm_coverage_reach(const apsm_mesh *mesh, size_t J, const double *P, double *reach)
+void apsm_coverage_reach(const apsm_mesh *mesh, size_t J, const double *P, double *work,
+                         uint32_t *nearest, double *reach)
 {
+    double *distance = work + 4 * J;
     for (size_t j = 0; j < J; j++) reach[j] = 0.0;
-    for (size_t v = 0; v < mesh->nv; v++) {
-        double least = INFINITY;
-        size_t nearest = 0;
-        for (size_t j = 0; j < J; j++) {
-            const double d2 = vec3_distance2(mesh->V + 3 * v, P + 3 * j);
-            if (!(d2 < least)) continue;
-            least = d2;
-            nearest = j;
-        }
-        if (J > 0) reach[nearest] = fmax(reach[nearest], sqrt(least));
-    }
+    if (J == 0) return;
+    apsm_nearest_points(mesh->nv, mesh->V, J, P, false, work, nearest, distance);
+    for (size_t v = 0; v < mesh->nv; v++) reach[nearest[v]] = fmax(reach[nearest[v]], distance[v]);
 }

@@ -5,7 +5,8 @@
 #include "apsm/mesh.h"
 
 /* reach (J, out): how far the farthest vertex is among those that are closest to the particle; P:
- * J x 3, in the mesh's frame.  O(nv J). */
-void apsm_coverage_reach(const apsm_mesh *mesh, size_t J, const double *P, double *reach);
+ * J x 3, in the mesh's frame.  work: 4J + nv; nearest: nv.  O(nv J). */
+void apsm_coverage_reach(const apsm_mesh *mesh, size_t J, const double *P, double *work,
+                         uint32_t *nearest, double *reach);
 
 #endif

@@ -84,18 +84,22 @@ static apsm_status look_at_shape(apsm_context *ctx, size_t i, int worker, void *
     double *N = g->N + 3 * J * i, *reach = g->reach + J * i;
     apsm_surface_point *S = malloc(J * sizeof *S);
     double *faces = malloc((apsm_form_size(mesh->nf) + 1) * sizeof *faces);
-    const bool ok = S && faces;
+    double *work = malloc((4 * J + mesh->nv + 1) * sizeof *work);
+    uint32_t *nearest = malloc((mesh->nv + 1) * sizeof *nearest);
+    const bool ok = S && faces && work && nearest;
     if (ok) {
         take_normals(g, i, S, N);
         apsm_form_faces(mesh, faces);
         apsm_form_heights(mesh->nf, faces, J, P, N, h, g->height + APSM_FORM_SCALES * J * i);
-        apsm_coverage_reach(mesh, J, P, reach);
+        apsm_coverage_reach(mesh, J, P, work, nearest, reach);
         for (size_t j = 0; j < J; j++) reach[j] /= h;
         apsm_affine_apply_normals(g->M + 16 * i, J, N, N);
         measure_size(g, i);
     }
     free(S);
     free(faces);
+    free(work);
+    free(nearest);
     return ok ? APSM_OK : APSM_ERR_MEMORY;
 }
 

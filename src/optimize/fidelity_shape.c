@@ -26,6 +26,7 @@
 
 #include "core/kernel.h"
 #include "geometry/bvh_guess.h"
+#include "geometry/nearest.h"
 #include "geometry/vec3.h"
 #include "geometry/walk.h"
 #include "initialize/anchors.h"
@@ -421,39 +422,6 @@ static void pull_together(const apsm_fidelity *f, double weight, double d, const
     if (w->sparse) fidelity_system_put(f, 3, t, scaled, &w->system);
 }
 
-enum { LANES = 8 };
-
-/* The first particle next to j, and its distance; X: 3 x J, by coordinate; d2 (J): scratch. */
-KERNEL_INLINE size_t next_particle(size_t J, const double *X, size_t j, double *d2,
-                                   double *distance)
-{
-    const double *x = X, *y = X + J, *z = X + 2 * J;
-    double lane[LANES], least = INFINITY;
-    for (size_t k = 0; k < J; k++) {
-        const double a = x[j] - x[k], b = y[j] - y[k], c = z[j] - z[k];
-        d2[k] = a * a + b * b + c * c;
-    }
-    d2[j] = INFINITY;
-    for (size_t l = 0; l < LANES; l++) lane[l] = INFINITY;
-    for (size_t k = 0; k + LANES <= J; k += LANES)
-        for (size_t l = 0; l < LANES; l++) lane[l] = d2[k + l] < lane[l] ? d2[k + l] : lane[l];
-    for (size_t l = 0; l < LANES; l++) least = lane[l] < least ? lane[l] : least;
-    for (size_t k = J - J % LANES; k < J; k++) least = d2[k] < least ? d2[k] : least;
-    size_t next = 0;
-    while (next + 1 < J && d2[next] > least) next++;
-    *distance = sqrt(least);
-    return next;
-}
-
-/* next (J) and distance (J) of every particle; work: 4J. */
-APSM_KERNEL static void next_particles(size_t J, const double *P, double *work, uint32_t *next,
-                                       double *distance)
-{
-    for (size_t x = 0; x < 3 * J; x++) work[x % 3 * J + x / 3] = P[x];
-    for (size_t j = 0; j < J; j++)
-        next[j] = (uint32_t)next_particle(J, work, j, work + 3 * J, &distance[j]);
-}
-
 /* Calls for every neighbour of the template that is drifting away: d = |x_jk| - b |x_jl| > 0 in h.
  */
 static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const double *P,
@@ -463,7 +431,7 @@ static double disorder(const apsm_fidelity *f, const fidelity_weights *q, const 
     const apsm_neighbourhoods *r = &f->reference;
     double sum = 0;
     double *distance = w->row + 4 * f->J;
-    next_particles(f->J, P, w->row, w->near, distance);
+    apsm_nearest_points(f->J, P, f->J, P, true, w->row, w->near, distance);
     for (size_t j = 0; j < f->J; j++) {
         const size_t l = w->near[j];
         const double nearest = distance[j];
