@@ -186,20 +186,30 @@ static uint32_t partition(const builder *t, uint32_t side, uint32_t first, uint3
     return left;
 }
 
-/* Sorts a few boxes by their middles along the axis; stable. */
-static void sort_along(box *boxes, uint32_t *order, uint32_t count, int axis)
+/* Of the keys of FEW boxes at most, INFINITY beyond: the place of each in their order; stable. */
+APSM_KERNEL static void rank_keys(uint32_t count, const float key[restrict FEW],
+                                  uint32_t rank[restrict FEW])
 {
-    for (uint32_t i = 1; i < count; i++) {
-        const box b = boxes[i];
-        const uint32_t face = order[i];
-        const float key = b.lo[axis] + b.hi[axis];
-        uint32_t k = i;
-        for (; k > 0 && key < boxes[k - 1].lo[axis] + boxes[k - 1].hi[axis]; k--) {
-            boxes[k] = boxes[k - 1];
-            order[k] = order[k - 1];
-        }
-        boxes[k] = b;
-        order[k] = face;
+    for (uint32_t i = 0; i < FEW; i++) rank[i] = 0;
+    for (uint32_t j = 0; j < count; j++)
+#pragma omp simd
+        for (uint32_t i = 0; i < FEW; i++)
+            rank[i] += (key[j] < key[i]) | ((key[j] == key[i]) & (j < i));
+}
+
+/* Into the other arrays: a few boxes by their middles along the axis. */
+static void sort_along(const builder *t, uint32_t side, uint32_t first, uint32_t count, int axis)
+{
+    const box *boxes = t->boxes[side] + first;
+    const uint32_t *order = t->order[side] + first;
+    float key[FEW];
+    uint32_t rank[FEW];
+    for (uint32_t i = 0; i < FEW; i++)
+        key[i] = i < count ? boxes[i].lo[axis] + boxes[i].hi[axis] : INFINITY;
+    rank_keys(count, key, rank);
+    for (uint32_t i = 0; i < count; i++) {
+        t->boxes[!side][first + rank[i]] = boxes[i];
+        t->order[!side][first + rank[i]] = order[i];
     }
 }
 
@@ -209,16 +219,19 @@ static void sort_along(box *boxes, uint32_t *order, uint32_t count, int axis)
 static uint32_t divide(const builder *t, binary *b, int depth, split *s)
 {
     const uint32_t first = b->first, count = b->count;
-    box *boxes = t->boxes[b->side] + first;
     if (count > FEW && depth < DEEP) {
-        *s = find_split(boxes, count, &b->bounds);
+        *s = find_split(t->boxes[b->side] + first, count, &b->bounds);
         if (s->axis >= 0) {
             const uint32_t left = partition(t, b->side, first, count, s);
             b->side = !b->side;
             return left;
         }
     }
-    if (count <= FEW) sort_along(boxes, t->order[b->side] + first, count, longest_axis(&b->bounds));
+    if (count <= FEW) {
+        sort_along(t, b->side, first, count, longest_axis(&b->bounds));
+        b->side = !b->side;
+    }
+    const box *boxes = t->boxes[b->side] + first;
     const uint32_t left = LEAF * ((count + LEAF - 1) / LEAF / 2);
     s->left = bounds_of(boxes, left);
     s->right = bounds_of(boxes + left, count - left);
@@ -285,39 +298,26 @@ APSM_KERNEL static void lane_normals(const corners *restrict t, double unit[rest
     }
 }
 
-/* Turns the corners so that the edge from the first to the second is the longest. */
-APSM_KERNEL static void turn_corners(corners *restrict t)
-{
-#pragma omp simd
-    for (int i = 0; i < LEAF; i++) {
-        double p[3][3], e[3];
-        for (int k = 0; k < 3; k++)
-            for (int c = 0; c < 3; c++) p[k][c] = t->x[k][c][i];
-        for (int k = 0; k < 3; k++) {
-            const double *a = p[k], *b = p[(k + 1) % 3];
-            e[k] = (b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1]) +
-                   (b[2] - a[2]) * (b[2] - a[2]);
-        }
-        const int second = e[1] > e[0] && e[1] >= e[2], third = e[2] > e[0] && e[2] > e[1];
-        for (int k = 0; k < 3; k++)
-            for (int c = 0; c < 3; c++) {
-                const double other = third ? p[(k + 2) % 3][c] : p[k][c];
-                t->x[k][c][i] = second ? p[(k + 1) % 3][c] : other;
-            }
-    }
-}
-
-/* The rows of a leaf, from corners in the tree's frame.  A triangle flatter than 1e-9 is its edges:
- * any axis across will do. */
+/* The rows of a leaf, from corners in the tree's frame, turned so that the edge from the first to
+ * the second is the longest.  A triangle flatter than 1e-9 is its edges: any axis across will do.
+ */
 APSM_KERNEL static void lane_rows(const corners *restrict t, float row[restrict ROWS][LEAF])
 {
 #pragma omp simd
     for (int i = 0; i < LEAF; i++) {
-        const double *x0 = &t->x[0][0][i], *x1 = &t->x[1][0][i], *x2 = &t->x[2][0][i];
-        double u[3], w[3], v[3], m[3];
+        double e[3], x0[3], u[3], w[3], v[3], m[3];
+        for (int k = 0; k < 3; k++) {
+            const double x = t->x[(k + 1) % 3][0][i] - t->x[k][0][i],
+                         y = t->x[(k + 1) % 3][1][i] - t->x[k][1][i],
+                         z = t->x[(k + 1) % 3][2][i] - t->x[k][2][i];
+            e[k] = x * x + y * y + z * z;
+        }
+        const int second = e[1] > e[0] && e[1] >= e[2], third = e[2] > e[0] && e[2] > e[1];
         for (int c = 0; c < 3; c++) {
-            u[c] = x1[c * LEAF] - x0[c * LEAF];
-            w[c] = x2[c * LEAF] - x0[c * LEAF];
+            const double p = t->x[0][c][i], q = t->x[1][c][i], r = t->x[2][c][i];
+            x0[c] = second ? q : third ? r : p;
+            u[c] = (second ? r : third ? p : q) - x0[c];
+            w[c] = (second ? p : third ? q : r) - x0[c];
         }
         const double length = sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
         const double whole = length > 0.0 ? length : 1.0;
@@ -341,7 +341,7 @@ APSM_KERNEL static void lane_rows(const corners *restrict t, float row[restrict 
         const double from_0 = along > 0.0 ? along : 0.0, a = from_0 < length ? from_0 : length;
         const double rise = sqrt((length - a) * (length - a) + b * b), climb = sqrt(a * a + b * b);
         for (int c = 0; c < 3; c++) {
-            row[ORIGIN + c][i] = (float)x0[c * LEAF];
+            row[ORIGIN + c][i] = (float)x0[c];
             row[AXIS_X + c][i] = (float)u[c];
             row[AXIS_Y + c][i] = (float)v[c];
             row[AXIS_Z + c][i] = (float)m[c];
@@ -394,7 +394,6 @@ static box fill_leaf(apsm_bvh *bvh, size_t number)
     for (size_t i = 0; i < LEAF; i++)
         for (size_t c = 0; c < 3; c++) bvh->face_normal[3 * (size_t)face[i] + c] = unit[c][i];
     const box bounds = place_corners(bvh, &t);
-    turn_corners(&t);
     lane_rows(&t, out->row);
     for (size_t i = 1; i < LEAF; i++)
         if (face[i] == face[i - 1]) out->row[ORIGIN][i] = NAN;
@@ -451,17 +450,30 @@ static void choose_frame(apsm_bvh *bvh)
     bvh->scale = ldexp(1.0, -e);
 }
 
-static box face_box(const apsm_bvh *bvh, size_t f)
+/* A vertex in the tree's frame; four lanes as a box. */
+typedef struct place {
+    float q[4];
+} place;
+
+static void place_vertices(const apsm_bvh *bvh, place *at)
 {
-    box b = empty_box;
-    b.lo[3] = b.hi[3] = 0.0f;
-    for (size_t k = 0; k < 3; k++)
-        for (int c = 0; c < 3; c++) {
-            const double x = bvh->mesh->V[3 * (size_t)bvh->mesh->F[3 * f + k] + (size_t)c];
-            const float q = (float)((x - bvh->centre[c]) * bvh->scale);
-            b.lo[c] = q - PAD < b.lo[c] ? q - PAD : b.lo[c];
-            b.hi[c] = q + PAD > b.hi[c] ? q + PAD : b.hi[c];
-        }
+    const double *V = bvh->mesh->V;
+    for (size_t v = 0; v < bvh->mesh->nv; v++) {
+        for (size_t c = 0; c < 3; c++)
+            at[v].q[c] = (float)((V[3 * v + c] - bvh->centre[c]) * bvh->scale);
+        at[v].q[3] = 0.0f;
+    }
+}
+
+static box face_box(const uint32_t corner[3], const place *at)
+{
+    const float *p = at[corner[0]].q, *q = at[corner[1]].q, *r = at[corner[2]].q;
+    box b;
+    for (int c = 0; c < 4; c++) {
+        const float lo = p[c] < q[c] ? p[c] : q[c], hi = p[c] > q[c] ? p[c] : q[c];
+        b.lo[c] = (lo < r[c] ? lo : r[c]) - PAD;
+        b.hi[c] = (hi > r[c] ? hi : r[c]) + PAD;
+    }
     return b;
 }
 
@@ -480,11 +492,13 @@ static apsm_status build_tree(apsm_bvh *bvh)
     box *boxes = malloc(2 * nf * sizeof *boxes);
     uint32_t *order = malloc(2 * nf * sizeof *order);
     binary *tree = malloc(2 * nf * sizeof *tree);
+    place *at = malloc(bvh->mesh->nv * sizeof *at);
     apsm_status status = APSM_ERR_MEMORY;
-    if (boxes && order && tree) {
+    if (boxes && order && tree && at) {
         builder t = { { boxes, boxes + nf }, { order, order + nf }, tree, 0 };
+        place_vertices(bvh, at);
         for (size_t f = 0; f < nf; f++) {
-            boxes[f] = face_box(bvh, f);
+            boxes[f] = face_box(bvh->mesh->F + 3 * f, at);
             order[f] = (uint32_t)f;
         }
         const uint32_t n = (uint32_t)nf;
@@ -495,6 +509,7 @@ static apsm_status build_tree(apsm_bvh *bvh)
     free(boxes);
     free(order);
     free(tree);
+    free(at);
     return status;
 }
 
