@@ -96,6 +96,11 @@ static apsm_status run_job(apsm_context *ctx, const cli_args *args, const char *
                              ? "--shard: ranks share the job by themselves; leave it out"
                              : "--shard: run shares the grooming of joints alone; of one part "
                                "share groom, initialize and evaluate");
+    if (!joint && (args->align_parts || args->shared))
+        return apsm_fail(ctx, APSM_ERR_ARG,
+                         "%s: is for subjects of several parts, and these have one; give --parts, "
+                         "or leave it out",
+                         args->align_parts ? "--align-parts" : "--shared-boundary");
     if (ranks.rank > 0 && args->dry_run) return APSM_OK;
     join_company(ctx, &settings, &ranks);
     if (settings.company && !joint) return run_together(ctx, &settings);

@@ -22,7 +22,7 @@
 
 static apsm_status refuse_labels_of_meshes(const apsm_run *run, const groom_inputs *in)
 {
-    if (in->labels.n == 0) return APSM_OK;
+    if (in->labels.n == 0 && in->labels.names == 0 && !in->labels.side) return APSM_OK;
     for (size_t i = 0; i < in->list.n; i++)
         if (in->list.cases[i].kind != APSM_INPUT_MESH) return APSM_OK;
     return apsm_fail(run->ctx, APSM_ERR_ARG,

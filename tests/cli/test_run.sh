@@ -162,7 +162,8 @@ for step in initialize optimize evaluate; do expect 0 "" $step -o steps --memory
 same_particles model steps "step by step with --memory"
 expect 2 "give a number with a unit" run cohort -o never --memory lots
 [ -e never ] && fail "a wrong --memory made a folder"
-expect 2 "are meshes, which have no labels" run cohort -o labelled --label 1,2
+for labels in 1,2 talus '>0.5'; do expect 2 "are meshes, which have no labels" run cohort -o labelled --label "$labels"; done
+for option in align-parts shared-boundary; do expect 2 "--$option: is for subjects of several parts" run cohort -o labelled --$option a; done
 
 # ---- bones cut off at different heights are cropped alike ----
 "$synthetic" femur bones count 5 cut 1 coarse 2 fine 2 || exit 1
