@@ -470,15 +470,16 @@ static void say_figures(cli_ui *ui, const json_t *evaluation, const char *unit)
 }
 
 /* Another program may have written particles into the folder since.  (A joint's are in parts.) */
-static void say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
+static bool say_belonging(apsm_context *ctx, const char *folder, cli_ui *ui)
 {
     model_folder m;
-    if (apsm_joint_is(ctx, folder)) return;
+    if (apsm_joint_is(ctx, folder)) return true;
     if (model_folder_read(ctx, folder, FOLDER_PARTICLES | FOLDER_EVALUATED, &m) != APSM_OK) {
         cli_say(ui, "model and particles do not belong together: %s", apsm_error_text(ctx));
-        return;
+        return false;
     }
     model_folder_free(&m);
+    return true;
 }
 
 static void say_landmarks(cli_ui *ui, const json_t *landmarks, const char *unit)
@@ -505,9 +506,10 @@ static apsm_status info_results(apsm_context *ctx, const char *folder, cli_ui *u
     if (status == APSM_OK && evaluation) say_figures(ui, evaluation, unit);
     if (status == APSM_OK && evaluation)
         say_landmarks(ui, json_object_get(evaluation, "landmarks"), unit);
-    if (status == APSM_OK && evaluation) say_belonging(ctx, folder, ui);
-    if (status == APSM_OK && certificate) say_verdict(ui, certificate);
-    if (status == APSM_OK && !certificate) cli_say(ui, "verdict: not evaluated yet");
+    const bool judged =
+        status == APSM_OK && certificate && (!evaluation || say_belonging(ctx, folder, ui));
+    if (judged) say_verdict(ui, certificate);
+    if (status == APSM_OK && !judged) cli_say(ui, "verdict: not evaluated yet");
     json_decref(manifest);
     json_decref(certificate);
     json_decref(evaluation);

@@ -20,17 +20,33 @@
 
 enum { LEAST_SHAPES = 3 };
 
-/* Checkpoints are of another set of shapes from now on. */
-static apsm_status drop_file(apsm_run *run, const char *name)
+/* The manifest knows nothing of the file any more; it is removed with all that are gone. */
+static apsm_status drop_file(apsm_run *run, json_t *gone, const char *name)
 {
     json_object_del(json_object_get(run->manifest, "outputs"), name);
-    return run_remove(run, run_path(run, name));
+    return json_array_append_new(gone, json_string(name)) ? APSM_ERR_MEMORY : APSM_OK;
 }
 
-static apsm_status drop_states(apsm_run *run)
+/* Checkpoints are of another set of shapes from now on. */
+static apsm_status drop_states(apsm_run *run, json_t *gone)
 {
-    APSM_TRY(drop_file(run, RUN_INITIAL));
-    return drop_file(run, RUN_CHECKPOINT);
+    APSM_TRY(drop_file(run, gone, RUN_INITIAL));
+    return drop_file(run, gone, RUN_CHECKPOINT);
+}
+
+/* Project and manifest come first: who is stopped in between leaves files that are one's own, but
+ * none that is missed. */
+static apsm_status settle(apsm_run *run, const json_t *gone)
+{
+    size_t k;
+    const json_t *name;
+    APSM_TRY(run_write_project(run));
+    APSM_TRY(manifest_write(run));
+    json_array_foreach(gone, k, name)
+    {
+        APSM_TRY(run_remove(run, run_path(run, json_string_value(name))));
+    }
+    return APSM_OK;
 }
 
 static apsm_status evaluate_and_report(apsm_run *run)
@@ -90,7 +106,7 @@ static void forget_entry(json_t *list, const char *key, const char *name)
 }
 
 /* The shape's files and what the manifest says of it. */
-static apsm_status drop_shape(apsm_run *run, const char *name)
+static apsm_status drop_shape(apsm_run *run, json_t *gone, const char *name)
 {
     static const char *const files[] = { "groomed/%s.ply",
                                          "fixed/%s_local.particles",
@@ -104,7 +120,7 @@ static apsm_status drop_shape(apsm_run *run, const char *name)
         const char *format = files[k], *hole = strstr(format, "%s");
         snprintf(path, sizeof path, "%.*s%s%s", (int)(hole - format), format, name, hole + 2);
         if (json_object_get(json_object_get(run->manifest, "outputs"), path))
-            APSM_TRY(drop_file(run, path));
+            APSM_TRY(drop_file(run, gone, path));
     }
     forget_entry(json_object_get(run->manifest, "inputs"), "name", name);
     forget_entry(json_object_get(run->manifest, "groomed"), "name", name);
@@ -112,18 +128,25 @@ static apsm_status drop_shape(apsm_run *run, const char *name)
     return APSM_OK;
 }
 
+static apsm_status drop_shapes(apsm_run *run, json_t *gone, size_t n, const char *const *names)
+{
+    APSM_TRY(drop_states(run, gone));
+    for (size_t k = 0; k < n; k++) {
+        APSM_TRY(drop_shape(run, gone, names[k]));
+        apsm_project_remove(&run->project, apsm_project_find(&run->project, names[k]));
+    }
+    return settle(run, gone);
+}
+
 apsm_status apsm_run_exclude(apsm_run *run, size_t n, const char *const *names)
 {
     APSM_TRY(require_model(run));
     APSM_TRY(check_excluded(run, n, names));
     APSM_TRY(stage_start(run, "evaluate"));
-    for (size_t k = 0; k < n; k++) {
-        APSM_TRY(drop_shape(run, names[k]));
-        apsm_project_remove(&run->project, apsm_project_find(&run->project, names[k]));
-    }
-    APSM_TRY(drop_states(run));
-    APSM_TRY(run_write_project(run));
-    return evaluate_and_report(run);
+    json_t *gone = json_array();
+    const apsm_status status = drop_shapes(run, gone, n, names);
+    json_decref(gone);
+    return status == APSM_OK ? evaluate_and_report(run) : status;
 }
 
 /* ---- add ---- */
@@ -350,10 +373,12 @@ static apsm_status enrol(adding *a)
     APSM_TRY(write_new_particles(a, first));
     APSM_TRY(describe_doubts(a));
     APSM_TRY(describe_inputs(a));
-    APSM_TRY(drop_states(run));
-    APSM_TRY(run_write_project(run));
     for (size_t i = 0; i < a->in.list.n; i++) APSM_TRY(record_files(a, i));
-    return evaluate_and_report(run);
+    json_t *gone = json_array();
+    apsm_status status = drop_states(run, gone);
+    if (status == APSM_OK) status = settle(run, gone);
+    json_decref(gone);
+    return status == APSM_OK ? evaluate_and_report(run) : status;
 }
 
 /* New shapes come whole, and nobody says what of them counts. */

@@ -165,6 +165,14 @@ expect 0 "1 of 3 inputs" run --resume -o k
 cp away.ply changing/s2.ply
 expect 0 "" run changing --resume -o k
 
+# ---- a verdict is not that of other particles ----
+rm -rf y && cp -r model y
+expect 0 "" optimize y --fidelity-rounds 1
+expect 0 "do not belong together" info y
+grep -q "^verdict: not evaluated yet" said || fail "the verdict of former particles: $(cat said)"
+expect 0 "" evaluate y
+expect 0 "verdict: not judged" info y
+
 # ---- a manifest that was changed is not sealed anew ----
 rm -rf y && cp -r model y && sed -i 's/"bytes": [0-9]*/"bytes": 7/' y/manifest.json
 for verb in initialize optimize evaluate; do
