@@ -60,8 +60,8 @@ expect 0 "MB of disk in model/state" run cohort -o model "${quick[@]}" --memory 
 expect 0 "1000 iterations a split" run cohort -o model --method psm --dry-run
 # seconds OPTION...: the forecast
 seconds() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/^about \([0-9]*\) s on.*/\1/p'; }
-plain=$(seconds --threads 1 --fidelity 0 -J 1024 --fidelity-rounds 200 --stage1-epochs 1)
-[ "$(seconds --threads 1 -J 1024 --fidelity-rounds 200 --stage1-epochs 1)" -gt $((plain + 20)) ] ||
+plain=$(seconds --threads 1 --fidelity 0 -J 1024 --fidelity-rounds 400 --stage1-epochs 1)
+[ "$(seconds --threads 1 -J 1024 --fidelity-rounds 400 --stage1-epochs 1)" -gt $((plain + 20)) ] ||
     fail "--dry-run: the fidelity stage costs nothing"
 megabytes() { "$apsm" run cohort -o model "$@" --dry-run | sed -n 's/.*, \([0-9]*\) MB of memory.*/\1/p'; }
 [ "$(megabytes -J 512 --stage2-epochs 1)" -gt "$(megabytes -J 512 --stage2-epochs 1 --adaptivity 0)" ] ||
