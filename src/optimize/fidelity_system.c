@@ -173,16 +173,23 @@ APSM_KERNEL static void make_smooth_band(size_t J, size_t width, float smooth, f
     }
 }
 
-/* Two particles' part of a row's square, the first at the lower place. */
-static void put_block(size_t width, const float *a, const float *b, size_t low, size_t high,
-                      float *band)
+/* What entry a of a row makes with the entries from a to end - 1, all of them within the band. */
+static void put_blocks(size_t width, const fidelity_system *s, size_t a, size_t end, float *band)
 {
-    float *h = band + 2 * low * (width + 1) + 2 * (high - low);
-    h[0] += a[0] * b[0];
-    h[1] += a[0] * b[1];
-    h += width + 1; /* one unknown on: a place less */
-    if (low < high) h[-1] += a[1] * b[0];
-    h[0] += a[1] * b[1];
+    const size_t low = s->place[a];
+    const float p = s->x[2 * a], q = s->x[2 * a + 1];
+    float *first = band + 2 * low * width, *second = first + width; /* by the other's unknown */
+    first[2 * low] += p * p;
+    first[2 * low + 1] += p * q;
+    second[2 * low + 1] += q * q;
+    for (size_t b = a + 1; b < end; b++) {
+        const size_t y = 2 * (size_t)s->place[b];
+        const float u = s->x[2 * b], v = s->x[2 * b + 1];
+        first[y] += p * u;
+        first[y + 1] += p * v;
+        second[y] += q * u;
+        second[y + 1] += q * v;
+    }
 }
 
 /* What of a row's square is beyond the band goes in part to its diagonal. */
@@ -202,14 +209,14 @@ void fidelity_system_band(const apsm_fidelity *f, const fidelity_system *s, floa
     const size_t width = f->band, reach = width / 2;
     make_smooth_band(f->J, width, (float)s->smooth, share, f->Q32, s->tangent, s->work, band);
     for (size_t r = 0; r < s->n; r++)
-        for (size_t a = s->start[r]; a < s->start[r + 1]; a++)
-            for (size_t b = a; b < s->start[r + 1]; b++) {
-                const size_t low = s->place[a], high = s->place[b];
-                if (high - low <= reach)
-                    put_block(width, s->x + 2 * a, s->x + 2 * b, low, high, band);
-                else
-                    put_beyond(width, share, s->x + 2 * a, s->x + 2 * b, low, high, band);
-            }
+        for (size_t a = s->start[r]; a < s->start[r + 1]; a++) {
+            const size_t low = s->place[a];
+            size_t end = s->start[r + 1];
+            while (s->place[end - 1] - low > reach) end--;
+            put_blocks(width, s, a, end, band);
+            for (size_t b = end; b < s->start[r + 1]; b++)
+                put_beyond(width, share, s->x + 2 * a, s->x + 2 * b, low, s->place[b], band);
+        }
     for (size_t x = 0; x < 2 * f->J; x++) band[x * (width + 1)] += s->diagonal[x];
 }
 
