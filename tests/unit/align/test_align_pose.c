@@ -422,6 +422,28 @@ static void mirror_image_is_told(void **state)
     free(work);
 }
 
+/* The best pose is the same with and without a rival; the others are only left less finished. */
+static void a_rival_changes_no_best_pose(void **state)
+{
+    (void)state;
+    align_surface fixed, moved;
+    double *work = new_work();
+    apsm_icp_options opt = apsm_icp_defaults();
+    apsm_pose alone, rivalled;
+    align_open(&fixed, align_bone(0.2, 0.3), POINTS);
+    align_open(&moved, align_bone(0.25, 0.3), POINTS);
+    apsm_pose_search(&moved.surface, &fixed.surface, true, &opt, &alone, work);
+    opt.rival = 1e-3 * alone.residual;
+    apsm_pose_search(&moved.surface, &fixed.surface, true, &opt, &rivalled, work);
+    assert_memory_equal(alone.M, rivalled.M, sizeof alone.M);
+    assert_true(alone.residual == rivalled.residual);
+    assert_true(rivalled.runner_up > 0.8 * alone.runner_up); /* by fewer points */
+    assert_true(isfinite(rivalled.runner_up) == isfinite(alone.runner_up));
+    free(work);
+    align_close(&fixed);
+    align_close(&moved);
+}
+
 /* An ellipsoid fits itself in four ways; a bone without symmetry in one. */
 static void ambiguity_is_reported(void **state)
 {
@@ -546,6 +568,7 @@ int main(void)
         cmocka_unit_test(every_initial_pose_gives_the_same_result),
         cmocka_unit_test(grid_of_starts_is_dense_enough),
         cmocka_unit_test(mirror_image_is_told),
+        cmocka_unit_test(a_rival_changes_no_best_pose),
         cmocka_unit_test(ambiguity_is_reported),
         cmocka_unit_test(cut_bone_is_aligned_with_trimming),
         cmocka_unit_test(powers_of_two_scale_exactly),
