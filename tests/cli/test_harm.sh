@@ -167,7 +167,8 @@ expect 0 "" run changing --resume -o k
 
 # ---- a verdict is not that of other particles ----
 rm -rf y && cp -r model y
-expect 0 "" optimize y --fidelity-rounds 1
+expect 0 "" initialize y --seed 3
+expect 0 "" optimize y
 expect 0 "do not belong together" info y
 grep -q "^verdict: not evaluated yet" said || fail "the verdict of former particles: $(cat said)"
 expect 0 "" evaluate y
