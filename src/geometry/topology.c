@@ -48,8 +48,7 @@ static void sort_by(uint32_t (*key)(const uint32_t *, uint32_t), const uint32_t 
     for (size_t i = 0; i < n; i++) out[start[key(F, in[i])]++] = in[i];
 }
 
-/* The half-edges of proper faces in the order of the file head; *sorted is malloc'ed. */
-static apsm_status sort_half_edges(const apsm_mesh *mesh, uint32_t **sorted, size_t *count)
+apsm_status topology_sort(const apsm_mesh *mesh, uint32_t **sorted, size_t *count)
 {
     uint32_t *a = malloc((3 * mesh->nf + 1) * sizeof *a),
              *b = malloc((3 * mesh->nf + 1) * sizeof *b),
@@ -103,7 +102,7 @@ static apsm_status fill_twins(const apsm_mesh *mesh, uint32_t *twin)
 {
     uint32_t *sorted;
     size_t n;
-    APSM_TRY(sort_half_edges(mesh, &sorted, &n));
+    APSM_TRY(topology_sort(mesh, &sorted, &n));
     for (size_t i = 0; i < 3 * mesh->nf; i++) twin[i] = APSM_NONE;
     for (size_t i = 0, j; i < n; i = j) {
         j = run_end(mesh->F, sorted, n, i);
@@ -239,7 +238,7 @@ apsm_status apsm_mesh_inspect(const apsm_mesh *mesh, apsm_mesh_defects *defects)
     APSM_TRY(check_indices(mesh));
     uint32_t *sorted;
     size_t n;
-    APSM_TRY(sort_half_edges(mesh, &sorted, &n));
+    APSM_TRY(topology_sort(mesh, &sorted, &n));
     uint32_t *face = malloc((mesh->nf + 1) * sizeof *face),
              *fan = malloc((3 * mesh->nf + 1) * sizeof *fan),
              *fans = malloc((mesh->nv + 1) * sizeof *fans);

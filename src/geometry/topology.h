@@ -29,6 +29,11 @@ typedef struct apsm_topology {
 apsm_status apsm_topology_build(const apsm_mesh *mesh, apsm_topology *topology) APSM_NODISCARD;
 void apsm_topology_free(apsm_topology *topology);
 
+/* The half-edges of faces without a repeated corner by (smaller end, larger end, number), so that
+ * those of an edge lie side by side; *sorted is to be freed.  Indices must be sound.  O(nv + nf).
+ */
+apsm_status topology_sort(const apsm_mesh *mesh, uint32_t **sorted, size_t *count) APSM_NODISCARD;
+
 /* What is wrong with a mesh as a surface.  Counts, and the first place of each. */
 typedef struct apsm_mesh_defects {
     size_t components;           /* edge-connected components of faces */

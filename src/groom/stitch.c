@@ -20,14 +20,6 @@ typedef struct side {
     uint32_t lo, hi, h;
 } side;
 
-static int by_ends(const void *a, const void *b)
-{
-    const side *p = a, *q = b;
-    if (p->lo != q->lo) return p->lo < q->lo ? -1 : 1;
-    if (p->hi != q->hi) return p->hi < q->hi ? -1 : 1;
-    return p->h < q->h ? -1 : p->h > q->h;
-}
-
 typedef struct work {
     repair *r;
     side *sides;     /* 3 nf, equal edges next to each other */
@@ -76,22 +68,27 @@ static size_t run_end(const work *w, size_t i)
     return end;
 }
 
-static void sort_sides(work *w)
+/* No face has a repeated corner any more. */
+static apsm_status sort_sides(work *w)
 {
     const apsm_mesh *m = &w->r->mesh;
-    for (uint32_t h = 0; h < 3 * m->nf; h++) {
-        const uint32_t a = m->F[h], b = m->F[h % 3 == 2 ? h - 2 : h + 1];
-        w->sides[h] = (side){ a < b ? a : b, a < b ? b : a, h };
+    uint32_t *sorted;
+    size_t n;
+    APSM_TRY(topology_sort(m, &sorted, &n));
+    for (size_t i = 0; i < n; i++) {
+        const uint32_t h = sorted[i], a = m->F[h], b = m->F[h % 3 == 2 ? h - 2 : h + 1];
+        w->sides[i] = (side){ a < b ? a : b, a < b ? b : a, h };
     }
-    qsort(w->sides, 3 * m->nf, sizeof *w->sides, by_ends);
+    free(sorted);
+    return n == 3 * m->nf ? APSM_OK : APSM_ERR_GEOMETRY;
 }
 
-/* Neighbours across plain edges, patches and what bounds them; returns the number of knots. */
-static size_t find_patches(work *w)
+/* Neighbours across plain edges, patches and what bounds them; *knots (out): how many. */
+static apsm_status find_patches(work *w, size_t *knots)
 {
     const apsm_mesh *m = &w->r->mesh;
-    size_t knots = 0;
-    sort_sides(w);
+    *knots = 0;
+    APSM_TRY(sort_sides(w));
     sets_init(w->patch, m->nf);
     memset(w->twin, 0xff, 3 * m->nf * sizeof *w->twin);
     memset(w->open, 0, m->nf);
@@ -107,7 +104,7 @@ static size_t find_patches(work *w)
     }
     for (size_t i = 0, end; i < 3 * m->nf; i = end) {
         end = run_end(w, i);
-        knots += end - i > 2;
+        *knots += end - i > 2;
         for (size_t k = i; k < end; k++) {
             const uint32_t p = sets_root(w->patch, w->sides[k].h / 3);
             if (end - i == 1) w->open[p] = 1;
@@ -116,7 +113,7 @@ static size_t find_patches(work *w)
     }
     memset(w->area, 0, m->nf * sizeof *w->area);
     for (uint32_t f = 0; f < m->nf; f++) w->area[sets_root(w->patch, f)] += face_area(m, f);
-    return knots;
+    return APSM_OK;
 }
 
 static bool droppable(const work *w, uint32_t p, double total)
@@ -320,7 +317,9 @@ static apsm_status drop_patches(work *w)
     apsm_mesh *m = &w->r->mesh;
     const double total = apsm_mesh_area(m);
     for (;;) {
-        if (m->nf == 0 || find_patches(w) == 0) return APSM_OK;
+        size_t knots = 0;
+        if (m->nf > 0) APSM_TRY(find_patches(w, &knots));
+        if (knots == 0) return APSM_OK;
         size_t marked = mark_fins(w, total);
         if (marked == 0) APSM_TRY(mark_walls(w, total, &marked));
         if (marked == 0) return APSM_OK;
