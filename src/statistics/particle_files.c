@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <jansson.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -283,6 +284,29 @@ static apsm_status look_for_fits(apsm_context *ctx, const char *given, const mod
     return path ? know_fits(ctx, path, m, fits) : APSM_ERR_MEMORY;
 }
 
+static double farthest_of(size_t n, const double *x)
+{
+    double most = 0;
+    for (size_t k = 0; k < n; k++) most = fmax(most, fabs(x[k]));
+    return most;
+}
+
+/* Of files from `first` on: none lies where no shape of this kind can, and no figure holds. */
+static apsm_status refuse_nowhere(apsm_context *ctx, const model_folder *m, size_t first,
+                                  const particle_files *files)
+{
+    static const double beyond = 1e9; /* any unit for any other */
+    const size_t V = 3 * m->J;
+    const double most = beyond * farthest_of(m->I * V, m->P);
+    for (size_t k = first; k < files->n; k++)
+        if (farthest_of(V, files->P + k * V) > most)
+            return apsm_fail(ctx, APSM_ERR_ARG,
+                             "%s: its particles lie %.1g times as far from the origin as those of "
+                             "the model; give world particles of a fit to this model",
+                             files->name[k], beyond / most * farthest_of(V, files->P + k * V));
+    return APSM_OK;
+}
+
 apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *paths,
                                 const model_folder *m, particle_files *files)
 {
@@ -296,6 +320,7 @@ apsm_status particle_files_read(apsm_context *ctx, size_t n, const char *const *
             status = apsm_is_folder(paths[k]) ? add_folder(ctx, paths[k], m->J, files)
                                               : add_file(ctx, paths[k], m->J, files);
         if (status == APSM_OK) status = tell_shapes(ctx, fits.root, m, first, files);
+        if (status == APSM_OK) status = refuse_nowhere(ctx, m, first, files);
         if (status == APSM_OK) status = tell_own_particles(ctx, m, first, files);
     }
     known_fits_free(&fits);

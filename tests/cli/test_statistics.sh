@@ -281,6 +281,8 @@ grep -qF "\"notes\": [\"column 'odd' is not judged" n6/norm.json || fail "what i
 grep -q '"note": null' n1/norm.json || fail "a note of a shape that has none"
 head -n 30 new_world.particles >short.particles
 refuse_verb norm 2 "has 30 particles, the model 32" model short.particles
+sed 's/[0-9] *$/&e200/' new_world.particles >far.particles
+refuse_verb norm 2 "times as far from the origin" model far.particles
 refuse_verb norm 2 "give a line for it" model new_world.particles --subjects table.csv --formula '~ age'
 sed 's/new,small/new,tiny/' all.csv >tiny.csv
 refuse_verb norm 2 "has group = tiny" model new_world.particles --subjects tiny.csv --formula '~ group'
