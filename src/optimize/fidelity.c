@@ -421,6 +421,7 @@ static apsm_status take_round(const round_task *t, size_t i, fidelity_work *w, s
     const bool guided = f->anchors.nv > 0 || f->features || w->a.contacts > 0;
     const double limit = (f->doubt > 0 || guided ? growth : 1) * w->a.distance;
     r->moved = descend(t, i, guided ? limit + f->o.floor : limit, w);
+    APSM_TRY(w->status);
     r->after = w->a.distance;
     if (r->moved) memcpy(P, w->a.P, D * sizeof *P);
     if (t->round + 1 == f->o.fidelity_rounds) APSM_TRY(certify_end(t, i, w, r));

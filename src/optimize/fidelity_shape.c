@@ -80,6 +80,16 @@ static apsm_status system_alloc(const apsm_fidelity *f, fidelity_system *s)
         matches * wide + 3 * neighbours + landmarks * J + features + contacts * near, s);
 }
 
+/* H, or what it is made of. */
+static bool matrix_alloc(const apsm_fidelity *f, fidelity_work *w)
+{
+    const size_t J = f->J;
+    if (w->sparse) return system_alloc(f, &w->system) == APSM_OK;
+    w->H32 = malloc(4 * J * J * sizeof *w->H32);
+    w->H = malloc(4 * J * J * sizeof *w->H);
+    return w->H32 && w->H;
+}
+
 apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_work *w)
 {
     const size_t J = f->J, matches = (f->cohort->obstacles.I > 0 ? 3 : 2) * most_vertices(f);
@@ -95,9 +105,7 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->near = malloc(2 * J * sizeof *w->near);
     w->force = malloc(3 * f->warp.nv * sizeof *w->force);
     w->row = malloc(8 * J * sizeof *w->row);
-    w->H32 = malloc(4 * J * J * sizeof *w->H32);
     w->band = malloc(2 * J * (f->band + 1) * sizeof *w->band);
-    w->H = malloc(4 * J * J * sizeof *w->H);
     w->g = malloc(2 * J * sizeof *w->g);
     w->e = malloc(3 * J * sizeof *w->e);
     w->Se = malloc(3 * J * sizeof *w->Se);
@@ -108,10 +116,9 @@ apsm_status fidelity_work_alloc(const apsm_fidelity *f, size_t modes, fidelity_w
     w->feature = malloc((4 * f->cohort->features.F + 1) * sizeof *w->feature);
     w->named = malloc(J * sizeof *w->named);
     w->tangent_mode = malloc((2 * J * modes + 1) * sizeof *w->tangent_mode);
-    const bool system = !w->sparse || system_alloc(f, &w->system) == APSM_OK;
-    if (states && system && w->v && w->z && w->K && w->feature && w->entry && w->named && w->Y &&
-        w->at && w->YN && w->tangent && w->part && w->rows && w->near && w->force && w->row &&
-        w->H32 && w->band && w->H && w->g && w->e && w->Se && w->tangent_mode) {
+    if (states && matrix_alloc(f, w) && w->v && w->z && w->K && w->feature && w->entry &&
+        w->named && w->Y && w->at && w->YN && w->tangent && w->part && w->rows && w->near &&
+        w->force && w->row && w->band && w->g && w->e && w->Se && w->tangent_mode) {
         const apsm_mesh *mesh = &f->cohort->shape[f->cohort->template_index].mesh;
         memcpy(w->Y, mesh->V, 3 * mesh->nv * sizeof *w->Y);
         w->warped = *mesh;

@@ -127,7 +127,8 @@ typedef struct fidelity_work {
     double *row;          /* 8J */
     float *H32;           /* 2J x 2J lower: the surface terms' part of H, if that is not sparse */
     float *band;          /* 2J x (band + 1) */
-    double *H, *g;        /* 2J x 2J lower, 2J */
+    double *H, *g;        /* 2J x 2J lower (sparse: NULL until no band will do), 2J */
+    apsm_status status;   /* of the steps: that of memory, if it has not been enough */
     double *e, *Se;       /* J x 3 */
     double *v, *z, *K;    /* precision of the prior: J, modes x 3J; modes x modes: scratch */
     double *tangent_mode; /* modes x 2J */

@@ -186,6 +186,8 @@ static apsm_status solve_formed(const apsm_fidelity *f, const fidelity_weights *
     const size_t n = 2 * f->J, modes = q->prior > 0 ? q->modes : 0;
     float *u = w->rows;
     double *x = w->row;
+    if (!w->H) w->H = malloc(n * n * sizeof *w->H);
+    if (!w->H) return w->status = APSM_ERR_MEMORY;
     fidelity_system_form(f, &w->system, w->H);
     for (size_t m = 0; m < modes; m++) {
         to_places(f, 1, w->tangent_mode + m * n, u);

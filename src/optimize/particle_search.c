@@ -69,7 +69,6 @@ static apsm_status judge_shape(apsm_context *ctx, size_t k, int worker, void *us
 /* Of the stage that has just been run, by all vertices. */
 static apsm_status judge(apsm_context *ctx, const search *s, apsm_fidelity *f, trial *t)
 {
-    f->o.fidelity_points = LONG_MAX;
     const size_t threads = (size_t)apsm_context_threads(ctx);
     judge_task j = { .s = s, .f = f, .t = t };
     j.work = calloc(threads, sizeof *j.work);
@@ -77,6 +76,7 @@ static apsm_status judge(apsm_context *ctx, const search *s, apsm_fidelity *f, t
     apsm_status status = j.work && j.distance ? APSM_OK : APSM_ERR_MEMORY;
     for (size_t k = 0; status == APSM_OK && k < threads; k++)
         status = fidelity_work_alloc(f, 0, &j.work[k]);
+    f->o.fidelity_points = LONG_MAX; /* measured only: steps have no room for so many */
     if (status == APSM_OK) status = apsm_parallel_for(ctx, s->n_judged, judge_shape, &j, NULL);
     t->error = 0;
     for (size_t k = 0; status == APSM_OK && k < s->n_judged; k++)

@@ -205,6 +205,34 @@ static void product_is_that_of_the_whole(void **state)
     release(&s);
 }
 
+/* The band is the whole's, but for the diagonal, which has .15 of what is beyond more. */
+static void band_is_that_of_the_whole(void **state)
+{
+    (void)state;
+    system_ s;
+    build(1e-3, &s);
+    const size_t width = s.f.band;
+    double *H = check_alloc(N * N), *beyond = check_alloc(N);
+    memset(beyond, 0, N * sizeof *beyond);
+    fidelity_system_form(&s.f, &s.w.system, H);
+    fidelity_system_band(&s.f, &s.w.system, s.w.band);
+    for (size_t x = 0; x < N; x++)
+        for (size_t y = 0; y < x; y++) {
+            const double h = H[x * N + y],
+                         b = x - y <= width ? (double)s.w.band[y * (width + 1) + x - y] : 0;
+            const bool in = x / 2 - y / 2 <= width / 2;
+            if (!(fabs(b - (in ? h : 0)) < 1e-5)) fail_msg("%zu, %zu: %g, %g", x, y, b, h);
+            beyond[x] += in ? 0 : fabs(h);
+            beyond[y] += in ? 0 : fabs(h);
+        }
+    for (size_t x = 0; x < N; x++) {
+        const double d = (double)s.w.band[x * (width + 1)] - H[x * N + x];
+        if (!(fabs(d - 0.15 * beyond[x]) < 1e-4)) fail_msg("%zu: %g, %g", x, d, beyond[x]);
+    }
+    free(H), free(beyond);
+    release(&s);
+}
+
 static void few_particles_have_no_band(void **state)
 {
     (void)state;
@@ -244,6 +272,7 @@ int main(void)
         cmocka_unit_test(without_a_band_the_whole_is_factored),
         cmocka_unit_test(indefinite_is_refused),
         cmocka_unit_test(product_is_that_of_the_whole),
+        cmocka_unit_test(band_is_that_of_the_whole),
         cmocka_unit_test(few_particles_have_no_band),
         cmocka_unit_test(a_ball_has_an_order),
     };
