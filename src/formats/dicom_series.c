@@ -108,6 +108,19 @@ static void straighten(double o[6])
     }
 }
 
+/* Of rows and columns with two decimals: their plane becomes that at right angles to the step
+ * between slices, whose positions have more of them, where the two differ by no more than the
+ * rounding.  More is a tilted gantry. */
+static void level(double o[6], const double step[3])
+{
+    double along[2] = { 0 }, square = 0.0;
+    for (int c = 0; c < 3; c++) square += step[c] * step[c];
+    for (int c = 0; c < 6; c++) along[c / 3] += o[c] * step[c % 3] / sqrt(square);
+    if (!(fmax(fabs(along[0]), fabs(along[1])) <= 0.5 * coarse_rounding)) return;
+    for (int c = 0; c < 6; c++) o[c] -= along[c / 3] * step[c % 3] / sqrt(square);
+    straighten(o);
+}
+
 static apsm_status check_image(apsm_context *ctx, const char *path, const dicom *d)
 {
     if (d->rows < 1 || d->columns < 1 || d->rows > 65535 || d->columns > 65535)
@@ -317,6 +330,7 @@ void dicom_grid(apsm_context *ctx, const dicom_stack *k, const double step[3], i
     if (!is_plane(o, plane_rounding)) {
         scan s = { .ctx = ctx, .path = k->folder };
         straighten(o);
+        level(o, step);
         image_note(&s, m,
                    "its ImageOrientationPatient (0020,0037) has two decimals; brought to right "
                    "angles and length 1, it may be off by half a degree");

@@ -244,30 +244,54 @@ static apsm_status add_line(reading *r, size_t number, char *line)
     return add_placed(r, field[label], x);
 }
 
-/* Comments of a .fcsv say the frame: "# CoordinateSystem = LPS", 0 or RAS. */
-static apsm_status read_comment(reading *r, char *line)
+/* Comments may say the frame: "# CoordinateSystem = LPS", 0 or RAS; ':' does for '='.  Of a
+ * sentence that only has the word nothing is taken, and that is told. */
+static apsm_status read_comment(reading *r, size_t number, char *line)
 {
-    if (!strstr(line, "CoordinateSystem")) return APSM_OK;
-    char *value = strchr(line, '=');
-    value = value ? value + 1 + strspn(value + 1, " \t") : line;
+    static const char key[] = "CoordinateSystem";
+    char *at = strstr(line, key);
+    if (!at) return APSM_OK;
+    at += strlen(key) + strspn(at + strlen(key), " \t");
+    const bool said = *at == '=' || *at == ':';
+    char *const value = at + said + strspn(at + said, " \t");
     value[strcspn(value, " ,\t\r")] = 0;
     take_frame(r, value);
-    return check_frame(r);
+    if (said || r->known) return check_frame(r);
+    apsm_log(r->ctx, APSM_LOG_WARNING,
+             "%s:%zu: a remark on the coordinate system that is not understood; the points are "
+             "read as %s (write '# CoordinateSystem = LPS' or RAS)",
+             r->path, number, r->ras ? "RAS" : "LPS");
+    return APSM_OK;
 }
 
-/* Whether the line is the header of a .csv, which names the axes: x,y,z (LPS), l,p,s or r,a,s. */
+/* Whether the first field is that of a header, in quotes (as statistics programs write all texts)
+ * or not. */
+static bool is_header(const char *line)
+{
+    static const char *const names[] = { "name", "label" };
+    const char *const first = line + strspn(line, " \t\"");
+    for (size_t k = 0; k < sizeof names / sizeof *names; k++) {
+        const size_t n = strlen(names[k]);
+        if (strncasecmp(first, names[k], n) == 0 && first[n + strspn(first + n, " \t\"")] == ',')
+            return true;
+    }
+    return false;
+}
+
+/* Whether the line is the header of a .csv, which names the axes: l,p,s, r,a,s, or x,y,z, which are
+ * LPS unless a remark above says RAS. */
 static bool read_header(reading *r, char *line)
 {
     static const char *const axes[] = { "xyz", "lps", "ras" };
     char *field[LANDMARK_FIELDS];
-    if (strncasecmp(line, "name,", 5) != 0 && strncasecmp(line, "label,", 6) != 0) return false;
+    if (!is_header(line)) return false;
     r->columns = landmark_cut_fields(line, field);
     r->known = false;
     for (size_t k = 0; k < 3; k++) {
         bool same = r->columns >= 4;
         for (size_t c = 0; c < 3 && same; c++)
             same = tolower((unsigned char)*field[1 + c]) == axes[k][c];
-        if (same) r->known = true, r->ras = k == 2;
+        if (same) r->known = true, r->ras = k == 2 || (k == 0 && r->ras);
     }
     for (size_t k = 4; k < r->columns; k++)
         if (strcasecmp(field[k], "defined") == 0) r->defined = k;
@@ -276,12 +300,14 @@ static bool read_header(reading *r, char *line)
 
 static apsm_status read_line(reading *r, size_t number, char *line)
 {
-    if (*line == '#') return read_comment(r, line);
-    if (number > 1 || r->columns == 0 || !read_header(r, line))
+    if (*line == '#') return read_comment(r, number, line);
+    const bool begun = r->l->n + r->unplaced > 0;
+    if (begun || r->columns == 0 || !read_header(r, line))
         return line[strspn(line, " \t\r")] ? add_line(r, number, line) : APSM_OK;
     if (r->known) return APSM_OK;
     return apsm_fail(r->ctx, APSM_ERR_FORMAT,
-                     "%s:1: its columns are not name,x,y,z (or name,r,a,s); name them so", r->path);
+                     "%s:%zu: its columns are not name,x,y,z (or name,r,a,s); name them so",
+                     r->path, number);
 }
 
 static apsm_status read_table(reading *r)

@@ -134,23 +134,34 @@ static apsm_status take_line(reading *r, size_t number, char *line)
     return put(r->t, i, field[1], x);
 }
 
+static apsm_status check_header(const reading *r, char *line)
+{
+    static const char *const column[] = { "shape", "name", "x", "y", "z" };
+    char *field[LANDMARK_FIELDS];
+    bool same = landmark_cut_fields(line, field) == 5;
+    for (size_t c = 0; c < 5 && same; c++) same = strcasecmp(field[c], column[c]) == 0;
+    if (same) return APSM_OK;
+    return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                     "%s:1: landmarks of several shapes begin with the line shape,name,x,y,z",
+                     r->path);
+}
+
 apsm_status landmark_table_read(apsm_context *ctx, const char *path, size_t I,
                                 const char *const *names, landmark_table *t, size_t *others)
 {
     reading r = { .ctx = ctx, .path = path, .I = I, .names = names, .t = t };
     char *text = NULL;
-    size_t size, number = 0;
+    size_t size, number = 2;
     landmark_table_begin(I, t);
     APSM_TRY(apsm_read_text(ctx, path, MOST_BYTES, &text, &size));
-    apsm_status status = APSM_OK;
-    if (strncasecmp(text, "shape,name,x,y,z", 16) != 0)
-        status = apsm_fail(ctx, APSM_ERR_FORMAT,
-                           "%s:1: landmarks of several shapes begin with the line shape,name,x,y,z",
-                           path);
-    for (char *at = text, *next; at && *at && status == APSM_OK; at = next) {
+    char *next = strchr(text, '\n');
+    if (next) *next++ = 0;
+    apsm_status status = check_header(&r, text);
+    for (char *at = next; at && *at && status == APSM_OK; at = next) {
         next = strchr(at, '\n');
         if (next) *next++ = 0;
-        if (++number > 1 && at[strspn(at, " \t\r")]) status = take_line(&r, number, at);
+        if (at[strspn(at, " \t\r")]) status = take_line(&r, number, at);
+        number++;
     }
     free(text);
     if (others) *others = r.others;

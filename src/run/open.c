@@ -55,11 +55,11 @@ static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
     return settings_settle(run, s);
 }
 
-/* The folder of one that was refused is another's, made meanwhile: nothing of it is tidied. */
+/* A folder in which another works is the other's, made meanwhile: nothing of it is tidied. */
 static apsm_status lock_folder(apsm_run *run)
 {
     const apsm_status status = apsm_lock_folder(run->ctx, run->folder, &run->lock);
-    if (status != APSM_OK) run->made_folders = 0;
+    if (status == APSM_ERR_STATE) run->made_folders = 0;
     return status;
 }
 

@@ -56,6 +56,15 @@ for k in 1 2 3 4 5 6 7 8; do
     [ $((here + there)) -eq 1 ] && [ -s race/manifest.json ] || fail "two at once: $here, $there: $(cat one two)"
 done
 
+# ---- a folder that this run made goes again where it cannot be locked: no file more may be open ----
+bash -c 'exec 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit -n 4; exec "$@"' - "$apsm" groom cohort -o unlocked/model --faces 300 -q 2>said &&
+    fail "a run without a lock"
+if grep -q "cannot be locked" said; then
+    [ -e unlocked ] && fail "a run that could not lock its folder left it"
+else
+    echo "SKIPPED: $(tail -n 1 said)"
+fi
+
 # ---- whatever is asked of a folder that is no model, or is not there: no file is made in it ----
 mkdir stranger && echo mine >stranger/notes.txt && echo '{"measurements": []}' >measures.json && echo 'name,x,y,z' >points.csv
 for verb in report initialize optimize evaluate; do

@@ -290,6 +290,34 @@ static void coarse_orientations_are_straightened(void **state)
                    "ImageOrientationPatient", "right angles");
 }
 
+/* Where rows and columns are off by their decimals, the step between slices says where the plane
+ * lies: no shear is made, nor told.  A gantry that is tilted by more stays so. */
+static void coarse_planes_lie_across_the_step(void **state)
+{
+    fixture *const f = *state;
+    apsm_volume v = { 0 };
+    variant o = plain;
+    double M[16];
+    o.orientation = "0.98\\0.15\\0.12\\-0.19\\0.79\\0.59"; /* .35 degrees off */
+    write_variants(f->folder, &o);
+    if (apsm_read_dicom(f->ctx, f->folder, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    apsm_volume_index_to_lps(&v, M);
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < a; b++) {
+            const double product = M[a] * M[b] + M[4 + a] * M[4 + b] + M[8 + a] * M[8 + b];
+            assert_true(fabs(product) < 1e-5);
+        }
+    assert_true(fabs(M[0] / v.spacing[0] - 0.98) < 0.01 && fabs(M[5] / v.spacing[1] - 0.79) < 0.01);
+    assert_non_null(strstr(v.notes, "two decimals"));
+    assert_null(strstr(v.notes, "sheared"));
+    apsm_volume_free(&v);
+    o.tilt = 0.1;
+    write_variants(f->folder, &o);
+    if (apsm_read_dicom(f->ctx, f->folder, &v) != APSM_OK) fail_msg("%s", apsm_error_text(f->ctx));
+    assert_non_null(strstr(v.notes, "sheared"));
+    apsm_volume_free(&v);
+}
+
 /* What the size of a deviation is, not its presence, decides: a hundredth of the gap is the
  * rounding of someone's decimals, half of it a slice out of its place. */
 static void positions_need_not_be_exact(void **state)
@@ -485,6 +513,7 @@ int main(void)
         cmocka_unit_test_setup_teardown(bad_series_are_refused, setup, teardown),
         cmocka_unit_test_setup_teardown(orientations_are_directions, setup, teardown),
         cmocka_unit_test_setup_teardown(coarse_orientations_are_straightened, setup, teardown),
+        cmocka_unit_test_setup_teardown(coarse_planes_lie_across_the_step, setup, teardown),
         cmocka_unit_test_setup_teardown(positions_need_not_be_exact, setup, teardown),
         cmocka_unit_test_setup_teardown(a_tilted_gantry_is_a_shear, setup, teardown),
         cmocka_unit_test_setup_teardown(other_encodings_are_read, setup, teardown),

@@ -48,8 +48,20 @@ static void files_of_all_kinds(void **state)
     expect("c.csv", "label,r,a,s,defined,selected\na,1,2,3,1,1\nb,4,5,6,0,1\n", 1, "a", -1);
     expect("c.csv", "Name,X (mm),Y (mm),Z (mm)\na,1,2,3\n", 1, "a", 1);
     expect("c.csv", "name,L,P,S\na,1,2,3\n", 1, "a", 1);
+    expect("c.csv", "\"name\",\"x\",\"y\",\"z\"\r\n\"a\",1,2,3\r\n", 1, "a", 1);
+    expect("c.csv", "\"label\",\"r\",\"a\",\"s\",\"defined\"\na,1,2,3,1\nb,4,5,6,0\n", 1, "a", -1);
+    expect("c.csv", " name ,x,y,z\na,1,2,3\n", 1, "a", 1);
+    expect("c.csv", "# CoordinateSystem: RAS\nname,x,y,z\na,1,2,3\n", 1, "a", -1);
+    expect("c.csv", "# CoordinateSystem: RAS\nname,l,p,s\na,1,2,3\n", 1, "a", 1);
+    expect("c.csv", "names,1,2,3\n", 1, "names", 1);
+    refuse("c.csv", "\"name\",\"z\",\"y\",\"x\"\na,1,2,3\n", "columns are not name,x,y,z");
     refuse("c.csv", "name,z,y,x\na,1,2,3\n", "columns are not name,x,y,z");
     refuse("c.csv", "name;x;y;z\na;1,5;2;3\n", "commas between");
+    expect("b.fcsv", "# CoordinateSystem: LPS\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", 1, "tip", 7);
+    expect("b.fcsv", "# CoordinateSystem LPS\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", 1, "tip", 7);
+    expect("b.fcsv", "# the CoordinateSystem is Slicer's\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", 1, "tip",
+           -7);
+    refuse("b.fcsv", "# CoordinateSystem: IJK\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", "neither LPS");
     refuse("b.fcsv", "# CoordinateSystem = IJK\n1,7,8,9,0,0,0,1,1,1,0,tip,,\n", "neither LPS");
     refuse("c.csv", "name,x,y,z\na,1,2\n", "c.csv:2");
     refuse("c.csv", "name,x,y,z\na,1,2,3\na,1,2,4\n", "two points are called 'a'");
@@ -122,6 +134,12 @@ static void a_cohort_with_gaps(void **state)
     assert_memory_equal(back.x, t.x, 12 * sizeof *t.x);
     landmark_table_free(&t);
     landmark_table_free(&back);
+    put("t.csv", "\"shape\",\"name\",\"x\",\"y\",\"z\"\n\"s0\",\"a\",1,2,3\n");
+    assert_int_equal(landmark_table_read(ctx, "t.csv", 2, names, &t, NULL), APSM_OK);
+    assert_true(landmark_at(&t, 0, 0)[2] == 3);
+    landmark_table_free(&t);
+    put("t.csv", "shape,name,x,y,zz\ns0,a,1,2,3\n");
+    assert_int_equal(landmark_table_read(ctx, "t.csv", 2, names, &t, NULL), APSM_ERR_FORMAT);
     put("t.csv", "shape,name,x,y,z\ns0,a,1,2,3\ns0,a,4,5,6\n");
     assert_int_equal(landmark_table_read(ctx, "t.csv", 2, names, &t, NULL), APSM_ERR_FORMAT);
     assert_non_null(strstr(apsm_error_text(ctx), "t.csv:3"));
