@@ -126,6 +126,22 @@ static apsm_status check_plane(const reading *r, const measurement *one)
                      one->name);
 }
 
+/* The sides of an angle have a direction. */
+static apsm_status check_sides(const reading *r, const measurement *one)
+{
+    const double *p = r->list->point + 3 * one->first_point;
+    if (one->kind != MEASURE_ANGLE) return APSM_OK;
+    for (int side = 0; side < 2; side++) {
+        const size_t from = one->points == 3 ? 1 : 2 * (size_t)side,
+                     to = one->points == 3 ? 2 * (size_t)side : from + 1;
+        if (memcmp(p + 3 * from, p + 3 * to, 3 * sizeof *p) == 0)
+            return apsm_fail(r->ctx, APSM_ERR_FORMAT,
+                             "%s: '%s': two points of a side of the angle are one; move one",
+                             r->path, one->name);
+    }
+    return APSM_OK;
+}
+
 static apsm_status take_points(const reading *r, const json_t *points, measurement *one)
 {
     measurement_list *list = r->list;
@@ -147,6 +163,7 @@ static apsm_status take_points(const reading *r, const json_t *points, measureme
     one->points = n;
     for (size_t k = 0; k < n; k++)
         APSM_TRY(take_point(r, json_array_get(points, k), one->name, more + 3 * list->points++));
+    APSM_TRY(check_sides(r, one));
     return check_plane(r, one);
 }
 

@@ -329,5 +329,9 @@ sed 's/"area"}/"area", "whole": true}/' define.json >bad.json
 refuse_verb measure 1 'means nothing for kind area' model bad.json
 sed 's/\[0, 1, 0\]/[2, 0, 0]/' define.json >bad.json
 refuse_verb measure 1 "lie on a line" model bad.json
+for points in 1,2,2 1,1,2 3,4,5,5 4,4,5,6; do
+    echo "{\"measurements\": [{\"name\": \"a\", \"kind\": \"angle\", \"points\": [$points]}]}" >bad.json
+    refuse_verb measure 1 "two points of a side of the angle are one" model bad.json
+done
 [ -z "$(find . -name '*.tmp')" ] || fail "temporary files are left"
 exit $failed
