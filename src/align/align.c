@@ -24,7 +24,7 @@
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 
-enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12 };
+enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12, FEW_VERTICES = 256 };
 /* What the last registration may leave, relative to the radius. */
 static const double at_rest = 3e-5;
 /* Share of the sum of squares that no step of a pair of the medoid's need lower. */
@@ -641,8 +641,9 @@ static apsm_status let_rest(const aligner *a, const apsm_surface *moving, const 
     APSM_TRY(open_resting(a->mesh[i], moving->cloud, own));
     const apsm_surface from[2] = { { moving->bvh, &own[0] }, { moving->bvh, &own[1] } };
     const apsm_surface to[2] = { { fixed->bvh, &a->resting[0] }, { fixed->bvh, &a->resting[1] } };
-    /* of meshes whose clouds are thinned anyway, some are not fewer than all */
-    const size_t first = own[0].n + a->resting[0].n > (own[1].n + a->resting[1].n) / 2;
+    /* Some have to stand for all, and of meshes whose clouds are thinned anyway are not fewer. */
+    const size_t first = own[0].n < FEW_VERTICES || a->resting[0].n < FEW_VERTICES ||
+                         own[0].n + a->resting[0].n > (own[1].n + a->resting[1].n) / 2;
     apsm_icp_to_rest(2 - first, from + first, to + first, icp, M, residual, work);
     close_resting(own);
     return APSM_OK;

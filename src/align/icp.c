@@ -557,8 +557,10 @@ static void note(const pairs *q, const double M[16], best_pose *best)
     memcpy(best->M, M, sizeof best->M);
 }
 
-/* Notes the change of the steps since the last pose, and goes on to the next. */
-static void go_on(const icp_job *job, bool first, const double z[7], trail *t, double M[16])
+/* Notes the change of the steps since the last pose, and goes on to the next, by a step of the
+ * length that is returned. */
+static double go_on(const icp_job *job, const pairs *now, bool first, const double z[7], trail *t,
+                    double M[16])
 {
     double next[7], D[16], moved[16], *dz = t->dz[t->n % DEPTH];
     if (!first) {
@@ -573,13 +575,15 @@ static void go_on(const icp_job *job, bool first, const double z[7], trail *t, d
     map_of_step(job, step, D);
     apsm_affine_multiply(D, M, moved);
     memcpy(M, moved, sizeof moved);
+    return step_length(job, now, D);
 }
 
-/* From M on along the trail, to where less than `enough` is left if steps go on to shrink as they
- * did; the last is taken, but not looked at.  True if that comes to rest. */
+/* From M on, to where less than `enough` is left if steps go on to shrink as they did; the last is
+ * taken, but not looked at.  True if that comes to rest. */
 static bool rest(const icp_job *job, double enough, pairs *now, pairs *before, double M[16],
-                 trail *t, best_pose *best)
+                 best_pose *best)
 {
+    trail t = { .shrinks = 1.0 };
     double last = 0.0;
     match(job, M, NULL, now);
     note(now, M, best);
@@ -588,9 +592,9 @@ static bool rest(const icp_job *job, double enough, pairs *now, pairs *before, d
         if (!newton_step(job, now, lambda_least, z)) return false;
         map_of_step(job, z, D);
         const double length = step_length(job, now, D);
-        if (i > 0) t->shrinks = fmin(fmax(length / last, shrinks_least), 1.0);
-        go_on(job, i == 0, z, t, M);
-        if (t->shrinks * length < enough) return true;
+        if (i > 0) t.shrinks = fmin(fmax(length / last, shrinks_least), 1.0);
+        const double taken = go_on(job, now, i == 0, z, &t, M);
+        if (t.shrinks * fmax(length, taken) < enough) return true;
         last = length;
         swap_pairs(now, before);
         match(job, M, before, now);
@@ -602,7 +606,6 @@ static bool rest(const icp_job *job, double enough, pairs *now, pairs *before, d
 void apsm_icp_to_rest(size_t levels, const apsm_surface *moving, const apsm_surface *fixed,
                       const apsm_icp_options *opt, double M[16], double *residual, double *work)
 {
-    trail t = { .shrinks = 1.0 };
     for (size_t k = 0; k < levels; k++) {
         icp_job job = { .moving = &moving[k], .fixed = &fixed[k], .opt = opt, .along = true };
         const double enough = k + 1 < levels ? roughly * opt->tolerance : opt->tolerance;
@@ -610,7 +613,7 @@ void apsm_icp_to_rest(size_t levels, const apsm_surface *moving, const apsm_surf
         pairs now, before;
         open_job(&job, work, &now, &before);
         const bool rests =
-            rest(&job, enough, &now, &before, M, &t, &best) && now.E <= best.E * (1.0 + 1e-9);
+            rest(&job, enough, &now, &before, M, &best) && now.E <= best.E * (1.0 + 1e-9);
         if (!rests) memcpy(M, best.M, sizeof best.M);
         *residual = rests ? now.residual : best.residual;
     }

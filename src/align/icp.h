@@ -34,7 +34,8 @@ void apsm_pose_from(const apsm_surface *moving, const apsm_surface *fixed, const
 
 /* As apsm_icp, but from a pose near the end, to where what is left is smaller than the tolerance,
  * which may be far below what apsm_icp can tell by the sum of squares.  moving, fixed: the same
- * surfaces `levels` times, by few points first. */
+ * surfaces `levels` times, by few points first.  residual: before the last step, which is shorter
+ * than the tolerance. */
 void apsm_icp_to_rest(size_t levels, const apsm_surface *moving, const apsm_surface *fixed,
                       const apsm_icp_options *opt, double M[16], double *residual, double *work);
 

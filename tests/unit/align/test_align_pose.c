@@ -192,6 +192,50 @@ static void some_vertices_stand_for_all(void **state)
     align_close(&s);
 }
 
+/* With some vertices first a shape comes to rest where it does with all alone and no hurry. */
+static void some_vertices_first_rest_where_all_do(void **state)
+{
+    (void)state;
+    static const double nudge[3] = { 0.04, -0.03, 0.05 };
+    align_surface a, b;
+    apsm_cloud cloud[2][2];
+    align_open(&a, align_bone(0.2, 0.3), POINTS);
+    align_open(&b, align_bone(0.1, 0.45), POINTS);
+    for (size_t k = 0; k < 2; k++) {
+        const align_surface *s = k == 0 ? &a : &b;
+        assert_ok(apsm_cloud_of_some_vertices(&s->mesh, &s->cloud, &cloud[k][0]));
+        assert_ok(apsm_cloud_of_vertices(&s->mesh, &s->cloud, &cloud[k][1]));
+    }
+    const apsm_surface moving[2] = { { a.bvh, &cloud[0][0] }, { a.bvh, &cloud[0][1] } };
+    const apsm_surface fixed[2] = { { b.bvh, &cloud[1][0] }, { b.bvh, &cloud[1][1] } };
+    double *work = malloc(apsm_icp_work_size(cloud[0][1].n + cloud[1][1].n) * sizeof *work);
+    assert_non_null(work);
+    for (size_t trial = 0; trial < 3; trial++) {
+        double M[16], N[16], residual, moved = 0, x[3], y[3];
+        apsm_icp_options opt = { .max_iterations = 12, .tolerance = 3e-5 };
+        apsm_affine_identity(M);
+        for (size_t c = 0; c < 3; c++)
+            M[4 * c + 3] =
+                b.cloud.centre[c] - a.cloud.centre[c] + nudge[(c + trial) % 3] * b.cloud.radius;
+        memcpy(N, M, sizeof N);
+        apsm_icp_to_rest(2, moving, fixed, &opt, M, &residual, work);
+        opt.max_iterations = 300;
+        opt.tolerance = 1e-8;
+        apsm_icp_to_rest(1, moving + 1, fixed + 1, &opt, N, &residual, work);
+        for (size_t v = 0; v < a.mesh.nv; v++) {
+            apsm_affine_apply(M, 1, a.mesh.V + 3 * v, x);
+            apsm_affine_apply(N, 1, a.mesh.V + 3 * v, y);
+            moved = fmax(moved, sqrt(vec3_distance2(x, y)));
+        }
+        if (!(moved < 3e-4 * b.cloud.radius))
+            fail_msg("trial %zu: rests %g of the radius away", trial, moved / b.cloud.radius);
+    }
+    free(work);
+    for (size_t k = 0; k < 4; k++) apsm_cloud_free(&cloud[k / 2][k % 2]);
+    align_close(&a);
+    align_close(&b);
+}
+
 static void mesh_without_area_is_refused(void **state)
 {
     (void)state;
@@ -560,6 +604,7 @@ int main(void)
         cmocka_unit_test(spread_points_do_not_depend_on_unit_or_order),
         cmocka_unit_test(few_vertices_are_all_taken),
         cmocka_unit_test(some_vertices_stand_for_all),
+        cmocka_unit_test(some_vertices_first_rest_where_all_do),
         cmocka_unit_test(mesh_without_area_is_refused),
         cmocka_unit_test(residual_of_spheres_is_known),
         cmocka_unit_test(error_never_grows),
