@@ -24,7 +24,7 @@
 #include "geometry/form.h"
 #include "geometry/vec3.h"
 
-enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12, FEW_VERTICES = 256 };
+enum { LEAST_POINTS = 64, ROUGH_POINTS = 150, HELD_TREES = 96, RESTING = 12, FEW_VERTICES = 128 };
 /* What the last registration may leave, relative to the radius. */
 static const double at_rest = 3e-5;
 /* Share of the sum of squares that no step of a pair of the medoid's need lower. */
