@@ -165,6 +165,36 @@ static json_t *json_notes(const judging *g)
     return notes;
 }
 
+/* The subject that a part's model has under that name, as the joint has it; NULL: none. */
+static const char *subject_of(const judging *g, size_t d, const char *name)
+{
+    for (size_t i = 0; name && i < g->c->I; i++) {
+        const char *own = json_string_value(json_object_get(judged_shape(g, i, d), "name"));
+        if (own && strcmp(own, name) == 0) return g->job->subject[i].name;
+    }
+    return NULL;
+}
+
+/* What the parts' certificates say of their shapes: the same, with the part and the subject. */
+static int add_part_notes(const judging *g, json_t *notes)
+{
+    int failed = 0;
+    for (size_t d = 0; d < g->c->n; d++) {
+        size_t k;
+        json_t *note;
+        json_array_foreach(json_object_get(g->c->folder[d].certificate, "notes"), k, note)
+        {
+            json_t *own = json_copy(note);
+            const char *subject =
+                subject_of(g, d, json_string_value(json_object_get(own, "shape")));
+            failed |= json_object_set_new(own, "part", json_string(g->job->part[d].name));
+            if (subject) failed |= json_object_set_new(own, "shape", json_string(subject));
+            failed |= json_array_append_new(notes, own);
+        }
+    }
+    return failed;
+}
+
 /* Spaces of joints that are made, of poses or shapes alone or not, and how many of them close. */
 static void count_made(const judging *g, bool apart, size_t *spaces, size_t *closed)
 {
@@ -269,7 +299,7 @@ json_t *joint_certificate(const joint_job *job, const joint_cohort *cohort,
     const spaces_judged spaces = judge_spaces(&g, closed);
     tell_notes(&g, notes);
     tell(&g, certified, &spaces);
-    if (!notes || json_array_size(shapes) < cohort->I) {
+    if (!notes || add_part_notes(&g, notes) || json_array_size(shapes) < cohort->I) {
         json_decref(shapes);
         json_decref(notes);
         return NULL;

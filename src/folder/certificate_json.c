@@ -2,6 +2,7 @@
 
 #include <jansson.h>
 #include <math.h>
+#include <stdlib.h>
 
 #include "files/files.h"
 #include "folder/names.h"
@@ -73,12 +74,15 @@ static json_t *json_agreement(double z)
 static json_t *json_unlike(const apsm_judgement *g, size_t i, const apsm_departure *part,
                            bool wanted)
 {
-    const double *departs = g->departs + i * g->J;
-    json_t *list = json_array();
-    if (wanted) json_array_append_new(list, json_integer(part->at));
-    for (size_t j = 0; wanted && j < g->J; j++)
-        if (j != part->at && departs[j] >= 0.5 * departs[part->at])
-            json_array_append_new(list, json_integer((json_int_t)j));
+    if (!wanted) return json_array();
+    uint32_t *queue = malloc(g->J * sizeof *queue);
+    bool *in = malloc(g->J * sizeof *in);
+    json_t *list = queue && in ? json_pack("[I]", (json_int_t)part->at) : NULL;
+    if (list) apsm_judgement_around(g, i, part->at, in, queue);
+    for (size_t j = 0; list && j < g->J; j++)
+        if (j != part->at && in[j]) json_array_append_new(list, json_integer((json_int_t)j));
+    free(queue);
+    free(in);
     return list;
 }
 
@@ -148,7 +152,10 @@ static json_t *json_certificate(const apsm_cohort *cohort, const cohort_certific
 {
     json_t *shapes = json_array();
     for (size_t i = 0; i < c->I; i++)
-        json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name));
+        if (json_array_append_new(shapes, json_shape(c, i, cohort->shape[i].name))) {
+            json_decref(shapes);
+            return NULL;
+        }
     return json_pack(
         "{s:s, s:i, s:s, s:I, s:I, s:f, s:I, s:I, s:s, s:s, s:f, s:f, s:f, s:o, s:o, s:o}",
         "format", FORMAT_CERTIFICATE, "version", CERTIFICATE_VERSION, "verdict", certify_verdict(c),

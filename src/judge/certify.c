@@ -417,12 +417,11 @@ static apsm_status note_twins(const apsm_cohort *cohort, cohort_certificate *c)
     int failed = !all;
     for (size_t i = 0; i < c->I && c->judged && !failed; i++) {
         const char *name = cohort->shape[i].name;
-        char text[400];
         if (c->judgement.twin[i] == i || is_same_file(c->notes, name)) continue;
-        snprintf(text, sizeof text, "nearly the same shape as %.300s: a subject twice?",
-                 cohort->shape[c->judgement.twin[i]].name);
+        json_t *text = json_sprintf("nearly the same shape as %s: a subject twice?",
+                                    cohort->shape[c->judgement.twin[i]].name);
         failed = json_array_append_new(
-            all, json_pack("{s:s, s:s, s:s}", "shape", name, "aspect", "input", "text", text));
+            all, json_pack("{s:s, s:s, s:o}", "shape", name, "aspect", "input", "text", text));
     }
     json_decref(c->notes);
     c->notes = all;

@@ -58,7 +58,9 @@ static apsm_status take_points(apsm_context *ctx, const apsm_mesh *mesh, const d
     }
     if (status == APSM_OK) status = apsm_warp_build(ctx, APSM_PHI_R, d->n, X, d->J, P, &d->warp);
     free(X);
-    return status;
+    if (status != APSM_ERR_GEOMETRY) return status;
+    d->n = 0; /* particles in few places, or nearly so: no warp, and nothing to look at */
+    return APSM_OK;
 }
 
 apsm_status apsm_departs_make(apsm_context *ctx, const apsm_cohort *cohort, size_t J,
@@ -68,6 +70,7 @@ apsm_status apsm_departs_make(apsm_context *ctx, const apsm_cohort *cohort, size
     *d = (apsm_departs){ .I = I, .J = J };
     if (J < LEAST_PARTICLES || is_flat(J, P + 3 * J * t)) return APSM_OK;
     APSM_TRY(take_points(ctx, &cohort->shape[t].mesh, P + 3 * J * t, d));
+    if (d->n == 0) return APSM_OK;
     const size_t all = I * d->n;
     double *x = malloc(((APSM_DEPART_LOOKS + 2) * all + 4 * I) * sizeof *x);
     d->found = calloc(I, sizeof *d->found);

@@ -29,7 +29,6 @@ typedef struct judging {
     size_t I, J;
     const double *P; /* x 3, world */
     double h;
-    uint32_t *N6;           /* J x 6, of the template */
     double *M;              /* I x 16: to the common pose and size */
     double *Q, *N;          /* x 3: particles and normals there */
     double *X, *XN;         /* x 3: what is usual in the others */
@@ -80,7 +79,7 @@ static apsm_status look_at_shape(apsm_context *ctx, size_t i, int worker, void *
     judging *g = user;
     const apsm_mesh *mesh = &g->cohort->shape[i].mesh;
     const size_t J = g->J;
-    const double *P = g->P + 3 * J * i, h = apsm_spacing(J, P, g->N6, NULL);
+    const double *P = g->P + 3 * J * i, h = apsm_spacing(J, P, g->out->N6, NULL);
     double *N = g->N + 3 * J * i, *reach = g->reach + J * i;
     apsm_surface_point *S = malloc(J * sizeof *S);
     double *faces = malloc((apsm_form_size(mesh->nf) + 1) * sizeof *faces);
@@ -396,7 +395,7 @@ static apsm_status compare(apsm_context *ctx, judging *g, double *column)
     }
     APSM_TRY(compare_all(ctx, g));
     take_departures(g);
-    apsm_twins_find(I, J, g->Q, g->X, g->figure + AREA * I, g->out->twin, column);
+    APSM_TRY(apsm_twins_find(ctx, I, J, g->Q, g->X, g->figure + AREA * I, g->out->twin, column));
     return weigh_figures(g);
 }
 
@@ -406,9 +405,9 @@ static apsm_status pose(apsm_context *ctx, judging *g)
     const double *T = g->P + 3 * g->J * g->cohort->template_index;
     options.scale = true;
     options.reference = g->cohort->template_index;
-    APSM_TRY(apsm_neighbours6(g->J, T, g->N6));
+    APSM_TRY(apsm_neighbours6(g->J, T, g->out->N6));
     APSM_TRY(apsm_procrustes(ctx, g->I, g->J, g->P, &options, g->M, g->Q));
-    g->h = apsm_spacing(g->J, g->Q + 3 * g->J * g->cohort->template_index, g->N6, NULL);
+    g->h = apsm_spacing(g->J, g->Q + 3 * g->J * g->cohort->template_index, g->out->N6, NULL);
     return APSM_OK;
 }
 
@@ -425,12 +424,12 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
     out->departs = calloc(n, sizeof *out->departs);
     out->opposed = calloc(n, sizeof *out->opposed);
     out->twin = calloc(I, sizeof *out->twin);
+    out->N6 = malloc(J * APSM_NEIGHBOURS * sizeof *out->N6);
     double *all = malloc(doubles * sizeof *all);
     judging g = { .cohort = cohort, .I = I, .J = J, .P = P, .out = out };
-    g.N6 = malloc(J * APSM_NEIGHBOURS * sizeof *g.N6);
     apsm_status status = APSM_ERR_MEMORY;
     if (out->shape && out->slip && out->uncovered && out->departs && out->opposed && out->twin &&
-        all && g.N6) {
+        all && out->N6) {
         g.Q = all;
         g.N = g.Q + 3 * n;
         g.X = g.N + 3 * n;
@@ -453,9 +452,26 @@ apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, c
     for (size_t k = 0; k < APSM_SLIP_LOOKS; k++) apsm_patches_free(&g.patch[k]);
     apsm_departs_free(&g.departs);
     free(all);
-    free(g.N6);
     if (status != APSM_OK) apsm_judgement_free(out);
     return status;
+}
+
+void apsm_judgement_around(const apsm_judgement *g, size_t i, uint32_t at, bool *in,
+                           uint32_t *queue)
+{
+    const double *departs = g->departs + i * g->J;
+    size_t n = 1;
+    memset(in, 0, g->J * sizeof *in);
+    in[at] = true;
+    queue[0] = at;
+    for (size_t k = 0; k < n; k++) {
+        const uint32_t *near = g->N6 + APSM_NEIGHBOURS * (size_t)queue[k];
+        for (size_t l = 0; l < APSM_NEIGHBOURS; l++) {
+            if (in[near[l]] || departs[near[l]] < 0.5 * departs[at]) continue;
+            in[near[l]] = true;
+            queue[n++] = near[l];
+        }
+    }
 }
 
 void apsm_judgement_free(apsm_judgement *judgement)
@@ -465,6 +481,7 @@ void apsm_judgement_free(apsm_judgement *judgement)
     free(judgement->uncovered);
     free(judgement->departs);
     free(judgement->opposed);
+    free(judgement->N6);
     free(judgement->twin);
     *judgement = (apsm_judgement){ 0 };
 }

@@ -41,12 +41,17 @@ typedef struct apsm_judgement {
     double *uncovered;    /* I x J: how far the surface reaches beyond, in h beyond what is usual */
     double *departs;      /* I x J: of the surface around each particle, over what is usual there */
     bool *opposed;        /* I x J */
+    uint32_t *N6;         /* J x 6: neighbours of each particle on the template */
     uint32_t *twin;       /* I: a shape before it that is nearly the same; or itself */
 } apsm_judgement;
 
 /* Judges particles P (I x J x 3, world frame) of I >= 3 shapes. */
 apsm_status apsm_judge(apsm_context *ctx, const apsm_cohort *cohort, size_t J, const double *P,
                        apsm_judgement *judgement) APSM_NODISCARD;
+/* in (J, out) <- the particles around `at` where the surface of shape i departs half as much as
+ * there, from neighbour to neighbour.  queue: J. */
+void apsm_judgement_around(const apsm_judgement *judgement, size_t i, uint32_t at, bool *in,
+                           uint32_t *queue);
 void apsm_judgement_free(apsm_judgement *judgement);
 
 #endif

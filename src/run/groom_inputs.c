@@ -121,6 +121,22 @@ static apsm_status refuse_far(apsm_context *ctx, const char *path, const apsm_me
                      path, size, far);
 }
 
+/* Whatever the order of the axes in the file: the spacing that is unlike the other two, over their
+ * mean; of 1, 2, 4 the largest. */
+static double slice_gap(const double spacing[3])
+{
+    double least = INFINITY, most = 0, product = 1;
+    for (int c = 0; c < 3; c++) {
+        const double s = fabs(spacing[c]);
+        least = fmin(least, s);
+        most = fmax(most, s);
+        product *= s;
+    }
+    const double middle = product / (least * most);
+    return middle * middle > 1.001 * least * most ? least / sqrt(middle * most)
+                                                  : most / sqrt(least * middle);
+}
+
 static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_inputs *in,
                                   size_t i)
 {
@@ -139,7 +155,7 @@ static apsm_status read_and_groom(apsm_context *ctx, const apsm_run *run, groom_
     in->is_mask[i] = !shape.is_mesh;
     const double *s = shape.volume.spacing;
     in->voxel[i] = shape.is_mesh ? 0 : cbrt(fabs(s[0] * s[1] * s[2]));
-    in->slices[i] = shape.is_mesh ? 0 : fabs(s[2]) / sqrt(fabs(s[0] * s[1]));
+    in->slices[i] = shape.is_mesh ? 0 : slice_gap(s);
     apsm_input_shape_free(&shape);
     return status;
 }

@@ -200,9 +200,9 @@ static void note_unlike(void *user, const char *shape, const char *text)
 
 int groomed_note_same(json_t *notes, const char *shape, const char *as)
 {
-    char text[400];
-    snprintf(text, sizeof text, "the same file as %.300s, byte for byte; a shape twice?", as);
-    return add_note(notes, shape, text);
+    json_t *text = json_sprintf("the same file as %s, byte for byte; a shape twice?", as);
+    return json_array_append_new(
+        notes, json_pack("{s:s, s:s, s:o}", "shape", shape, "aspect", "input", "text", text));
 }
 
 int groomed_add_notes(const groom_inputs *in, json_t *notes)

@@ -47,6 +47,8 @@ done
 for key in thresholds mismatched_1.5_2.0 off_surface_max closed_joint_spaces; do
     grep -q "\"$key\"" joint/certificate.json || fail "certificate.json has no $key"
 done
+tr -d '\n' <joint/certificate.json | grep -q '"the same file as s0_ball[^}]*"part": "ball"' ||
+    fail "the joint's certificate does not hold its parts' notes"
 [ "$(wc -l <joint/poses.csv)" -eq 7 ] || fail "poses.csv: not 6 subjects"
 
 # The planted angles: from one subject to the next the ball turns by 6 degrees, the cup stays.

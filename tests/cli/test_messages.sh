@@ -106,6 +106,11 @@ fi
 expect 0 "no problems found" check spaced/shapes
 LC_ALL=C sed -i '1,/^$/s/(0,0,5)/(0,0,7.5)/' spaced/shapes/kidney_02.nrrd
 expect 1 "kidney_02: its slices are 1.5 pixels apart, those of the others 1: is the spacing in its header right?" check spaced/shapes
+# the same six, one of them stored with its axes in another order: nothing is wrong
+LC_ALL=C sed -i '1,/^$/s/(0,0,7.5)/(0,0,5)/' spaced/shapes/kidney_02.nrrd
+"$synthetic" kidney thick count 6 x 5 y 5 z 10 >/dev/null && "$synthetic" kidney other count 6 x 10 y 5 z 5 >/dev/null || failed=1
+cp other/shapes/kidney_02.nrrd thick/shapes/
+expect 0 "no problems found" check thick/shapes
 # A program with sanitizers reserves more than any limit of memory.
 limited=yes
 (ulimit -v 1500000 && "$apsm" version) >/dev/null 2>&1 || limited=

@@ -3,6 +3,7 @@
 #include "cmocka_all.h"
 
 #include <jansson.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "core/random.h"
@@ -13,7 +14,9 @@
 #include "judge/certify.h"
 #include "judge/left_out.h"
 #include "judge/slip.h"
+#include "judge/twins.h"
 #include "judge/verdict.h"
+#include "optimize/correspondence_loss.h"
 #include "shapes.h"
 
 enum { I = 8, J = 96 };
@@ -346,6 +349,121 @@ static void twins_are_found(void **state)
     close_scene(&s);
 }
 
+/* What apsm_twins_find says, by all distances. */
+static void twins_of_all_pairs(size_t n, size_t m, const double *Q, const double *X,
+                               const double *size, uint32_t *twin)
+{
+    double *d = calloc(n * n, sizeof *d), *usual = calloc(n, sizeof *usual);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < n * m; k++) {
+            const double to = Q[m * i + k % m] - Q[k], off = Q[m * i + k % m] - X[m * i + k % m];
+            d[n * i + k / m] += to * to;
+            if (k < m) usual[i] += off * off;
+        }
+    const double most = robust_median(n, usual) / 16;
+    for (size_t i = 0; i < n; i++) {
+        double nearest = INFINITY;
+        twin[i] = (uint32_t)i;
+        for (size_t k = n; k-- > 0;) {
+            if (k == i || d[n * i + k] > most || fabs(size[i] - size[k]) > 0.01) continue;
+            nearest = fmin(nearest, d[n * i + k]);
+            if (k < i || twin[i] == i) twin[i] = (uint32_t)k;
+        }
+        for (size_t k = 0; k < n; k++)
+            if (k != i && d[n * i + k] > most && d[n * i + k] <= 9 * nearest) twin[i] = (uint32_t)i;
+        if (twin[i] > i) twin[i] = (uint32_t)i;
+    }
+    free(d);
+    free(usual);
+}
+
+/* Sixty shapes in groups of three by chance, some near, some of another size. */
+static void twins_are_those_of_all_pairs(void **state)
+{
+    (void)state;
+    enum { N = 60, M = 60 };
+    static double Q[N * M], X[N * M], size[N], work[N];
+    uint32_t twin[N], expected[N];
+    size_t found = 0, alone = 0;
+    apsm_context *ctx = apsm_context_new();
+    for (size_t i = 0; i < N; i++) {
+        const size_t subject = i % 20;
+        apsm_random of = apsm_random_stream(5, APSM_STREAM_TEST, subject, 0);
+        apsm_random own = apsm_random_stream(6, APSM_STREAM_TEST, i, 0);
+        const double off = (i < 20 ? 0.0 : i < 40 ? 0.1 : 0.02) * (double)(1 + subject % 4);
+        for (size_t k = 0; k < M; k++)
+            Q[M * i + k] = apsm_random_normal(&of) + off * apsm_random_normal(&own);
+        size[i] = 0.02 * apsm_random_normal(&of) + (subject % 3 ? 0.003 : 0.03) * (double)(i / 20);
+    }
+    assert_int_equal(apsm_twins_find(ctx, N, M / 3, Q, X, size, twin, work), APSM_OK);
+    twins_of_all_pairs(N, M, Q, X, size, expected);
+    for (size_t i = 0; i < N; i++) {
+        assert_int_equal(twin[i], expected[i]);
+        found += twin[i] != i;
+        alone += i >= 20 && twin[i] == i;
+    }
+    assert_true(found > 5 && alone > 5);
+    apsm_context_free(ctx);
+}
+
+/* Particles in four places: no warp follows them, and the verdict is a review, no failure. */
+static void particles_in_few_places_are_judged(void **state)
+{
+    (void)state;
+    static scene s;
+    cohort_certificate c;
+    open_scene(&s);
+    for (size_t j = 4; j < J; j++) memcpy(s.P + 3 * j, s.P + 3 * (j % 4), 3 * sizeof *s.P);
+    assert_int_equal(certify_cohort(s.ctx, &s.cohort, J, s.P, NULL, &c), APSM_OK);
+    assert_string_equal(certify_verdict_of(&c, 0), "needs review");
+    certify_free(&c);
+    close_scene(&s);
+}
+
+/* A name of 299 letters and an umlaut: no text may end within it. */
+static void long_names_of_twins_are_whole(void **state)
+{
+    (void)state;
+    static scene s;
+    cohort_certificate c;
+    char name[400];
+    memset(name, 'x', 299);
+    strcpy(name + 299, "\xc3\xa4 whole");
+    open_scene_of(&s, repeated);
+    const char *const before = s.cohort.shape[2].name;
+    s.cohort.shape[2].name = name;
+    assert_int_equal(certify_cohort(s.ctx, &s.cohort, J, s.P, NULL, &c), APSM_OK);
+    const json_t *const note = json_array_get(c.notes, 0);
+    const char *const text = json_string_value(json_object_get(note, "text"));
+    assert_non_null(text);
+    assert_non_null(strstr(text, name));
+    s.cohort.shape[2].name = before;
+    certify_free(&c);
+    close_scene(&s);
+}
+
+/* On a row of particles two places depart alike; only that around `at` is meant. */
+static void only_what_is_around_a_part_is_meant(void **state)
+{
+    (void)state;
+    enum { N = 20 };
+    double departs[N] = { 0 }, P[3 * N] = { 0 };
+    uint32_t N6[N * 6], queue[N];
+    bool in[N];
+    for (size_t j = 0; j < N; j++) P[3 * j] = (double)j;
+    assert_int_equal(apsm_neighbours6(N, P, N6), APSM_OK);
+    departs[2] = departs[16] = 3;
+    departs[3] = 2;
+    departs[5] = 1.6; /* next but one */
+    departs[15] = 1.4;
+    departs[17] = 2;
+    const apsm_judgement g = { .I = 1, .J = N, .departs = departs, .N6 = N6 };
+    apsm_judgement_around(&g, 0, 2, in, queue);
+    for (size_t j = 0; j < N; j++) assert_int_equal(in[j], j == 2 || j == 3 || j == 5);
+    apsm_judgement_around(&g, 0, 16, in, queue);
+    for (size_t j = 0; j < N; j++) assert_int_equal(in[j], j == 16 || j == 17);
+}
+
 static void size_of_a_stranger_is_found(void **state)
 {
     (void)state;
@@ -632,6 +750,10 @@ int main(void)
         cmocka_unit_test(other_side_is_found_beyond_edges),
         cmocka_unit_test(parts_unlike_the_others_are_found),
         cmocka_unit_test(twins_are_found),
+        cmocka_unit_test(twins_are_those_of_all_pairs),
+        cmocka_unit_test(particles_in_few_places_are_judged),
+        cmocka_unit_test(long_names_of_twins_are_whole),
+        cmocka_unit_test(only_what_is_around_a_part_is_meant),
         cmocka_unit_test(size_of_a_stranger_is_found),
         cmocka_unit_test(evidence_decides_pose_and_hand),
         cmocka_unit_test(probability_follows_form),
