@@ -390,7 +390,7 @@ static void twins_are_those_of_all_pairs(void **state)
         const size_t subject = i % 20;
         apsm_random of = apsm_random_stream(5, APSM_STREAM_TEST, subject, 0);
         apsm_random own = apsm_random_stream(6, APSM_STREAM_TEST, i, 0);
-        const double off = (i < 20 ? 0.0 : i < 40 ? 0.1 : 0.02) * (double)(1 + subject % 4);
+        const double off = (i < 20 ? 0.0 : i < 40 ? 0.1 : 0.06) * (double)(1 + subject % 4);
         for (size_t k = 0; k < M; k++)
             Q[M * i + k] = apsm_random_normal(&of) + off * apsm_random_normal(&own);
         size[i] = 0.02 * apsm_random_normal(&of) + (subject % 3 ? 0.003 : 0.03) * (double)(i / 20);
