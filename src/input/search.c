@@ -3,6 +3,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -10,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "files/files.h"
 #include "files/io.h"
 #include "input/glob.h"
 
@@ -21,6 +23,8 @@ typedef struct walk {
     const char *pattern; /* NULL: all */
     size_t root;         /* length of the searched folder and its slash */
     size_t budget;       /* entries that may be looked at */
+    const json_t *own;   /* within a folder of a model: the model's files, as it calls them */
+    size_t model;        /* length of the model's folder and its slash */
     search *s;
 } walk;
 
@@ -54,6 +58,7 @@ static bool grow(void **array, size_t n, size_t *room, size_t size)
 static apsm_status add_other(const walk *w, const char *path)
 {
     search *s = w->s;
+    if (w->own) return APSM_OK;
     if (!grow((void **)&s->other, s->others, &s->others_room, sizeof *s->other))
         return no_memory(w->ctx);
     s->other[s->others] = strdup(path);
@@ -64,6 +69,10 @@ static apsm_status add_hit(const walk *w, const char *path, apsm_input_kind kind
 {
     search *s = w->s;
     const size_t within = strlen(path) > w->root ? w->root : 0;
+    if (w->own && json_object_get(w->own, path + w->model)) {
+        s->results++;
+        return APSM_OK;
+    }
     if (w->pattern && !glob_matches(w->pattern, path + within)) {
         s->unmatched++;
         return APSM_OK;
@@ -117,7 +126,7 @@ static bool is_of_results(const char *folder)
            (holds(folder, "fit.json") && holds(folder, "fit.csv"));
 }
 
-/* As a model folder calls them, which may be that of the shapes, too. */
+/* As a model folder, which may be that of the shapes, too, calls those that files are made in. */
 static bool is_part_of_model(const char *path)
 {
     static const char *const names[] = { "groomed",  "meshes", "particles", "parts",
@@ -229,19 +238,77 @@ static apsm_status walk_below(const walk *w, const char *folder, size_t depth)
     return walk_folder(w, folder, depth, true);
 }
 
+/* Whether a step is at work, or was killed: what it has written is not listed yet. */
+static bool has_begun(const json_t *manifest)
+{
+    return json_array_size(json_object_get(manifest, "begun")) > 0;
+}
+
+/* Whether nothing says which files of this folder are the model's, or that all are.  Parts of
+ * joints are models. */
+static bool is_unlisted(const json_t *manifest, const char *name)
+{
+    static const char *const filled[] = { "groomed", "meshes", "particles" }; /* by steps */
+    if (!manifest) return true;
+    if (strcmp(name, "parts") == 0) return json_object_get(manifest, "joint") != NULL;
+    for (size_t k = 0; k < sizeof filled / sizeof *filled && has_begun(manifest); k++)
+        if (strcmp(name, filled[k]) == 0) return true;
+    return false;
+}
+
+/* *manifest <- what says which files are the model's; NULL if that is not known, which is told. */
+static apsm_status read_manifest(const walk *w, const char *folder, json_t **manifest)
+{
+    char *const path = apsm_path_join(folder, "manifest.json");
+    if (!path) return no_memory(w->ctx);
+    const apsm_status status = apsm_json_read(w->ctx, path, manifest);
+    free(path);
+    if (status == APSM_ERR_MEMORY) return no_memory(w->ctx);
+    const bool whole = json_is_object(json_object_get(*manifest, "outputs"));
+    if (whole && !has_begun(*manifest)) return APSM_OK;
+    if (!whole) {
+        json_decref(*manifest);
+        *manifest = NULL;
+    }
+    apsm_log(w->ctx, APSM_LOG_WARNING,
+             "%s: holds a model that is %s; which of the files in %s are shapes is not known: not "
+             "searched",
+             folder, whole ? "not finished" : "damaged",
+             whole ? "groomed/, meshes/ and particles/" : "groomed/, meshes/, parts/ and so on");
+    return APSM_OK;
+}
+
+/* A folder of the name of one of a model's, in which there may be shapes beside the model's files,
+ * or nothing of the model. */
+static apsm_status walk_part(const walk *w, const char *folder, size_t depth,
+                             const json_t *manifest)
+{
+    const char *const name = apsm_path_last(folder);
+    walk inside = *w;
+    if (is_unlisted(manifest, name)) {
+        w->s->results++;
+        return APSM_OK;
+    }
+    inside.own = json_object_get(manifest, "outputs");
+    inside.model = (size_t)(name - folder);
+    return walk_below(&inside, folder, depth);
+}
+
 static apsm_status walk_folder(const walk *w, const char *folder, size_t depth, bool deep)
 {
+    json_t *manifest = NULL;
     char **entry;
     size_t n, below = 0;
     apsm_status status = list_entries(w, folder, &entry, &n);
     if (status == APSM_OK) status = look_in(w, folder, entry, n, &below);
     if (below > 0) qsort(entry, below, sizeof *entry, by_text);
     const bool is_model = deep && is_whole_model(folder);
+    if (status == APSM_OK && is_model) status = read_manifest(w, folder, &manifest);
     for (size_t k = 0; k < below && deep && status == APSM_OK; k++)
-        if (is_model && is_part_of_model(entry[k]))
-            w->s->results++;
-        else
-            status = walk_below(w, entry[k], depth + 1);
+        status = is_model && is_part_of_model(entry[k])
+                     ? walk_part(w, entry[k], depth + 1, manifest)
+                     : walk_below(w, entry[k], depth + 1);
+    json_decref(manifest);
     for (size_t k = 0; k < n; k++) free(entry[k]);
     free(entry);
     return status;

@@ -34,10 +34,11 @@ typedef struct search {
  * means.  Without, if there are shapes in the folder itself, these; else those in all folders
  * below. Shapes below that are left out are named in a warning.
  *
- * Links are followed, each folder once; folders of models and fits of ours, also where
- * shapes lie beside these, hidden ones and what operating systems leave behind (Thumbs.db,
- * __MACOSX) are not searched, nor is what lies more than 32
- * folders deep.  The order does not depend on the file system.  */
+ * Links are followed, each folder once; folders of models and fits of ours, hidden
+ * ones and what operating systems leave behind (Thumbs.db, __MACOSX) are not searched, nor is what
+ * lies more than 32 folders deep.  Where a model lies among its shapes, the files that its manifest
+ * lists are none; if that does not say (the model is not finished), those it may fill are not
+ * searched, with a warning.  The order does not depend on the file system.  */
 apsm_status search_folder(apsm_context *ctx, const char *folder, const char *pattern, search *s);
 /* Adds a folder that is known to be one case: its DICOM files. */
 apsm_status search_series(apsm_context *ctx, const char *folder, search *s);

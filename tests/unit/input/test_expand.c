@@ -387,6 +387,32 @@ static void results_are_no_inputs(void **state)
     apsm_input_list_free(&list);
 }
 
+/* What the manifest lists is the model's, whatever else lies in folders of these names is not. */
+static void shapes_in_folders_with_names_of_a_models(void **state)
+{
+    static const char finished[] = "{\"outputs\": {\"meshes/mean.ply\": [], \"state/x.ckpt\": []}}",
+                      joint[] = "{\"joint\": {}, \"outputs\": {}}",
+                      begun[] = "{\"begun\": [\"groom\"], \"outputs\": {}}";
+    fixture *const f = *state;
+    apsm_input_list list;
+    make_files(f, NAMES("d/", "d/manifest.json", "d/project.swproj", "d/meshes/", "d/parts/",
+                        "d/state/", "d/other/", "d/meshes/mean.ply", "d/meshes/own.ply",
+                        "d/state/x.ckpt", "d/parts/a.ply", "d/other/b.ply"));
+    scratch_write(scratch_path(f->folder, "d/manifest.json"), finished, sizeof finished - 1);
+    for (int k = 0; k < 2; k++) {
+        expect_names(f, choose(f, "d", k ? "**/*.ply" : NULL, NULL, &list), &list, "a b own ");
+        assert_null(strstr(f->log, "not searched"));
+        apsm_input_list_free(&list);
+    }
+    scratch_write(scratch_path(f->folder, "d/manifest.json"), joint, sizeof joint - 1);
+    expect_names(f, choose(f, "d", NULL, NULL, &list), &list, "b mean own ");
+    apsm_input_list_free(&list);
+    scratch_write(scratch_path(f->folder, "d/manifest.json"), begun, sizeof begun - 1);
+    expect_names(f, choose(f, "d", NULL, NULL, &list), &list, "a b ");
+    assert_non_null(strstr(f->log, "not finished"));
+    apsm_input_list_free(&list);
+}
+
 static void trees_of_many_organs_are_chosen_from(void **state)
 {
     fixture *const f = *state;
@@ -553,6 +579,7 @@ int main(void)
         TEST(names_are_what_differs_in_the_paths),
         TEST(shapes_in_folders_below_are_found_or_named),
         TEST(results_are_no_inputs),
+        TEST(shapes_in_folders_with_names_of_a_models),
         TEST(trees_of_many_organs_are_chosen_from),
         TEST(links_are_followed_once),
         TEST(series_beside_series_in_folders_are_all_found),
