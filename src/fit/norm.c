@@ -292,7 +292,10 @@ static apsm_status judge_particles(const norm_job *w, size_t k, norm_result *r)
     if (w->normal) {
         r->along = malloc((J + 1) * sizeof *r->along);
         if (!r->along) return APSM_ERR_MEMORY;
-        for (size_t j = 0; j < J; j++) r->along[j] = norm_t(&w->judged, k, j);
+        for (size_t j = 0; j < J; j++) {
+            const double t = norm_t(&w->judged, k, j);
+            r->along[j] = isfinite(t) ? t : 0; /* where no shape differs: p is 1 */
+        }
     }
     for (size_t j = 0; j < J; j++) least = fmin(least, r->p_of[j]);
     for (size_t i = 0; i < w->N; i++) as_unusual += w->least[i] <= least;

@@ -126,6 +126,18 @@ static void set_value(const norm_job *w, const norm_model *m, const double *all,
     }
 }
 
+/* Whether the formula leaves anything of the N numbers y but rounding. */
+static bool varies(const norm_model *m, const double *y)
+{
+    static const double rounding = 1e-10;
+    double most = 0, left = 0;
+    for (size_t i = 0; i < m->N; i++) {
+        most = fmax(most, fabs(y[i]));
+        left = fmax(left, fabs(m->E[i]));
+    }
+    return left > rounding * most;
+}
+
 /* all: N + n numbers, in the order of the design; those that are NAN are left out.  Where too few
  * have it, nothing is said. */
 static apsm_status judge_value(norm_job *w, const char *name, const double *all)
@@ -142,7 +154,11 @@ static apsm_status judge_value(norm_job *w, const char *name, const double *all)
         if (v->N > w->q + LEAST_FREEDOM)
             status = norm_model_make(
                 w->ctx, &(norm_data){ v->N, w->n, w->q, 1, 1, .X = X, .Y = y, .Y0 = y0 }, &m);
-        if (status == APSM_OK && m.E0) set_value(w, &m, all, y0, v);
+        const bool judged = status == APSM_OK && m.E0;
+        if (judged && varies(&m, y)) set_value(w, &m, all, y0, v);
+        if (judged && !varies(&m, y))
+            status = norm_note(w, "'%s' is not judged: the norm's shapes do not differ in it%s",
+                               name, w->s->formula ? ", given the formula" : "");
     }
     norm_model_free(&m);
     free(X);

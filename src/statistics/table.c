@@ -289,14 +289,20 @@ static char *field_text(char *from, const char *end)
     return from + strspn(from, " ");
 }
 
-/* How many fields the line has; 0: a quote is wrong. */
-static size_t count_fields(char *line, char separator)
+/* How many fields the line has, and where it ends; 0: a quote is wrong. */
+static size_t count_fields_to(char *line, char separator, char **end)
 {
     for (size_t n = 1;; n++, line++) {
-        line = field_end(line, separator);
+        *end = line = field_end(line, separator);
         if (!line) return 0;
         if (*line != separator) return n;
     }
+}
+
+static size_t count_fields(char *line, char separator)
+{
+    char *end;
+    return count_fields_to(line, separator, &end);
 }
 
 static void pass_ends_of_lines(sheet *s)
@@ -419,13 +425,25 @@ static apsm_status read_sheet(sheet *s, size_t I, const char *const *names, apsm
     return status;
 }
 
-/* From the header, or from the line "sep=;" that spreadsheets may put above it. */
+/* Whether header and first line have as many fields, two at least. */
+static bool separates(char *header, char separator)
+{
+    char *end;
+    const size_t fields = count_fields_to(header, separator, &end);
+    if (fields < 2) return false;
+    end += strspn(end, "\r\n");
+    return !*end || count_fields(end, separator) == fields;
+}
+
+/* By header and first line, or by the line "sep=;" that spreadsheets may put above it. */
 static void find_separator(sheet *s)
 {
     static const char told[] = "sep=";
     pass_ends_of_lines(s);
     const size_t head = strcspn(s->at, "\n"), n = sizeof told - 1;
     s->separator = memchr(s->at, '\t', head) ? '\t' : memchr(s->at, ';', head) ? ';' : ',';
+    for (const char *c = ",;\t"; *c; c++)
+        if (separates(s->at, *c) && !separates(s->at, s->separator)) s->separator = *c;
     if (strncasecmp(s->at, told, n) != 0 || !s->at[n] || !strchr("\r\n", s->at[n + 1])) return;
     s->separator = s->at[n];
     s->at += n + 1;

@@ -92,6 +92,13 @@ refuse 2 "too few" model --subjects few.csv --formula '~ group + age'
 "$apsm" test model --subjects sheet.csv --formula '~ group + age' --on size -o sheet -q || fail "a spreadsheet's table"
 "$apsm" test model --subjects table.csv --formula '~ group + age' --on size -o plain -q || fail "a plain table"
 cmp sheet/group_size.csv plain/group_size.csv || fail "a spreadsheet's table has other results"
+# A title that holds another separator, in quotes or not, also in the table that the model keeps.
+sed '1s/.*/name,group,"age; in years"/' table.csv >titled.csv
+"$apsm" test model --subjects titled.csv --formula '~ group' --on size -o titled -q || fail "a title with a semicolon"
+cp -r model titles && rm -rf titles/statistics
+tr , '\t' <table.csv | sed '1s/age/age;years/' >titled.tsv
+"$apsm" test titles --subjects titled.tsv --formula '~ group' --on size -q && "$apsm" test titles --formula '~ group' --on size -q ||
+    fail "the kept table is not read again"
 
 # Columns that were meant to be numbers are not taken as groups without a word.
 sed '4s/[0-9]*$/about 30/' table.csv >odd.csv
@@ -278,6 +285,9 @@ grep -qF '"note": "age = 90 lies outside of what the model has seen (20 to 31)"'
     fail "a person beyond the norm is not in norm.json"
 tail -n 1 n6/norm.csv | grep -qF ',age = 90 lies outside' || fail "a person beyond the norm is not in norm.csv"
 grep -qF "\"notes\": [\"column 'odd' is not judged" n6/norm.json || fail "what is not judged is not in norm.json"
+awk -F, '{ print $0 (NR == 1 ? ",site" : $1 == "new" ? ",.2" : ",.1") }' all.csv >site.csv
+"$apsm" norm model new_world.particles --subjects site.csv -o n10 -q >said 2>&1
+grep -qF "\"notes\": [\"'site' is not judged: the norm's shapes do not differ in it\"" n10/norm.json || fail "a number of one value is judged: $(cat said)"
 grep -q '"note": null' n1/norm.json || fail "a note of a shape that has none"
 head -n 30 new_world.particles >short.particles
 refuse_verb norm 2 "has 30 particles, the model 32" model short.particles
