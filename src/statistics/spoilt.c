@@ -30,11 +30,12 @@ static bool is_percent(const char *text)
     return is_number(text, n) || is_number_with_comma(text, n);
 }
 
-/* 2019-03-01, 1.3.2019, 03/01/19, with or without a time behind it. */
+/* 2019-03-01, 1.3.2019, 03/01/19, with or without a time behind it; 1-2-3 is a code. */
 static bool is_date(const char *text)
 {
     const char *const first = text + strspn(text, "0123456789");
     size_t digits = (size_t)(first - text), years = digits == 4;
+    bool long_enough = digits > 1;
     if (!*first || !strchr("-./", *first)) return false;
     for (int part = 0; part < 2; part++) {
         if (!(digits == 1 || digits == 2 || digits == 4) || *text == '\0') return false;
@@ -42,9 +43,10 @@ static bool is_date(const char *text)
         if (*text++ != *first) return false;
         digits = strspn(text, "0123456789");
         years += digits == 4;
+        long_enough = long_enough || digits > 1;
     }
     const char after = text[digits];
-    return (digits == 1 || digits == 2 || digits == 4) && years <= 1 &&
+    return (digits == 1 || digits == 2 || digits == 4) && years <= 1 && long_enough &&
            (after == '\0' || after == ' ' || after == 'T');
 }
 
@@ -81,7 +83,7 @@ static const char *remedy_of(text_kind kind)
 {
     switch (kind) {
     case COMMA:
-        return "is written with a comma; write numbers with a point";
+        return "is written with a comma; write numbers with a point, thousands without a mark";
     case PERCENT:
         return "has a percent sign; write the number alone";
     case DATE:
