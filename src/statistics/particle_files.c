@@ -200,6 +200,31 @@ static apsm_status refuse_joint(apsm_context *ctx, const char *fit_json)
     return status;
 }
 
+/* Particles in the folder of another model, in whose frame they lie: a joint's, another part's. */
+static apsm_status refuse_other_model(apsm_context *ctx, const model_folder *m,
+                                      const char *fit_json)
+{
+    char own[65], other[65], *folder = apsm_path_folder(fit_json);
+    char *mine = model_folder_path(m, FOLDER_MODEL);
+    char *path = folder ? apsm_path_join(folder, FOLDER_MODEL) : NULL;
+    bool model = false; /* of ours */
+    apsm_status status = mine && path ? APSM_OK : APSM_ERR_MEMORY;
+    if (status == APSM_OK) status = apsm_folder_holds(folder, FOLDER_MANIFEST, &model);
+    if (model && apsm_file_exists(path) && apsm_file_exists(mine)) {
+        status = apsm_sha256_file(ctx, mine, own);
+        if (status == APSM_OK) status = apsm_sha256_file(ctx, path, other);
+        if (status == APSM_OK && strcmp(own, other) != 0)
+            status = apsm_fail(ctx, APSM_ERR_ARG,
+                               "%s: is another model, and these are its particles; fit its shapes "
+                               "to %s and give those fits",
+                               folder, m->path);
+    }
+    free(path);
+    free(mine);
+    free(folder);
+    return status;
+}
+
 /* fits <- those of the fit.json at `path`, which it takes over, if they are not known already. */
 static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *m, known_fits *fits)
 {
@@ -211,7 +236,10 @@ static apsm_status know_fits(apsm_context *ctx, char *path, const model_folder *
     json_decref(fits->root);
     fits->path = path;
     fits->root = NULL;
-    if (!apsm_file_exists(path)) return refuse_joint(ctx, path);
+    if (!apsm_file_exists(path)) {
+        APSM_TRY(refuse_joint(ctx, path));
+        return refuse_other_model(ctx, m, path);
+    }
     APSM_TRY(apsm_json_read(ctx, path, &fits->root));
     return check_model(ctx, m, fits);
 }

@@ -19,6 +19,8 @@ expect 0 "1 of 2 parts are what the others let expect" fit m new -o fit
 expect 0 "" fit m both -o whole
 # Their particles lie in the frame of the joint: no model of a part takes them for its own.
 expect 1 "these are fits of the parts of a joint" norm m/parts/a fit
+expect 2 "is another model" norm m/parts/a m
+expect 2 "is another model" norm m/parts/a m/parts/b/particles/*_world.particles
 expect 1 "these are fits of the parts of a joint" norm m whole/particles/*_a_world.particles
 volume() { "$apsm" info "$1" | sed -n 's/.*volume \([0-9.e+]*\)$/\1/p'; }
 awk -v is="$(volume fit/meshes/n_b_fit.ply)" -v true="$(volume grown_b.ply)" 'BEGIN { exit !(is / true > 0.95 && is / true < 1.05) }' ||
