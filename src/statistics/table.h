@@ -33,7 +33,8 @@ apsm_status apsm_table_from_project(apsm_context *ctx, const apsm_project *proje
                                     apsm_table *table) APSM_NODISCARD;
 
 /* Adds the columns of a .csv or .tsv file: a header, then a line a subject, whose first field is
- * the name of a shape (lines of empty fields are passed over, and a first line "sep=;" followed).
+ * the name of a shape (lines of empty fields are passed over, and a first line "sep=;" followed;
+ * else the separator is that which header and first line agree on).
  * A column of numbers only is one of numbers; empty fields and "NA" are unknown. A column of the
  * table that has the same name is replaced.  Refused, with file and line: a name that is none of
  * the I shapes (the nearest is named), a name twice, a line with another number of fields, a column
