@@ -284,11 +284,9 @@ static void remove_made(const joint_job *job)
 
 static apsm_status run_locked(joint_job *job)
 {
-    apsm_lock lock = { .fd = -1 };
+    apsm_lock lock;
     size_t made;
-    APSM_TRY(apsm_missing_folders(job->ctx, job->settings->run.folder, &made));
-    APSM_TRY(apsm_make_folder(job->ctx, job->settings->run.folder));
-    APSM_TRY(apsm_lock_folder(job->ctx, job->settings->run.folder, &lock));
+    APSM_TRY(apsm_make_locked_folder(job->ctx, job->settings->run.folder, &made, &lock));
     apsm_status status = mark_folder(job);
     if (status == APSM_OK) status = joint_share(job);
     if (status == APSM_OK) meet(job, 0);

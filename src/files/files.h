@@ -121,6 +121,11 @@ typedef struct apsm_lock {
  * that no lock of ours can be, is in its place.  On file systems without locks a warning is logged
  * and the call succeeds. */
 apsm_status apsm_lock_folder(apsm_context *ctx, const char *folder, apsm_lock *lock) APSM_NODISCARD;
+/* The same of a folder that is made first, with those above it; made (out): how many are new.  Of a
+ * folder that cannot be locked none stays, unless another has locked it (APSM_ERR_STATE, made 0).
+ */
+apsm_status apsm_make_locked_folder(apsm_context *ctx, const char *folder, size_t *made,
+                                    apsm_lock *lock) APSM_NODISCARD;
 /* Removes the lock file; a lock that is zeroed or not held is allowed. */
 void apsm_unlock_folder(apsm_lock *lock);
 

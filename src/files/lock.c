@@ -109,6 +109,19 @@ apsm_status apsm_lock_folder(apsm_context *ctx, const char *folder, apsm_lock *l
     return status;
 }
 
+apsm_status apsm_make_locked_folder(apsm_context *ctx, const char *folder, size_t *made,
+                                    apsm_lock *lock)
+{
+    *lock = (apsm_lock){ .fd = -1, .folder = -1 };
+    APSM_TRY(apsm_missing_folders(ctx, folder, made));
+    apsm_status status = apsm_make_folder(ctx, folder);
+    if (status == APSM_OK) status = apsm_lock_folder(ctx, folder, lock);
+    if (status == APSM_OK) return APSM_OK;
+    if (status != APSM_ERR_STATE) apsm_remove_empty_folders(folder, *made);
+    *made = 0;
+    return status;
+}
+
 void apsm_unlock_folder(apsm_lock *lock)
 {
     if (lock->fd > 0) {

@@ -68,11 +68,6 @@ apsm_status fit_folder_lock(apsm_context *ctx, const fit_folder *f, apsm_lock *l
 {
     size_t made;
     APSM_TRY(fit_folder_check(ctx, f));
-    APSM_TRY(apsm_missing_folders(ctx, f->path, &made));
-    APSM_TRY(apsm_make_folder(ctx, f->path));
-    const apsm_status status = apsm_lock_folder(ctx, f->path, lock);
-    if (status != APSM_OK && status != APSM_ERR_STATE) /* else another works in it */
-        apsm_remove_empty_folders(f->path, made);
-    APSM_TRY(status);
+    APSM_TRY(apsm_make_locked_folder(ctx, f->path, &made, lock));
     return fit_folder_check(ctx, f); /* who held it may have ended in between */
 }

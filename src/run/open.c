@@ -55,12 +55,13 @@ static apsm_status open_in_memory(apsm_run *run, const apsm_run_settings *s)
     return settings_settle(run, s);
 }
 
-/* A folder in which another works is the other's, made meanwhile: nothing of it is tidied. */
-static apsm_status lock_folder(apsm_run *run)
+/* Of a share or rank another has the lock. */
+static apsm_status make_folder(apsm_run *run)
 {
-    const apsm_status status = apsm_lock_folder(run->ctx, run->folder, &run->lock);
-    if (status == APSM_ERR_STATE) run->made_folders = 0;
-    return status;
+    if (!run->helps)
+        return apsm_make_locked_folder(run->ctx, run->folder, &run->made_folders, &run->lock);
+    APSM_TRY(apsm_missing_folders(run->ctx, run->folder, &run->made_folders));
+    return apsm_make_folder(run->ctx, run->folder);
 }
 
 static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
@@ -70,11 +71,7 @@ static apsm_status open_all(apsm_run *run, const apsm_run_settings *s)
     if (!apsm_is_folder(s->folder)) APSM_TRY(settings_try(run, s));
     APSM_TRY(apsm_text_set(&run->folder, s->folder));
     APSM_TRY(copy_inputs(run, s));
-    if (!s->dry) {
-        APSM_TRY(apsm_missing_folders(run->ctx, run->folder, &run->made_folders));
-        APSM_TRY(apsm_make_folder(run->ctx, run->folder));
-        if (!run->helps) APSM_TRY(lock_folder(run));
-    }
+    if (!s->dry) APSM_TRY(make_folder(run));
     APSM_TRY(manifest_open(run));
     bool is_model = false;
     if (!run->dry) APSM_TRY(guard_is_model(run, &is_model));

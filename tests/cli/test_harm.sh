@@ -57,13 +57,22 @@ for k in 1 2 3 4 5 6 7 8; do
 done
 
 # ---- a folder that this run made goes again where it cannot be locked: no file more may be open ----
-bash -c 'exec 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit -n 4; exec "$@"' - "$apsm" groom cohort -o unlocked/model --faces 300 -q 2>said &&
-    fail "a run without a lock"
-if grep -q "cannot be locked" said; then
-    [ -e unlocked ] && fail "a run that could not lock its folder left it"
-else
-    echo "SKIPPED: $(tail -n 1 said)"
-fi
+mkdir pairs
+for k in 1 2 3; do
+    for part in a b; do "$synthetic" ellipsoid pairs/s${k}_$part.ply index $k count 4 || exit 1; done
+done
+# unlocked WHAT VERB ARGUMENT...
+unlocked() {
+    bash -c 'exec 3>&- 4>&- 5>&- 6>&- 7>&- 8>&- 9>&-; ulimit -n 4; exec "$@"' - "$apsm" "${@:2}" -o unlocked/model -q 2>said &&
+        fail "$1 without a lock"
+    if grep -q "cannot be locked" said; then
+        [ -e unlocked ] && fail "$1 that could not lock its folder left it"
+    else
+        echo "SKIPPED: $(tail -n 1 said)"
+    fi
+}
+unlocked "a run" groom cohort --faces 300
+unlocked "a run of a joint" run pairs --parts 'a=_a,b=_b' --faces 300
 
 # ---- whatever is asked of a folder that is no model, or is not there: no file is made in it ----
 mkdir stranger && echo mine >stranger/notes.txt && echo '{"measurements": []}' >measures.json && echo 'name,x,y,z' >points.csv
